@@ -1,6 +1,4 @@
-"""Ready-made robots: the paper's three, two arms of example-robot-data, and a camera that flies
-freely.
-"""
+"""Ready-made robots: the paper's three, two of example-robot-data, and a free-flying camera."""
 
 from __future__ import annotations
 
@@ -18,16 +16,17 @@ PI = np.pi
 
 
 def planar_3r() -> Robot:
-    """Table 1: the planar arm of the first example, without joint limits."""
+    """Planar arm of the first example (Table 1), without joint limits."""
     return Robot.from_dh(
         [[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R"
     )
 
 
 def viper_s650() -> Robot:
-    """Table 2: the 6R arm of the case study, whose lengths are those of the Adept Viper s650.
+    """6R arm of the case study (Table 2) with the lengths of the Adept Viper s650.
 
-    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂, q₃ − π, −q₄, q₅, ·).
+    Ranges and speeds are those of that arm, converted to the table's angles: (q₁, q₂, q₃ − π, −q₄,
+    q₅, ·).
     """
     table = [
         [0, 0.335, 0.075, -PI / 2],
@@ -43,10 +42,10 @@ def viper_s650() -> Robot:
 
 
 def kuka_kr6() -> Robot:
-    """Table 3: the ceiling-mounted KUKA KR6 R900 sixx of the experiments.
+    """Ceiling-mounted KUKA KR6 R900 sixx of the experiments (Table 3).
 
-    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅,
-    ·).
+    Ranges and speeds are those of that arm, converted to the table's angles: (q₁, q₂ + π, q₃ − π/2,
+    q₄, q₅, ·).
     """
     table = [
         [0, -0.400, 0.025, PI / 2],
@@ -64,19 +63,20 @@ def kuka_kr6() -> Robot:
 def ur5() -> Robot:
     """Universal Robots UR5 from its URDF; the tip is ``tool0``.
 
-    The maker limits torques and states no accelerations. The limit here, 40 rad/s², is the greatest
-    that can be asked for by ur_rtde (``UR_JOINT_ACCELERATION_MAX``). The maker's driver has MoveIt
-    plan with 5 rad/s² (``ur_moveit_config/config/joint_limits.yaml``), and calls that conservative.
+    The manufacturer limits torques and states no accelerations. The limit here, 40 rad/s², is the
+    largest that ur_rtde accepts (``UR_JOINT_ACCELERATION_MAX``). The manufacturer's driver has
+    MoveIt plan with 5 rad/s² (``ur_moveit_config/config/joint_limits.yaml``), and calls that
+    conservative.
     """
     urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
     return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=40.0))
 
 
 def panda() -> Robot:
-    """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``.
+    """Franka Emika Panda from its URDF: seven joints, fingers locked.
 
-    Limits of acceleration and jerk are those beyond which the arm's interface stops it (libfranka,
-    ``rate_limiting.h``, ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
+    The tip is ``panda_hand``. Beyond the limits of acceleration and jerk, the arm's interface stops
+    it (libfranka, ``rate_limiting.h``, ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
     """
     limits = ActuatorLimits(
         acceleration=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
@@ -87,13 +87,12 @@ def panda() -> Robot:
 
 
 def free_camera() -> Robot:
-    """A camera that flies freely: three prismatic joints and a wrist of three revolute ones,
-    without limits.
+    """Free-flying camera: three prismatic joints and a wrist of three revolute ones.
 
-    The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m],
-    and it is turned by Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the
-    optical axis of a camera mounted without offset. The wrist is singular where q₅, the tilt, is
-    ±90°, and nowhere else.
+    It has no limits. The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at
+    (q₂, q₃, q₁) [m]; it is rotated by Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z
+    axis, the optical axis of a camera mounted without offset. The wrist is singular only if q₅, the
+    tilt, is ±90°.
     """
     right = PI / 2
     table = [
@@ -117,7 +116,7 @@ READY_MADE: dict[str, Callable[[], Robot]] = {
 
 
 def ready_made(name: str) -> Robot:
-    """The ready-made robot of that name; raises ConfigurationError that names the candidates."""
+    """Return a ready-made robot; raises ConfigurationError that names the candidates."""
     if name not in READY_MADE:
         raise unknown_name("robot", name, READY_MADE)
     return READY_MADE[name]()
@@ -130,7 +129,7 @@ def _in_degrees(
     speed: Sequence[float],
     name: str,
 ) -> Robot:
-    """The arm of a DH table with ranges [°] and speeds [°/s]."""
+    """Return the arm of a DH table with ranges [°] and speeds [°/s]."""
     return Robot.from_dh(
         table, q_min=np.deg2rad(low), q_max=np.deg2rad(high), qd_max=np.deg2rad(speed), name=name
     )

@@ -1,4 +1,4 @@
-"""Poses and rotations: the few formulas that kinematics, cameras and features share.
+"""Poses and rotations: formulas that kinematics, cameras and features share.
 
 ``aMb`` maps coordinates in frame b to coordinates in frame a: p_a = R p_b + t. Twists are (v, ω),
 linear first.
@@ -22,14 +22,15 @@ from ..rows.readable import amounts, in_one_line
 
 Numbers = Sequence[float] | Array
 Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
-#: Any, two, and three numbers: arguments that files may give, too.
+#: Three numbers as an argument that files may give, too; above, any and two numbers.
 Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
-TYPED = 1e-3  #: How far an entry may be from that of a rotation that was typed, or rounded.
+TYPED = 1e-3  #: Largest error of an entry of a rotation that was typed or rounded.
 
 
 def vector(value: object, length: int, what: str) -> Array:
-    """``value`` as a finite float array of shape (length,); raises InvalidInput that names
-    ``what``.
+    """Return ``value`` as a finite float array of shape (length,).
+
+    Raises InvalidInput, which names ``what``, if this is not possible.
     """
     try:
         array = np.array(value, dtype=np.float64)
@@ -45,8 +46,9 @@ def vector(value: object, length: int, what: str) -> Array:
 def demand_sign(
     of: object, what: str, *, positive: Iterable[str] = (), zero_or_more: Iterable[str] = ()
 ) -> None:
-    """Raise InvalidInput that names a field unless it has finite numbers of that sign, one or
-    several, or is None.
+    """Raise InvalidInput unless fields hold finite numbers of the required sign.
+
+    Each field is one number, several, or None. The error names the field.
     """
     for names, sign in ((positive, "positive"), (zero_or_more, "zero or more")):
         for name in names:
@@ -76,23 +78,24 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The transformation that changes nothing."""
+        """Return the identity transformation."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
     def from_xyz_rpy(cls, xyz: Vector3, rpy: Vector3) -> Pose:
-        """From a translation [m] and roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in
-        URDF.
+        """Build a pose from a translation [m] and roll, pitch, yaw [rad].
+
+        R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF.
         """
         roll, pitch, yaw = vector(rpy, 3, "rpy")
         return cls(np.asarray(pin.rpy.rpyToMatrix(roll, pitch, yaw)), vector(xyz, 3, "xyz"))
 
     @classmethod
     def from_matrix(cls, matrix: Array | Sequence[Sequence[float]]) -> Pose:
-        """From a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
+        """Build a pose from a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
 
-        A rotation of one to three digits, as if typed, is taken for the nearest one; InvalidInput
-        says how far it is.
+        A rotation rounded to about three digits is replaced by the nearest exact one. Raises
+        InvalidInput, which states the distance, if it is farther from a rotation.
         """
         try:
             M = np.array(matrix, dtype=np.float64)
@@ -119,8 +122,9 @@ class Pose:
         wxyz: Sequence[float] | None = None,
         xyzw: Sequence[float] | None = None,
     ) -> Pose:
-        """From a translation [m] and a unit quaternion in one of the two orders in use; raises
-        InvalidInput if not.
+        """Build a pose from a translation [m] and a unit quaternion in one of two orders.
+
+        Raises InvalidInput if both or none are given, or if the norm is not 1 up to rounding.
         """
         if (wxyz is None) == (xyzw is None):
             raise InvalidInput("a quaternion is given as wxyz or as xyzw, in one of the two orders")
@@ -140,8 +144,9 @@ class Pose:
 
     @classmethod
     def from_rotation_vector(cls, xyz: Vector3, rotation_vector: Vector3) -> Pose:
-        """From a translation [m] and a rotation vector θu [rad], as OpenCV (rvec), ViSP and
-        axis–angle have it.
+        """Build a pose from a translation [m] and a rotation vector θu [rad].
+
+        OpenCV calls it rvec; ViSP and axis–angle tools use the same vector.
         """
         turn = vector(rotation_vector, 3, "rotation_vector")
         if np.linalg.norm(turn) > 2.0 * np.pi + TYPED:
@@ -154,20 +159,21 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
-        """BMa for this aMb."""
+        """Inverse transformation bMa."""
         return Pose(self.R.T, -self.R.T @ self.t)
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.R @ other.R, self.R @ other.t + self.t)
 
     def act(self, points: Array) -> Array:
-        """Coordinates (..., 3) in frame a of points given in frame b."""
+        """Return coordinates (..., 3) in frame a of points given in frame b."""
         return points @ self.R.T + self.t
 
     @property
     def twist_matrix(self) -> Array:
-        """(6, 6) aVb, which turns a twist (v, ω) at b's origin in b's axes into the one at a's
-        origin in a's axes.
+        """Matrix aVb (6, 6) that maps twists (v, ω) from frame b to frame a.
+
+        It maps the twist at b's origin in b's axes to the one at a's origin in a's axes.
         """
         V = np.zeros((6, 6))
         V[:3, :3] = V[3:, 3:] = self.R
@@ -176,8 +182,10 @@ class Pose:
 
 
 def demand_rotation(R: Array) -> Array:
-    """The rotation nearest to R (3, 3), which must be one to :data:`TYPED`; InvalidInput says by
-    how much it is not.
+    """Return the rotation nearest to R (3, 3).
+
+    Raises InvalidInput, which states the distance, if an entry is farther than :data:`TYPED` from
+    it.
     """
     if np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0.0:
         return R.copy()
@@ -200,21 +208,21 @@ def demand_rotation(R: Array) -> Array:
 
 
 def distance(a: Pose, b: Pose) -> tuple[float, float]:
-    """Translation [m] and angle [rad] between two poses."""
+    """Return translation [m] and angle [rad] between two poses."""
     d = a.t - b.t
-    # accurate near zero too, where the arc cosine of the trace is not
+    # accurate near zero, too, unlike the arc cosine of the trace
     sine = np.linalg.norm(a.R - b.R) / np.sqrt(8.0)
     return float(np.sqrt(d @ d)), 2.0 * float(np.arcsin(min(1.0, sine)))
 
 
 def distances(R: Array, t: Array, pose: Pose) -> Array:
-    """(N, 2) what :func:`distance` says of poses, R (N, 3, 3) and t (N, 3), and another one."""
+    """Return :func:`distance` (N, 2) between poses, R (N, 3, 3) and t (N, 3), and another pose."""
     away = np.sqrt(((t - pose.t) ** 2).sum(axis=1))
     return np.stack((away, angle(((R - pose.R) ** 2).sum(axis=(1, 2)))), axis=1)
 
 
 def skew(w: Array) -> Array:
-    """(..., 3, 3) matrices [w]× with [w]× a = w × a, of vectors w (..., 3)."""
+    """Return matrices [w]× (..., 3, 3) with [w]× a = w × a, for vectors w (..., 3)."""
     W = np.zeros((*w.shape, 3))
     x = w[..., 0]
     y = w[..., 1]

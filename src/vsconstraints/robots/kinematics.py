@@ -1,6 +1,6 @@
-"""Where a robot is and how it moves, by Pinocchio.
+"""Kinematics of a robot, computed by Pinocchio.
 
-It is the oracle of :mod:`vsconstraints.compiled.kinematics`:
+It is the reference for :mod:`vsconstraints.compiled.kinematics`:
 ``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py`` compares the
 two.
 """
@@ -23,7 +23,7 @@ class RobotPoint:
 
     link: str = "tip"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: (3,) position in that link's frame [m].
-    name: str = ""  #: What rows call it; the link's name if empty.
+    name: str = ""  #: Name in row labels; the link's name if empty.
 
     @property
     def label(self) -> str:
@@ -33,23 +33,22 @@ class RobotPoint:
 
 @dataclass(frozen=True, slots=True)
 class Kinematics:
-    """Where a robot with n joints is and how it moves, in one configuration, with k of its
-    points.
-    """
+    """Pose and motion of a robot with n joints and of k of its points, in one configuration."""
 
     q: Array  #: (n,) [rad or m].
     qd: Array  #: (n,).
-    tip: Pose  #: In the base frame.
+    tip: Pose  #: Pose of the tip in the base frame.
     J: Array  #: (6, n) Jacobian of the tip's twist (v, ω), expressed in the tip frame: ᵉJₑ.
     drift: Array  #: (6,) J̇ q̇, the derivative of that twist when q̈ = 0.
     points: Array  #: (k, 3) in the base frame [m].
-    point_J: Array  #: (k, 3, n)
+    point_J: Array  #: (k, 3, n) Jacobians of the points in the base frame.
     point_drift: Array  #: (k, 3) J̇ q̇.
 
 
 class KinematicsEvaluator:
-    """Evaluates the kinematics of points on the frames with these numbers; each call overwrites
-    Pinocchio's data.
+    """Evaluates the kinematics of the tip and of points on frames, given by index.
+
+    Each call overwrites Pinocchio's data.
     """
 
     def __init__(
@@ -70,7 +69,7 @@ class KinematicsEvaluator:
             self._points.append((frame.parentJoint, frame.placement * offset))
 
     def __call__(self, q: Array, qd: Array) -> Kinematics:
-        """Evaluate at ``q`` and ``qd`` (n,)."""
+        """Return the kinematics at ``q`` and ``qd`` (n,)."""
         model = self._model
         data = self._data
         own = pin.ReferenceFrame.LOCAL
@@ -78,7 +77,7 @@ class KinematicsEvaluator:
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
         tip = pin.updateFramePlacement(model, data, self._tip)
-        # Pinocchio gives a Jacobian of one column as a vector
+        # Pinocchio returns a Jacobian of one column as a vector
         J = np.array(pin.getFrameJacobian(model, data, self._tip, own)).reshape(6, -1)
         drift = np.array(pin.getFrameAcceleration(model, data, self._tip, own).vector)
         k = len(self._points)

@@ -1,5 +1,6 @@
-"""What a robot's actuators can do: as data, and as the box of accelerations that it leaves at a
-sample.
+"""Limits of a robot's actuators.
+
+They also define the box of feasible accelerations at a sample.
 """
 
 from __future__ import annotations
@@ -14,26 +15,26 @@ from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array
 
-PerJoint = float | Sequence[float] | None  #: One number for all joints, n of them, or no limit.
+PerJoint = float | Sequence[float] | None  #: One number for all joints, one per joint, or no limit.
 
 
 @dataclass(frozen=True)
 class ActuatorLimits:
     """Limits of a robot's actuators, the same in both directions.
 
-    Raises ConfigurationError if a limit is not a positive number, or ranges are to be kept by
-    accelerations without a limit.
+    Raises ConfigurationError if a limit is not a positive number, or if ``ranges`` is set without
+    an acceleration limit for every joint.
     """
 
-    acceleration: PerJoint = None  #: Of |q̈| [rad/s² or m/s²].
-    jerk: PerJoint = None  #: Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
-    #: Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a
-    #: kinematic model cannot tell what accelerations they leave.
+    acceleration: PerJoint = None  #: Largest |q̈| [rad/s² or m/s²].
+    jerk: PerJoint = None  #: Largest |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
+    #: Largest torques or forces [Nm or N]; for a URDF, those of the file. An arm with mass
+    #: saturates at them. A kinematic model cannot derive acceleration limits from them.
     effort: PerJoint = None
-    #: Whether the box also keeps every joint such that it can stop within its range, and keeps its
-    #: speed. Rows of joint ranges and speeds have nothing left to do then.
+    #: If True, the acceleration box also ensures that every joint can stop within its range, and
+    #: keeps its speed limit. Rows of joint ranges and speeds then remain inactive.
     ranges: bool = False
-    known: bool = True  #: Whether the control knows them. If not, only the robot has these limits.
+    known: bool = True  #: True if the controller knows them, too; else only the robot has them.
 
     def __post_init__(self) -> None:
         for name in ("acceleration", "jerk", "effort"):
@@ -45,18 +46,18 @@ class ActuatorLimits:
 
     @property
     def any(self) -> bool:
-        """Whether accelerations are limited at all."""
+        """True if accelerations or jerks are limited."""
         return self.acceleration is not None or self.jerk is not None
 
     def of_joint(self, name: str, n: int) -> Array:
-        """(n,) a limit by its name, infinite where there is none; raises as :func:`per_joint`."""
+        """Return a limit (n,) by its name, infinite for None; raises as :func:`per_joint`."""
         return per_joint(f"the limit of {name}", getattr(self, name), n)
 
     def arrays(self, ranges: tuple[Array, Array, Array], period: float | None) -> JointLimits:
-        """What formulas take, for a robot with :attr:`.Robot.ranges` that is sampled with T_s [s].
+        """Return the limits as the formulas use them.
 
-        Raises ConfigurationError if there is not one limit for each joint, and InvalidInput if T_s
-        is not positive.
+        ``ranges`` are :attr:`.Robot.ranges`, ``period`` is T_s [s]. Raises ConfigurationError if
+        the number of limits differs from that of joints, and InvalidInput if T_s is not positive.
         """
         if period is None or not 0.0 < period < math.inf:
             raise InvalidInput(
@@ -69,8 +70,9 @@ class ActuatorLimits:
 
 
 def per_joint(what: str, value: PerJoint, n: int) -> Array:
-    """(n,) one number for all joints or n of them, infinite for None; raises ConfigurationError if
-    there are not n.
+    """Return one number per joint (n,), from one for all or n of them; infinite for None.
+
+    Raises ConfigurationError for another number of values.
     """
     values = np.array(math.inf if value is None else value, dtype=np.float64)
     if values.shape not in ((), (n,)):
@@ -81,7 +83,7 @@ def per_joint(what: str, value: PerJoint, n: int) -> Array:
 
 
 def _positive(name: str, value: object) -> PerJoint:
-    """One number or a tuple of numbers; raises ConfigurationError unless all are positive."""
+    """Return a number or a tuple of numbers; raise ConfigurationError unless all are positive."""
     if value is None:
         return None
     try:
@@ -102,4 +104,4 @@ def _positive(name: str, value: object) -> PerJoint:
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
 
 
-NO_LIMITS = ActuatorLimits()  #: Of a robot of which none are known.
+NO_LIMITS = ActuatorLimits()  #: Limits of a robot of which none are known.

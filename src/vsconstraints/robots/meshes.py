@@ -1,5 +1,7 @@
-"""Where the mesh files are that a URDF names: beside it, in the folders above, in given ones, and
-where ROS looks.
+"""Search for the mesh files of a URDF.
+
+Meshes are searched beside the file, in the folders above it, in given folders, and in ROS's
+folders.
 """
 
 from __future__ import annotations
@@ -15,17 +17,17 @@ from ..errors import ConfigurationError, shown
 from ..plugins.regular_files import read_regular
 
 IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of a package.
-DEPTH = 3  #: Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for.
+DEPTH = 3  #: Depth to which packages are searched below a folder of ``ROS_PACKAGE_PATH``.
 
 
 def mesh_folders(
     urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]
 ) -> list[Path]:
-    """Folders that packages are looked for in, the first first.
+    """Return the folders in which packages are searched, in this order.
 
-    These are ``package_dirs`` of packages, or packages, all folders above the file if None; then,
-    by the variables of the environment, every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and the
-    folders of ``ROS_PACKAGE_PATH`` with those in them that hold packages.
+    ``package_dirs`` are folders of packages, or packages; if None, all folders above the file. They
+    are followed by every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and by the folders of
+    ``ROS_PACKAGE_PATH`` with the subfolders that hold packages.
     """
     named = urdf.resolve().parents if package_dirs is None else package_dirs
     shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
@@ -38,10 +40,10 @@ def mesh_folders(
 
 
 def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | None:
-    """The file that a mesh's name in a URDF means; None if there is none.
+    """Return the file of a mesh's name in a URDF; None if it does not exist.
 
-    ``package://PACKAGE/PATH`` is looked for in the folders, ``file://PATH`` is there, and a name
-    without a scheme is looked for beside the URDF, in the folders, and in the current one.
+    ``package://PACKAGE/PATH`` is searched in the folders, ``file://PATH`` is a path. A name without
+    a scheme is searched beside the URDF, in the folders, and in the current folder.
     """
     scheme, separator, rest = name.rpartition("://")
     if scheme == "file":
@@ -59,9 +61,7 @@ def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | N
 
 
 def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
-    """The mesh files that a URDF's collision geometry names, where they are there; none if it
-    cannot be read.
-    """
+    """Return the existing mesh files of a URDF's collision geometry; empty if it cannot be read."""
     try:
         root = ElementTree.fromstring(read_regular(urdf))
     except (OSError, ValueError, LookupError, ElementTree.ParseError):
@@ -70,20 +70,17 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
 
 
-Purpose = Literal["collision", "visual"]  #: What geometry of a URDF's links is for.
+Purpose = Literal["collision", "visual"]  #: Purpose of the geometry of a URDF's links.
 
 
 def with_whole_paths(
     text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision"
 ) -> str:
-    """The XML of a URDF with the paths of the files in the place of the names of meshes that are
-    for that purpose.
+    """Return the XML of a URDF with mesh names of a purpose replaced by the paths of their files.
 
-    The scale of a mesh becomes one to metres: it is multiplied by the unit of length that a COLLADA
-    file states.
-
-    Raises ConfigurationError that names the mesh, its link and what can be done, where there is no
-    such file.
+    The scale of a mesh is converted to metres: it is multiplied by the unit of length that a
+    COLLADA file states. Raises ConfigurationError, which names the mesh, its link and a remedy, if
+    there is no such file.
     """
     root = ElementTree.fromstring(text)
     for link in root.iter("link"):
@@ -108,13 +105,13 @@ def with_whole_paths(
 
 
 def unit_of_mesh(file: Path) -> float:
-    """Metres per unit of length of a mesh file: what a COLLADA file states in ``<unit meter="…">``,
-    1 for all others.
+    """Return the metres per unit of length of a mesh file.
 
-    The loader of meshes ignores that unit, and the file's ``<up_axis>``. ROS's viewer RViz applies
-    the unit and ignores the axis, too, so that meshes that look right there are right here. A file
-    that is no XML has the unit 1: reading its geometry will say what is wrong. Raises
-    ConfigurationError if the unit is not a positive number.
+    A COLLADA file states them in ``<unit meter="…">``; for other files they are 1. The mesh loader
+    ignores that unit, and the file's ``<up_axis>``. ROS's viewer RViz applies the unit and ignores
+    the axis, too, so that meshes that look right there are right here. A file that is no XML has
+    the unit 1: reading its geometry reports the error. Raises ConfigurationError if the unit is not
+    a positive number.
     """
     if file.suffix.lower() != ".dae":
         return 1.0
@@ -132,8 +129,9 @@ def unit_of_mesh(file: Path) -> float:
 
 
 def _stated_unit(file: Path) -> str:
-    """The text of the unit in the asset of the whole COLLADA file, which stands before its
-    geometry.
+    """Return the text of the unit in the asset of the whole COLLADA file.
+
+    The asset stands before the geometry.
     """
     open_elements: list[str] = []
     try:
@@ -163,7 +161,7 @@ def _paths(environment: Mapping[str, str], variable: str) -> list[str]:
 
 
 def _holding(folder: Path, depth: int) -> Iterator[Path]:
-    """The folder above a package, and every folder that may hold packages."""
+    """Yield the folder above a package, or every folder that may hold packages."""
     if _is_package(folder):
         yield folder.parent
         return
@@ -173,7 +171,7 @@ def _holding(folder: Path, depth: int) -> Iterator[Path]:
             inside = sorted(
                 path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")
             )
-        except OSError:  # not there, or not for us
+        except OSError:  # missing, or without permission to read
             return
         for path in inside:
             if not _is_package(path):

@@ -1,6 +1,4 @@
-"""From accelerations to what a robot's controller takes (section 5.1): a pure integrator of the
-right order.
-"""
+"""Integrator from accelerations to the commands of a robot's controller (section 5.1)."""
 
 from __future__ import annotations
 
@@ -10,13 +8,12 @@ from .geometry import vector
 
 
 class OrderFilter:
-    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order
-    hold of T_s [s].
+    """Pure integrator of commanded accelerations to joint speeds and positions.
 
-    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c, ``qd`` (n,), and a smooth
-    q_c, ``q`` (n,), which position-controlled arms take; they begin where the robot stands and how
-    fast it moves. Raises InvalidInput if a number is not finite, sizes differ, or T_s is not
-    positive.
+    Its order is that of the command. The integration is exact for a zero-order hold of T_s [s]. The
+    discontinuous q̈_c of a sliding mode becomes a continuous q̇_c, ``qd`` (n,), and a smooth q_c,
+    ``q`` (n,), for position-controlled arms. The initial values are the position and speed of the
+    robot. Raises InvalidInput if a number is not finite, sizes differ, or T_s is not positive.
     """
 
     def __init__(self, q: object, qd: object, Ts: float) -> None:
@@ -28,7 +25,7 @@ class OrderFilter:
         self.Ts = float(Ts)
 
     def step(self, qdd: Array) -> Array:
-        """(n,) q_c at the end of a sampling period with the acceleration ``qdd`` (n,)."""
+        """Return q_c (n,) after a sampling period with the acceleration ``qdd`` (n,)."""
         qdd = vector(qdd, len(self.q), "qdd")
         self.q = self.q + self.Ts * self.qd + (0.5 * self.Ts**2) * qdd
         self.qd = self.qd + self.Ts * qdd

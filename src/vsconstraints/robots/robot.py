@@ -24,8 +24,8 @@ from .urdf import UrdfSource, link_geometry, read_urdf
 
 #: θ offset [rad], d [m], a [m], α [rad] of a link.
 DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
-#: By how much of half its range a joint may be beyond it for rounding: ranges are written with six
-#: digits or so, and scores count a row as violated from ten times as much.
+#: Tolerance of joint ranges for rounding, relative to half the range: ranges are written with about
+#: six digits, and scores count a row as violated from ten times this tolerance.
 ROUNDED = 1e-5
 
 
@@ -60,16 +60,16 @@ class Robot:
         self.model = model
         self.name = name
         self._tip_frame = tip_frame
-        self.source = source  #: The URDF file it was read from; None for other robots.
-        self.joint_names: tuple[str, ...] = tuple(model.names[1:])  #: From base to tip.
+        self.source = source  #: The URDF file of the robot; None for other robots.
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])  #: Names from base to tip.
         self.q_min = q_min
         self.q_max = q_max
         self.qd_min = -qd_max
         self.qd_max = qd_max
         for limit in ("acceleration", "jerk", "effort"):
             limits.of_joint(limit, self.n)
-        #: What its actuators can do, as far as that is known; it counts where a control step or a
-        #: scenario takes it.
+        #: Known limits of the actuators; they are applied only if a control step or a scenario uses
+        #: them.
         self.limits = limits
         # scratch memory of the model's algorithms; every result is copied out of it
         self._data = model.createData()
@@ -93,32 +93,32 @@ class Robot:
 
     @property
     def ranges(self) -> tuple[Array, Array, Array]:
-        """(n,) q_min, q_max and qd_max, copied."""
+        """Copies of q_min, q_max and qd_max, (n,) each."""
         return self.q_min.copy(), self.q_max.copy(), self.qd_max.copy()
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
-        """Which of the n joints move along a line."""
+        """True for each of the n joints that is prismatic."""
         return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
 
     @cached_property
     def continuous(self) -> BoolArray:
-        """(n,) which joints turn without end: revolute ones without a range, whose angles count
-        modulo 2π.
+        """True (n,) for continuous joints: revolute joints without a range.
+
+        Their angles count modulo 2π.
         """
         unbounded = np.isinf(self.q_min) & np.isinf(self.q_max)
         return unbounded & ~np.array(self.prismatic, dtype=np.bool_)
 
     def difference(self, a: Array, b: Array) -> Array:
-        """Return a − b (..., n) [rad or m], on the circle, in [−π, π], for joints that turn without
-        end.
+        """Return a − b (..., n) [rad or m].
+
+        For continuous joints, it is the difference on the circle, in [−π, π].
         """
         return self.nearest_turn(a, b) - b
 
     def nearest_turn(self, q: Array, near: Array) -> Array:
-        """Return ``q`` (..., n) with joints that turn without end in the turn nearest to ``near``
-        (..., n).
-        """
+        """Return ``q`` (..., n) with continuous joints in the turn nearest to ``near`` (..., n)."""
         away = q - near
         # numbers that are not finite stay as they are
         counted_by_turns = self.continuous & np.isfinite(away)
@@ -127,7 +127,7 @@ class Robot:
 
     @cached_property
     def axes(self) -> Array:
-        """(n, 3) unit axes of the joints, each in its own frame.
+        """Unit axes (n, 3) of the joints, each in its own frame.
 
         Raises ConfigurationError if the joints are not a chain of revolute and prismatic ones.
         """
@@ -146,7 +146,7 @@ class Robot:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the frames that points can be fixed to."""
+        """Names of the frames to which points can be fixed."""
         return (
             "tip",
             *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")),
@@ -164,14 +164,13 @@ class Robot:
         name: str = "robot",
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From standard Denavit–Hartenberg parameters (n, 4): rows of θ offset [rad], d [m], a [m],
-        α [rad].
+        """Build a robot from standard Denavit–Hartenberg parameters (n, 4).
 
-        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset; for a
-        joint whose number, from 1, is in ``prismatic``, d = q_i + the table's d. The link frames
-        are called ``link 1`` … ``link n``; the last is the tip. Ranges and speeds (n,) are infinite
-        if not given. Raises InvalidInput if the table or a limit has a wrong shape or is not a
-        number.
+        Rows are θ offset [rad], d [m], a [m], α [rad]. Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α),
+        with θ = q_i + the table's θ offset; for a joint whose number, from 1, is in ``prismatic``,
+        d = q_i + the table's d. The link frames are called ``link 1`` … ``link n``; the last is the
+        tip. Ranges and speeds (n,) are infinite if not given. Raises InvalidInput if the table or a
+        limit has a wrong shape or is not a number.
         """
         model, frame = _read_dh(dh, prismatic, name)
         low, high, speed = (
@@ -195,27 +194,27 @@ class Robot:
         package_dirs: Sequence[str | Path] | None = None,
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From a URDF file; joint ranges, speeds and efforts are the file's, ``limits`` what is
-        known beside them.
+        """Build a robot from a URDF file.
 
-        Raises ConfigurationError if the file is missing or not a URDF, if several links may be the
-        tip and none is named, or if a link or a joint is unknown or of a kind an arm does not have.
+        Joint ranges, speeds and efforts are those of the file; ``limits`` adds others. Raises
+        ConfigurationError if the file is missing or not a URDF, if several links may be the tip and
+        none is named, or if a link or a joint is unknown or of a kind that an arm does not have.
 
         Parameters
         ----------
         urdf
             The URDF file. Its meshes are read by :meth:`collision_geometry` only.
         tip
-            Name of the link at the tip; it may be left out where only one link is the last one.
-            Joints that do not move it (a gripper's fingers) are locked at their neutral position,
-            or where the joint that they mimic puts them.
+            Name of the link at the tip; optional if there is only one last link. Joints that do not
+            move it (a gripper's fingers) are locked at their neutral position, or at the position
+            given by the joint that they mimic.
         locked
             Joints to lock, with their coordinate [rad or m].
         name
-            For reports; the robot's name in the file if not given.
+            Name for reports; by default the robot's name in the file.
         package_dirs
-            Folders that ``package://`` paths of meshes start from; all folders above the file if
-            not given. Those that ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
+            Folders that ``package://`` paths of meshes start from; by default all folders above the
+            file. Those in ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` are searched after them.
         """
         model, frame, source, (low, high, speed, effort) = read_urdf(
             urdf, tip, locked or {}, package_dirs
@@ -225,11 +224,10 @@ class Robot:
         return cls(model, frame, name or model.name, low, high, speed, source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
-        """The collision geometry of the URDF's links, in this robot's model; read anew by every
-        call.
+        """Read the collision geometry of the URDF's links, in this robot's model.
 
-        Raises ConfigurationError if the robot is not from a URDF file, or a mesh cannot be read,
-        which it names.
+        Every call reads the files again. Raises ConfigurationError if the robot is not from a URDF
+        file, or if a mesh, which it names, cannot be read.
         """
         if self.source is None:
             raise ConfigurationError(
@@ -239,8 +237,9 @@ class Robot:
         return link_geometry(self.source)
 
     def frame_id(self, link: str) -> int:
-        """Index of a link's frame in the model; raises ConfigurationError that names the links
-        there are.
+        """Return the index of a link's frame in the model.
+
+        Raises ConfigurationError, which names the known links, if the link is unknown.
         """
         if link == "tip":
             return self._tip_frame
@@ -249,13 +248,14 @@ class Robot:
         return int(self.model.getFrameId(link))
 
     def configuration(self, q: object, what: str = "q") -> Array:
-        """``q`` as a finite (n,) array; raises InvalidInput that names ``what``."""
+        """Return ``q`` as a finite (n,) array; raises InvalidInput that names ``what``."""
         return vector(q, self.n, f"{what} of {self.name}")
 
     def outside_ranges(self, q: Array) -> list[str]:
-        """One sentence for each joint of ``q`` outside its range; empty if there is none.
+        """Return a sentence for each joint of ``q`` outside its range.
 
-        Numbers in files are rounded: a joint may be :data:`ROUNDED` of half its range beyond it.
+        Numbers in files are rounded: a joint may exceed its range by :data:`ROUNDED` of half the
+        range.
         """
         half = 0.5 * (self.q_max - self.q_min)
         tolerated = ROUNDED * np.where(np.isfinite(half), half, 1.0)
@@ -269,7 +269,7 @@ class Robot:
         ]
 
     def pose(self, q: ArrayLike, link: str = "tip") -> Pose:
-        """Pose of a link in the base frame at ``q`` (n,)."""
+        """Return the pose of a link in the base frame at ``q`` (n,)."""
         pin.forwardKinematics(self.model, self._data, self.configuration(q))
         placement = pin.updateFramePlacement(self.model, self._data, self.frame_id(link))
         return Pose(np.array(placement.rotation), np.array(placement.translation))
@@ -281,7 +281,7 @@ class Robot:
         offset: Sequence[float] = (0.0, 0.0, 0.0),
         axes: str = "base",
     ) -> Array:
-        """(6, n) Jacobian at ``q`` (n,) of the twist (v, ω) of a point fixed to a link.
+        """Return the Jacobian (6, n) at ``q`` (n,) of the twist (v, ω) of a point fixed to a link.
 
         ``offset`` (3,) is the point in the link's frame [m], and v and ω are in ``"base"`` or
         ``"tip"`` axes. Raises ConfigurationError or InvalidInput if the link or the axes are
@@ -297,16 +297,18 @@ class Robot:
         offset: Sequence[float] = (0.0, 0.0, 0.0),
         axes: str = "base",
     ) -> Array:
-        """(6,) J̇ q̇ of :meth:`jacobian` at ``q`` and ``qd`` (n,), exactly: the derivative of that
-        twist when q̈ = 0.
+        """Return the exact J̇ q̇ (6,) of :meth:`jacobian` at ``q`` and ``qd`` (n,).
+
+        It is the derivative of that twist when q̈ = 0.
         """
         return self._twist(q, qd, link, offset, axes)[1]
 
     def _twist(
         self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str
     ) -> tuple[Array, Array]:
-        """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist, for :meth:`jacobian` and
-        :meth:`drift`.
+        """Return the Jacobian (6, n) and J̇ q̇ (6,) of a point's twist.
+
+        Used by :meth:`jacobian` and :meth:`drift`.
         """
         if axes not in ("base", "tip"):
             raise unknown_name("axes", axes, ("base", "tip"))
@@ -332,17 +334,17 @@ class Robot:
         return to_tip @ J, to_tip @ turning
 
     def kinematics(self, q: Array, qd: Array, points: Sequence[RobotPoint] = ()) -> Kinematics:
-        """Pose, Jacobian and exact J̇ q̇ of the tip and of any points, at ``q`` and ``qd`` (n,)."""
+        """Return pose, Jacobian and exact J̇ q̇ of the tip and points at ``q`` and ``qd`` (n,)."""
         return self.evaluator(points)(q, qd)
 
     def evaluator(self, points: Sequence[RobotPoint] = ()) -> KinematicsEvaluator:
-        """:meth:`kinematics` for a fixed set of points, with their names looked up once."""
+        """Return :meth:`kinematics` for a fixed set of points, with their frames looked up once."""
         frames = [self.frame_id(point.link) for point in points]
         return KinematicsEvaluator(self.model, self._data, self.frame_id("tip"), points, frames)
 
 
 def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[pin.Model, int]:
-    """The model of a table, and the number of its tip's frame; raises as :meth:`Robot.from_dh`."""
+    """Return a table's model and the index of its tip's frame; raises as :meth:`Robot.from_dh`."""
     try:
         rows = np.array(dh, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -372,7 +374,7 @@ def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[
 
 
 def _joint_limits(value: ArrayLike, n: int, what: str) -> Array:
-    """(n,) limits of joints, which may be infinite; raises InvalidInput that names ``what``."""
+    """Return joint limits (n,), which may be infinite; raises InvalidInput that names ``what``."""
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,5 +1,6 @@
-"""Serial arms from URDF files: Pinocchio parses the file's links and joints; errors name the joint
-or the link.
+"""Serial arms from URDF files.
+
+Pinocchio parses the file's links and joints. Errors name the joint or the link.
 """
 
 from __future__ import annotations
@@ -23,26 +24,24 @@ from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
 from .urdf_checks import demand_sound
 
-#: A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none.
+#: Coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as infinite.
 UNBOUNDED = 1e9
-#: Elements that describe the arm; what else a file says is for simulators, drivers and controllers.
+#: Elements that describe the arm; others are for simulators, drivers and controllers.
 OF_URDF = ("link", "joint", "material")
-#: In the name of a last link, or of its joint: such a link is no tip unless it is named as that.
+#: Words in the name of a gripper's link or joint; such a link is the tip only if it is named.
 OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
 
 
 @dataclass(frozen=True)
 class UrdfSource:
-    """Where a robot's links come from, for what is read only when asked for: their collision
-    geometry.
-    """
+    """Source of a robot's links, for reading their collision geometry later."""
 
     path: Path  #: The URDF file.
-    #: Folders that ``package://`` paths of meshes start from, with the environment's.
+    #: Folders that ``package://`` paths of meshes start from, including those of the environment.
     package_dirs: tuple[str, ...]
-    model: pin.Model  #: The whole file's.
-    locked: tuple[int, ...]  #: Joints of it that are locked.
-    positions: Array  #: Its coordinates then.
+    model: pin.Model  #: Model of the whole file.
+    locked: tuple[int, ...]  #: Indices of its locked joints.
+    positions: Array  #: Its coordinates with these joints locked.
 
 
 def read_urdf(
@@ -51,11 +50,10 @@ def read_urdf(
     locked: Mapping[str, float],
     package_dirs: Sequence[str | Path] | None,
 ) -> tuple[pin.Model, int, UrdfSource, tuple[Array, Array, Array, Array]]:
-    """The arm of a URDF file, the frame of its tip, where it comes from, and limits: see
-    :meth:`.Robot.from_urdf`.
+    """Read the arm of a URDF file: model, frame of the tip, source and limits.
 
-    Limits (n,) are the least and greatest coordinates, speeds, and efforts, infinite where there is
-    none.
+    See :meth:`.Robot.from_urdf`. Limits (n,) are the lower and upper coordinates, speeds and
+    efforts, infinite where there is no limit.
     """
     source = Path(path)
     file = _urdf_file(source)
@@ -94,7 +92,7 @@ def read_urdf(
                 f"joint {joint_name!r} of {source.name} mimics another one and moves the tip: "
                 "every joint of an arm must be driven by itself; lock it with locked={…}"
             )
-    # a URDF whose limit element has no velocity or effort, or 0, sets no limit
+    # a missing or zero velocity or effort in the limit element means that there is no limit
     speed, effort = (
         np.where((limit <= 0.0) | (limit >= UNBOUNDED), np.inf, limit)
         for limit in (np.array(model.upperVelocityLimit), np.array(model.effortLimit))
@@ -107,9 +105,9 @@ def read_urdf(
 
 
 def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
-    """The geometry of a URDF's links that is for a purpose, in the reduced model's frames.
+    """Return the geometry of a URDF's links for a purpose, in the reduced model's frames.
 
-    Raises ConfigurationError that names a mesh if it is not there or cannot be read.
+    Raises ConfigurationError, which names the mesh, if one is missing or cannot be read.
     """
     text = with_whole_paths(_urdf_file(source.path).text, source.path, source.package_dirs, purpose)
     kind = pin.GeometryType.COLLISION if purpose == "collision" else pin.GeometryType.VISUAL
@@ -123,18 +121,19 @@ def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.Geo
 
 
 def _joint_of(model: pin.Model, link: str) -> int:
-    """Index of the joint that a link is fixed to; 0 for the base."""
+    """Return the index of the joint that carries a link; 0 for the base."""
     return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
 
 
 def _joints_of(model: pin.Model, link: str) -> list[int]:
-    """Indices of the joints that move a link."""
+    """Return the indices of the joints that move a link."""
     return [i for i in model.supports[_joint_of(model, link)] if i > 0]
 
 
 def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], name: str) -> str:
-    """The last link that a joint moves; raises ConfigurationError where there are several, or it
-    may be a finger.
+    """Return the last link that a joint moves.
+
+    Raises ConfigurationError if there are several, or if it may be a finger.
     """
     last = file.last_links()
     moved = [
@@ -164,8 +163,9 @@ def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], nam
 def _locked_positions(
     model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str
 ) -> Array:
-    """Coordinates at which joints are locked: given ones, else neutral, or where the joint that one
-    mimics puts it.
+    """Return the coordinates with joints locked.
+
+    They are the given ones, else neutral. A joint that mimics another one follows it.
     """
     positions: Array = pin.neutral(model)
     at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
@@ -193,8 +193,9 @@ def _locked_positions(
 
 
 def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, str]:
-    """Rename joints that have a link's name, since Pinocchio looks up both by name; returns old
-    names by new ones.
+    """Rename joints that have a link's name, since Pinocchio looks up both by name.
+
+    Returns the old names by the new ones.
     """
     own_names = {f"{name} (joint)": name for name in model.names if name in bodies}
     for i, name in enumerate(model.names):
@@ -210,7 +211,7 @@ def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, st
 
 
 class Mimic(NamedTuple):
-    """How a joint follows another one: its coordinate is factor · that of the leader + offset."""
+    """Coupling of a joint: its coordinate is factor · that of the leader + offset."""
 
     leader: str
     factor: float
@@ -218,34 +219,33 @@ class Mimic(NamedTuple):
 
 
 class UrdfFile(NamedTuple):
-    """What a URDF file says of an arm."""
+    """Content of a URDF file that describes an arm."""
 
-    #: Its links and joints as XML. Every joint has a limit, and a continuous joint is a revolute
-    #: one without bounds, so that it has one coordinate.
+    #: Its links and joints as XML. Every joint has a limit. A continuous joint is written as a
+    #: revolute one without bounds, so that it has one coordinate.
     text: str
-    mimics: Mapping[str, Mimic]  #: How joints follow others, by their names.
-    links: tuple[str, ...]  #: Their names, in the file's order.
-    parent: Mapping[str, str]  #: By the name of a link, that of the one that carries it.
+    mimics: Mapping[str, Mimic]  #: Couplings by the names of the joints that follow.
+    links: tuple[str, ...]  #: Names of the links, in the file's order.
+    parent: Mapping[str, str]  #: Name of the parent link by the name of a link.
 
     def above(self, link: str) -> list[str]:
-        """A link and those that carry it, up to the base."""
+        """Return a link and those that carry it, up to the base."""
         above = [link]
         while self.parent.get(above[-1], link) not in above:
             above.append(self.parent[above[-1]])
         return above
 
     def last_links(self) -> list[str]:
-        """Links that carry no other one."""
+        """Return the links that carry no other link."""
         carrying = set(self.parent.values())
         return [link for link in self.links if link not in carrying]
 
 
 def _urdf_file(path: Path) -> UrdfFile:
-    """What a file says of an arm: without namespaces, and without what is for simulators, drivers
-    and controllers.
+    """Read a URDF file without namespaces and without elements that do not describe the arm.
 
-    Raises ConfigurationError if the file is missing, cannot be read, is no URDF, or needs xacro to
-    become one.
+    Elements for simulators, drivers and controllers are dropped. Raises ConfigurationError if the
+    file is missing, cannot be read, is no URDF, or must be expanded by xacro first.
     """
     if not path.is_file():
         raise ConfigurationError(f"no URDF file at {str(path)!r}")
@@ -257,12 +257,12 @@ def _urdf_file(path: Path) -> UrdfFile:
 
 @lru_cache(maxsize=16)
 def _completed(path: Path, content: bytes) -> UrdfFile:
-    """What a file with that content says: kept, since the scenes of one arm are many."""
+    """Parse the content of a file; cached, since many scenes share an arm."""
     try:
         root = ElementTree.fromstring(content)
     except ElementTree.ParseError as error:
         raise ConfigurationError(f"{str(path)!r} is not XML: {error}") from error
-    except (ValueError, LookupError) as error:  # in an unknown encoding
+    except (ValueError, LookupError) as error:  # unknown encoding
         raise ConfigurationError(f"{str(path)!r} cannot be read: {error}") from error
     if _plain(root.tag) != "robot":
         raise ConfigurationError(
@@ -323,13 +323,14 @@ def _link(joint: ElementTree.Element, role: str) -> str:
 
 
 def _plain(tag: object) -> str:
-    """A tag without its namespace."""
+    """Return a tag without its namespace."""
     return str(tag).rpartition("}")[2]
 
 
 def _unexpanded(root: ElementTree.Element) -> bool:
-    """Whether something is left for xacro to do in what describes the arm; elsewhere such texts may
-    be a shell's.
+    """True if elements that describe the arm contain unexpanded xacro expressions.
+
+    In other elements, such texts may be shell expressions.
     """
     if any("xacro" in str(element.tag).rpartition("}")[0] for element in root.iter()):
         return True
@@ -338,7 +339,7 @@ def _unexpanded(root: ElementTree.Element) -> bool:
 
 
 def _complete_limit(joint: ElementTree.Element, file: str) -> None:
-    """Give a joint the limits that the URDF parser insists on; 0 stands for no speed limit."""
+    """Add the limits that the URDF parser requires to a joint; 0 means no speed limit."""
     kind = joint.get("type")
     limit = joint.find("limit")
     if kind not in ("continuous", "revolute", "prismatic"):

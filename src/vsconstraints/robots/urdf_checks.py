@@ -1,7 +1,7 @@
-"""Checks of a URDF before it is parsed: the parser drops what it cannot read, or says no more than
-that it is invalid.
+"""Checks of a URDF before it is parsed.
 
-Errors name the link or joint, the attribute and its value.
+The parser drops elements that it cannot read, or reports only that the file is invalid. Errors from
+these checks name the link or joint, the attribute and its value.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ NO_AXIS = 1e-9  #: Length below which an axis has no direction.
 
 
 class Numbers(NamedTuple):
-    """An attribute that holds numbers: where it is below a joint or link, and how many there
-    are.
-    """
+    """An attribute that holds numbers: its element below a joint or link, and their count."""
 
     element: str
     attribute: str
@@ -38,7 +36,7 @@ OF_JOINTS = (
     Numbers("limit", "velocity", 1),
     Numbers("limit", "effort", 1),
 )
-#: What the parser would leave out with no more than a printed line: masses and solids.
+#: Masses and solids, which the parser would drop with only a printed line.
 OF_LINKS = (
     Numbers("inertial/mass", "value", 1),
     Numbers("inertial/origin", "xyz", 3),
@@ -59,10 +57,9 @@ OF_LINKS = (
 
 
 def demand_sound(root: Element, file: str) -> None:
-    """Raise ConfigurationError unless a robot's links and joints are a tree, with numbers where
-    they must be.
+    """Raise ConfigurationError unless links and joints form a tree and numbers are valid.
 
-    ``root`` is without namespaces; joints of a moving type need an axis that has a direction.
+    ``root`` has no namespaces. Joints of a moving type need an axis with a direction.
     """
     if root.get("name") is None:
         raise ConfigurationError(
@@ -81,7 +78,7 @@ def demand_sound(root: Element, file: str) -> None:
 
 
 def _names(root: Element, kind: str, file: str) -> dict[str, Element]:
-    """The links, or the joints, by their names."""
+    """Return the links or the joints by name."""
     named: dict[str, Element] = {}
     for number, element in enumerate(root.findall(kind), start=1):
         name = element.get("name")
@@ -125,9 +122,7 @@ def _demand_joint(joint: Element, what: str) -> None:
 
 
 def _demand_numbers(element: Element, attributes: tuple[Numbers, ...], what: str) -> None:
-    """Raise ConfigurationError for an attribute that has other values than that many finite
-    numbers.
-    """
+    """Raise ConfigurationError for an attribute that does not hold its count of finite numbers."""
     for path, attribute, count in attributes:
         for part in element.iterfind(path):
             text = part.get(attribute)
@@ -155,10 +150,10 @@ def _are_numbers(text: str, count: int) -> bool:
 def _demand_connected(
     name: str, joint: Element, links: Mapping[str, Element], carriers: dict[str, str], file: str
 ) -> None:
-    """Raise ConfigurationError unless a joint connects two links, the second of which no other
-    joint carries.
+    """Raise ConfigurationError unless a joint connects two links.
 
-    ``carriers`` are the joints so far by the links that they carry; this one is added.
+    No other joint may carry the second one. ``carriers`` are the previous joints by the links that
+    they carry; this joint is added.
     """
     for role in ("parent", "child"):
         link = _end(joint, role)
@@ -189,9 +184,7 @@ def _end(joint: Element, role: str) -> str:
 
 
 def _demand_tree(links: list[str], parents: Mapping[str, str], file: str) -> None:
-    """Raise ConfigurationError unless exactly one link has no parent, and every other one is
-    carried by it.
-    """
+    """Raise ConfigurationError unless exactly one link has no parent and carries all others."""
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
         raise ConfigurationError(
@@ -208,7 +201,7 @@ def _demand_tree(links: list[str], parents: Mapping[str, str], file: str) -> Non
 
 
 def _upwards(link: str, parents: Mapping[str, str]) -> Iterator[str]:
-    """A link, its parent, and so on, to the base, or to the first link that comes again."""
+    """Yield a link, its parent, and so on, up to the base or the first repeated link."""
     seen: set[str] = set()
     while link not in seen:
         yield link

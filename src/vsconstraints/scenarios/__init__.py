@@ -1,4 +1,4 @@
-"""Scenarios: TOML files that a user can copy, and what makes simulations of them."""
+"""Scenarios: TOML files that a user can copy, and the code that builds simulations from them."""
 
 from .constraint_types import CONSTRAINTS
 from .scenario import SHIPPED, Scenario, shipped_scenarios

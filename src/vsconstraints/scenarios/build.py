@@ -1,4 +1,4 @@
-"""From a scenario's tables to what is simulated."""
+"""Construction of a simulation setup from the tables of a scenario."""
 
 from __future__ import annotations
 
@@ -36,9 +36,7 @@ from .views import make_camera, make_goal
 
 @dataclass(frozen=True)
 class File:
-    """Keys of a scenario's file, with their types and defaults; docs/scenarios.md says what they
-    mean.
-    """
+    """Keys of a scenario file with types and defaults; docs/scenarios.md explains them."""
 
     robot: str | Table
     camera: Table
@@ -69,12 +67,12 @@ def build(
     deviation: np.random.Generator | None = None,
     seed: tuple[int, ...] = (0,),
 ) -> Setup:
-    """The setup that a scenario's tables describe.
+    """Build the setup that a scenario's tables describe.
 
-    ``where`` is its name for messages; paths are relative to ``folder``; ``deviation`` draws the
-    numbers in [−1, 1], one per joint, by which the start deviates, times ``start_deviation``;
-    ``seed`` is that of everything random in the disturbances. Raises ConfigurationError or
-    InvalidInput, which name them, for unknown keys and unusable values.
+    ``where`` is the scenario's name in messages. Paths are relative to ``folder``. ``deviation``
+    draws one number in [−1, 1] per joint; times ``start_deviation``, it is added to the start.
+    ``seed`` seeds all randomness of the disturbances. Raises ConfigurationError or InvalidInput,
+    which name the key or value, for unknown keys and unusable values.
     """
     file: File = from_table(File, tables, where)
     bare = build_scene(tables, where, folder)
@@ -115,8 +113,9 @@ def build(
 
 
 def build_scene(tables: Table, where: str, folder: Path) -> Scene:
-    """Robot, camera and target of a scenario's tables, without its task and its constraints;
-    arguments as above.
+    """Build robot, camera and target from a scenario's tables, without task and constraints.
+
+    The arguments are those of ``build``.
     """
     missing = [key for key in ("robot", "camera", "target") if key not in tables]
     if missing:
@@ -158,7 +157,7 @@ def _robot(value: str | Table, where: str, folder: Path) -> Robot:
 
 @dataclass(frozen=True)
 class Turn:
-    """How a target turns while it moves; about the markers' mean if nothing else is said."""
+    """Rotation of a moving target, about the mean of its markers unless ``centre`` is given."""
 
     angular_velocity: Vector3 = (0.0, 0.0, 0.0)
     centre: Vector3 | None = None
@@ -189,7 +188,7 @@ def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
 
 
 def _moving(motion: Table) -> None:
-    """The further key of a target."""
+    """Declare the key ``motion`` of a target's table."""
 
 
 def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) -> Array:
@@ -224,7 +223,7 @@ def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
 
 
 def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbances:
-    """What a ``disturbances`` table describes; numbers per joint may be given as one."""
+    """Return the disturbances of a table; a scalar stands for the same number at every joint."""
     values = demand_table(table, where)
     for key in ("acceleration", "distortion_factor"):
         if isinstance(values.get(key), int | float):

@@ -1,4 +1,4 @@
-"""Constraints as scenario files describe them: the keys of a type are its class's arguments."""
+"""Constraints in scenario files: the keys of a type are the arguments of its class."""
 
 from __future__ import annotations
 
@@ -58,8 +58,7 @@ from .reading import (
     takes_any,
 )
 
-#: What makes a constraint of each type that scenario files know; others are named as
-#: ``module:Class``.
+#: Constructor of each constraint type in scenario files; custom types are ``module:Class``.
 CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
     "field-of-view": FieldOfView,
     "occlusion": Occlusion,
@@ -85,8 +84,9 @@ def make_constraint(
     folder: Path,
     goals: Sequence[Goal] = (),
 ) -> Constraint:
-    """The constraint that a table describes; raises ConfigurationError for unknown types and
-    keys.
+    """Return the constraint that a table describes.
+
+    Raises ConfigurationError for unknown types and keys.
     """
     values = demand_table(table, where)
     motion = (
@@ -108,7 +108,7 @@ def make_constraint(
         constraint = from_table(make, values, where, arguments)
     except VsconstraintsError:
         raise
-    except (Exception, SystemExit) as error:  # an own constraint may fail in any way
+    except (Exception, SystemExit) as error:  # a custom constraint may raise anything
         if not own:
             raise
         raise ConfigurationError(
@@ -125,7 +125,7 @@ def make_constraint(
 
 
 def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
-    """The keys of a constraint's table, with their annotations and defaults as parameters."""
+    """Return the keys of a constraint's table as parameters, with annotations and defaults."""
     own = {
         name: key.replace(default=())
         if key.annotation in STEPS and not STEPS[key.annotation].required
@@ -144,8 +144,10 @@ def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
 
 
 class Step(NamedTuple):
-    """How an argument of another type is made: what takes keys out of a table, and what declares
-    further keys.
+    """Construction of an argument whose type a file cannot hold.
+
+    ``take`` removes the keys from a table and returns the arguments. The signatures of ``makes``
+    declare further keys.
     """
 
     take: Callable[[Table, str, Context], dict[str, Any]]
@@ -166,7 +168,11 @@ def _curve(table: Table, where: str, context: Context) -> dict[str, Any]:
 
 
 def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
-    """Robot points that a list names, or along the links: obstacles are enlarged for these."""
+    """Return robot points from a list or along the links.
+
+    For points along the links, the margin of obstacles is increased by the enlargement that
+    ``link_points`` returns.
+    """
     points = table.pop("points", [])
     if isinstance(points, str) and points != "links":
         raise ConfigurationError(
@@ -185,7 +191,7 @@ def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
 
 
 def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
-    """The links' own bodies, if there are any, and those of the table."""
+    """Return the bodies of the table and any collision bodies of the links."""
     robot = context["robot"]
     bodies = []
     for i, body in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
@@ -205,12 +211,12 @@ def _obstacle(table: Table, where: str, context: Context) -> dict[str, Any]:
 
 
 def attached(link: str = "tip", name: str = "") -> tuple[str, str]:
-    """What a body is fixed to, and its name."""
+    """Return the link that a body is attached to, and the name of the body."""
     return link, name
 
 
 def named(name: str = "") -> str:
-    """The name of an obstacle."""
+    """Return the name of an obstacle."""
     return name
 
 
@@ -258,7 +264,7 @@ def _cylinder(radius: Positive, length: Positive) -> coal.CollisionGeometry:
     return coal.Cylinder(radius, length)
 
 
-#: Solids of collision constraints; lengths are along z, a half-space is below its z = 0.
+#: Solids of collision constraints; lengths are along z, a half-space fills z < 0.
 SOLIDS: dict[str, Callable[..., coal.CollisionGeometry]] = {
     "box": _box,
     "sphere": _sphere,
@@ -267,8 +273,7 @@ SOLIDS: dict[str, Callable[..., coal.CollisionGeometry]] = {
     "half-space": _half_space,
     "mesh": mesh,
 }
-#: Arguments by their annotation that are no values of files, and what makes them from a
-#: constraint's table.
+#: Steps by the annotation of an argument that a file cannot hold as a value.
 STEPS: dict[Any, Step] = {
     Curve | Shape: Step(_curve),
     Sequence[RobotPoint]: Step(_points, (link_points,), required=False),

@@ -1,6 +1,4 @@
-"""The start and the goals of a setup: where the robot is there, what the camera sees, and what is
-wrong.
-"""
+"""Start and goals of a setup: configuration, image, rows and problems."""
 
 from __future__ import annotations
 
@@ -22,24 +20,24 @@ from ..vision.measurement import estimated_pose
 from ..vision.scene import MINIMUM_DEPTH, Scene
 from .families.placements import inverse_kinematics, tip_of
 
-ROUNDING = 1e-9  # of σ relative to the row's scale, that counts as none
-#: Configurations from which one at a goal is sought, besides those that are near; and turns of the
-#: camera about its optical axis, from which the pose behind an image is sought.
+ROUNDING = 1e-9  # largest σ, relative to the row's scale, that counts as zero
+#: Number of random configurations from which inverse kinematics starts, after the near ones; and
+#: number of rotations about the optical axis from which the pose behind an image is estimated.
 TRIES = 20
 TURNS = 4
-#: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given
-#: as an image, seen from the pose that explains it best, relative to its width.
+#: Largest distance of two poses [m, rad] that count as equal; and largest distance of the markers
+#: from a goal image, relative to the image width, at the pose that explains it best.
 SAME = 1e-6
 MAX_MISS = 0.1
 
 
 @dataclass(frozen=True)
 class Moment:
-    """The ``start``, a ``goal`` or ``goal 2``, at time t [s].
+    """State of a setup at the ``start``, at a ``goal`` or at ``goal 2``, at time t [s].
 
-    ``q`` (n,) is None if no configuration was found; ``pixels`` (M, 2) are from the image's centre,
-    NaN for markers not in front of the camera; ``phi`` and ``clearance`` (m,) are those of each
-    row, NaN where they are not known; ``problems`` are sentences on what is wrong.
+    ``q`` (n,) is None if no configuration was found. ``pixels`` (M, 2) are relative to the image
+    centre, NaN for markers that are not in front of the camera. ``phi`` and ``clearance`` (m,)
+    belong to the rows, NaN where unknown. ``problems`` are sentences.
     """
 
     name: str
@@ -52,7 +50,7 @@ class Moment:
 
 
 def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
-    """The robot at ``q`` and ``qd`` (n,) at time ``t`` [s]."""
+    """Return the state with the robot at ``q`` and ``qd`` (n,) at time ``t`` [s]."""
     scene = setup.scene
     constraints = setup.constraints
     robot = scene.robot
@@ -90,13 +88,13 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
                 f"outside"
                 for i in np.flatnonzero(sigma > ROUNDING * rows.scale)
             ]
-        except Exception as error:  # own constraints may raise anything
+        except Exception as error:  # custom constraints may raise anything
             problems.append(f"its rows cannot be evaluated: {described(error)}")
     return Moment(name, t, q, pixels, phi, clearance, tuple(problems))
 
 
 def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> Moment:
-    """A goal of which no more is known than its image (M, 2) [px]."""
+    """Return the state at a goal of which only the image (M, 2) [px] is known."""
     unknown = np.full(len(setup.constraints.labels), np.nan)
     problems = [problem]
     for constraint in setup.constraints.constraints:
@@ -108,13 +106,12 @@ def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> M
 
 
 def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[Array, float]:
-    """Where the robot is (n,) when a goal is reached at time ``t`` [s], and how far markers are off
-    at most [px].
+    """Return a configuration (n,) at a goal at time ``t`` [s], and the largest marker error [px].
 
-    Where the file says it and the camera is right there, that; else what inverse kinematics finds
-    from there, from the start, and then from :data:`TRIES` others, always the same. What is given
-    as an image counts as the pose that explains it best. Raises SceneError if nothing is found
-    within the joints' ranges.
+    The configuration in the file is returned if the camera is at the goal there. Otherwise inverse
+    kinematics starts from that configuration, then from ``q0``, then from :data:`TRIES` random
+    ones, which are always the same. For a goal given as an image, the camera pose that explains it
+    best is used. Raises SceneError if no configuration within the joint ranges is found.
     """
     robot = scene.robot
     missed = 0.0
@@ -140,9 +137,7 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
 
 
 def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
-    """The pose that explains a goal's image best, and by how much it misses the markers at most
-    [px].
-    """
+    """Return the pose that explains a goal's image best, and the largest marker error [px]."""
     camera = scene.camera
     poses = []
     start = scene.camera_pose(q0)
@@ -151,7 +146,7 @@ def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
         near = start @ Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
         try:
             pose = estimated_pose(scene.markers, seen, near)
-        except np.linalg.LinAlgError:  # a search that has left the range of floats
+        except np.linalg.LinAlgError:  # the iteration diverged beyond the range of floats
             continue
         P = pose.inverse.act(scene.markers)
         if (P[:, 2] > MINIMUM_DEPTH).all():
@@ -165,12 +160,12 @@ def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
 
 
 def named_goals(goals: Sequence[Any]) -> Iterator[tuple[str, Any]]:
-    """Goals with the names that they have in sentences."""
+    """Yield each goal with its name in messages."""
     return ((f"goal {k}" if len(goals) > 1 else "goal", goal) for k, goal in enumerate(goals, 1))
 
 
 def moments_at_goals(setup: Setup) -> Iterator[Moment]:
-    """Each goal as it is at its end, when the next one begins or the run is over."""
+    """Yield the state at the end of each goal, when the next one begins or the run ends."""
     goals = setup.task.goals
     ends = [goal.from_time - setup.Ts for goal in goals[1:]] + [(setup.samples - 1) * setup.Ts]
     for (name, goal), t in zip(named_goals(goals), ends, strict=True):
@@ -189,9 +184,7 @@ def moments_at_goals(setup: Setup) -> Iterator[Moment]:
 
 
 def problems_at_goals(setup: Setup) -> list[str]:
-    """Sentences on what is wrong at the goals of a setup that can start, each with the goal's
-    name.
-    """
+    """Return the problems at the goals of a setup that can start, each with the goal's name."""
     return [
         f"{moment.name}: {problem}"
         for moment in moments_at_goals(setup)

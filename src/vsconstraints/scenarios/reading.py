@@ -1,9 +1,8 @@
-"""From a table of a file to what is made of it: the signature of what is made declares keys, types
-and defaults.
+"""Construct objects from tables of files by the signatures of classes and functions.
 
-A parameter is a key of the same name; its annotation says what the key's value must be, and its
-default makes the key optional. What a table stands in for (a pose, a motion, another dataclass) is
-made from that table in the same way.
+Each parameter is a key of the same name. Its annotation states the type of the value, and its
+default makes the key optional. A nested object (a pose, a motion, another dataclass) is constructed
+from a nested table in the same way.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from ..vision.motion import Motion
 
 Table = dict[str, Any]  #: a table of a file, by its keys
 
-#: Arguments that are known besides those of a table: the robot, the camera, the folder of files.
+#: Arguments that do not come from the table: the robot, the camera, the folder of files.
 Context = Mapping[str, Any]
 
 NOTHING: Context = types.MappingProxyType({})
@@ -37,12 +36,11 @@ Made = TypeVar("Made")
 def from_table(
     make: Callable[..., Made], table: object, where: str, context: Context = NOTHING
 ) -> Made:
-    """What a class or function makes with the values of a table, each checked against its
-    parameter's annotation.
+    """Call a class or function with the values of a table, each checked against its annotation.
 
-    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not
-    say. Raises ConfigurationError for keys that are unknown (it names those there are) or missing,
-    and for values that do not fit.
+    ``where`` names the file and the table in messages. ``context`` holds arguments that files do
+    not contain. Raises ConfigurationError for unknown keys (with the known ones), for missing keys,
+    and for values of the wrong type.
     """
     keys = parameters(make)
     values = demand_table(table, where)
@@ -63,8 +61,9 @@ def from_table(
 def split(
     table: object, where: str, *makes: Callable[..., Any], without: Iterable[str] = ()
 ) -> list[Table]:
-    """One table as several, one for each of what is made of it; a key that none of them has is
-    refused.
+    """Split one table into several, one for each callable in ``makes``.
+
+    Raises ConfigurationError for a key that no callable takes.
     """
     values = demand_table(table, where)
     known = [[name for name in parameters(make) if name not in without] for make in makes]
@@ -73,23 +72,27 @@ def split(
 
 
 def parameters(make: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    """The parameters of a class or function by their names, their annotations evaluated where that
-    is possible.
+    """Return the parameters of a class or function by name.
+
+    Annotations are evaluated where possible.
     """
     return _signature(make)[0]
 
 
 def takes_any(make: Callable[..., Any]) -> bool:
-    """Whether a class or function takes keywords that its signature does not name."""
+    """True if a class or function accepts keywords that its signature does not name."""
     return _signature(make)[1]
 
 
 @lru_cache(maxsize=512)
 def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter], bool]:
-    """Both, kept: to look at a signature takes longer than to make what it is of."""
+    """Return the parameters of a callable, and True if it accepts any keyword.
+
+    The result is cached, because inspecting a signature takes longer than calling it.
+    """
     try:
         signature = inspect.signature(make, eval_str=True)
-    except NameError:  # somebody's own annotations may name what is there for type checkers only
+    except NameError:  # a custom annotation may name a type that is imported for type checkers only
         signature = inspect.signature(make)
     named = {
         name: parameter.replace(annotation=Any)
@@ -105,14 +108,14 @@ def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter
 
 
 def demand_table(value: object, where: str) -> Table:
-    """A copy of a table; raises ConfigurationError if it is none."""
+    """Return a copy of a table; raise ConfigurationError if the value is not a table."""
     if not isinstance(value, Mapping):
         raise ConfigurationError(f"{where} must be a table, not {shown(value)}")
     return dict(value)
 
 
 def demand_known(table: Table, known: Iterable[str], where: str) -> None:
-    """Raise ConfigurationError that names the known keys if a table has another one."""
+    """Raise ConfigurationError unless every key of a table is known; it names the known keys."""
     names = list(known)
     for key in table:
         if key not in names:
@@ -122,7 +125,7 @@ def demand_known(table: Table, known: Iterable[str], where: str) -> None:
 def chosen(
     table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()
 ) -> Any:
-    """Take a key out of a table whose value names one of some candidates, and return that one."""
+    """Remove a key from a table and return the candidate that its value names."""
     if key not in table:
         names = ", ".join((*candidates, *others))
         raise ConfigurationError(f"{where}: the key {key!r} is missing; it is one of {names}")
@@ -133,10 +136,11 @@ def chosen(
 
 
 def checked(value: object, kind: Any, where: str, key: str, context: Context = NOTHING) -> Any:
-    """The value of a key as what its annotation ``kind`` says; raises ConfigurationError that names
-    key and value.
+    """Return the value of a key, converted to its annotation ``kind``.
 
-    What neither a file can hold nor a table describes is left to whoever takes the value.
+    Raises ConfigurationError, which names key and value, if the value does not fit. A type that
+    neither a file nor a table can represent is not checked here but by the callable that takes the
+    value.
     """
     if kind is Any:
         return value
@@ -167,7 +171,7 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
             return [context["folder"] / path for path in checked(value, list[str], where, key)]
     try:
         whole, raw = _of_files(kind)
-    except TypeError:  # somebody's own annotation may be anything, also what cannot be kept
+    except TypeError:  # a custom annotation may be unhashable, so that it cannot be cached
         whole, raw = _of_files.__wrapped__(kind)
     if whole is None:
         return value
@@ -182,7 +186,7 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
 
 
 def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Pose:
-    """A pose; it says nothing where it changes nothing."""
+    """Return a pose from translation [m] and roll, pitch, yaw [rad], by default the identity."""
     return Pose.from_xyz_rpy(xyz, rpy)
 
 
@@ -193,8 +197,9 @@ def _options(kind: Any) -> list[Any]:
 
 @lru_cache(maxsize=512)
 def _of_files(kind: Any) -> tuple[Any, bool]:
-    """What files may hold, for msgspec, None if an annotation allows anything else; and whether it
-    is checked later.
+    """Return the type that msgspec checks, and True if numbers are checked later.
+
+    The type is None if the annotation allows anything that a file cannot hold.
     """
     options = _options(kind)
     whole = Union[tuple(options)] if all(map(_plain, options)) else None  # noqa: UP007
@@ -222,8 +227,9 @@ def _plain(kind: Any) -> bool:
 
 
 def _finite(value: Any) -> Any:
-    """A value with Python's own numbers for NumPy's; raises FloatingPointError if one of them is
-    not finite.
+    """Return a value with Python numbers in place of NumPy's.
+
+    Raises FloatingPointError if a number is not finite.
     """
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
@@ -236,7 +242,7 @@ def _finite(value: Any) -> Any:
     )
 
 
-#: What one value, and several, of a type are called in messages.
+#: Names of types in messages, singular and plural.
 _NAMES = {
     int: ("an integer", "integers"),
     float: ("an integer or a number", "numbers"),

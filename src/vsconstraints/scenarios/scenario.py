@@ -1,4 +1,4 @@
-"""A scenario: the tables of a TOML file, ready to be changed and built."""
+"""Scenario: the tables of a TOML file, ready to be overridden and built."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from .build import build
 from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
-SHIPPED = Path(__file__).parent  #: folder of the scenarios that come with the package
+SHIPPED = Path(__file__).parent  #: folder of the shipped scenarios
 #: Keys whose values are paths, relative to the scenario's folder.
 FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
 
-MAX_EXTENDED = 100  #: files that may extend one another
+MAX_EXTENDED = 100  #: longest chain of files that extend one another
 
 
 @cache
 def shipped_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
+    """Return the names of the shipped scenarios."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
 @dataclass(frozen=True)
 class Described:
-    """What a file says; its name is the file's without the ending, and paths in its tables are
-    relative to ``folder``.
+    """Content of a scenario file.
 
-    Code that it names as ``module:Class`` may run if it is ``trusted``: not where it was read from
-    results.
+    The name is the file's name without its ending. Paths in the tables are relative to ``folder``.
+    Code that the tables name as ``module:Class`` may run only if ``trusted`` is true; it is false
+    for tables that were read from results.
     """
 
     name: str
@@ -52,39 +52,39 @@ class Described:
 
     @property
     def title(self) -> str:
-        """Title for reports; the name if the file has none."""
+        """Title for reports; the name if the file has no title."""
         return str(self.tables.get("title") or self.name)
 
     @property
     def description(self) -> str:
-        """A few sentences for reports."""
+        """Description for reports, a few sentences."""
         return str(self.tables.get("description", "")).strip()
 
 
 @dataclass(frozen=True, repr=False)
 class Scenario(Described):
-    """One scenario, overrides applied."""
+    """A scenario with its overrides applied."""
 
     why_here: ClassVar[str] = "a constraint of it is defined in this session"
-    """Why it can run in this process only, where that is so."""
+    """Reason why a scenario with :attr:`in_session` can run in this process only."""
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name}: {shown(self.title)}>"
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
-        """A shipped scenario by name, ``"case-study-6r"``, or one from a TOML file by its path,
-        relative to ``base``.
+        """Load a shipped scenario by name, ``"case-study-6r"``, or a TOML file by its path.
 
-        A file with ``extends = "…"``, a name or a path, says only what is different there: tables
-        are merged, everything else is replaced. Paths in both are relative to it. Raises
-        ConfigurationError if there is none of that name, or the file cannot be read.
+        The path is relative to ``base``. A file with ``extends = "…"``, a name or a path, states
+        only the differences from that scenario: tables are merged, everything else is replaced.
+        Paths in both files are relative to the extending file. Raises ConfigurationError if no
+        scenario has that name or if the file cannot be read.
         """
         path = file_named("scenario", str(name_or_path), SHIPPED, shipped_scenarios(), base)
         return cls(path.stem, _extended(path), path.parent)
 
     def with_override(self, key: str, value: object, base: Path | None = None) -> Scenario:
-        """The same scenario with a dotted key such as ``task.Kp0`` set to another value.
+        """Return the scenario with a dotted key such as ``task.Kp0`` set to another value.
 
         Files in the value are relative to ``base``, or to the scenario's own folder if it is None.
         """
@@ -95,25 +95,26 @@ class Scenario(Described):
 
     @property
     def shipped(self) -> bool:
-        """Whether it comes with the package."""
+        """True if the scenario comes with the package."""
         return self.folder == SHIPPED
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """Constraints of one's own, as ``module:Class``."""
+        """Custom constraints, as ``module:Class``."""
         constraints = self.tables.get("constraints", [])
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
         return tuple(kind for kind in kinds if ":" in kind)
 
     @property
     def in_session(self) -> bool:
-        """Whether a constraint of it is defined in this process only: in a notebook."""
+        """True if a custom constraint is defined in this process only, such as in a notebook."""
         return any(part.startswith(f"{IN_SESSION}:") for part in self.own_parts)
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files besides its own that the scenario names: URDF and its meshes, those of obstacles,
-        SRDF, own modules.
+        """Paths of the other files that the scenario depends on.
+
+        These are the URDF and its meshes, the meshes of obstacles, the SRDF and custom modules.
         """
         files = [
             path
@@ -134,12 +135,12 @@ class Scenario(Described):
         return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
-        """What is simulated; VsconstraintsError if it cannot be built, or names code that is not
-        trusted.
+        """Build the simulation setup.
 
-        Trial 0 starts at the file's q0; every other trial deviates from it by up to
-        ``start_deviation`` [rad or m] in each joint, drawn from the seed and the trial's number and
-        so the same for every controller.
+        Trial 0 starts at the file's q0. Every other trial deviates from it by up to
+        ``start_deviation`` [rad or m] in each joint. The deviation is drawn from the seed and the
+        trial number, so it is the same for every controller. Raises VsconstraintsError if the setup
+        cannot be built or if the scenario names code that is not trusted.
         """
         if not self.trusted:
             demand_data(self.name, self.tables, self.folder)
@@ -164,8 +165,9 @@ class Scenario(Described):
 
 
 def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
-    """Raise ConfigurationError if to build it would run code, or read what is no file, such as a
-    device.
+    """Raise ConfigurationError if building the tables would run code or read a special file.
+
+    A special file is neither a regular file nor a folder, such as a device.
     """
     if code := list(code_named(tables)):
         raise untrusted(what, code)
@@ -177,13 +179,13 @@ def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
 
 
 def _mode(path: Path, test: Any) -> bool:
-    with suppress(OSError, ValueError):  # a text that is no path
+    with suppress(OSError, ValueError):  # the text is not a valid path
         return bool(test(path.stat().st_mode))
     return False
 
 
 def _from_base(key: str, value: object, base: Path) -> object:
-    """A value whose files, those below it too, are where they are seen from ``base``."""
+    """Return a value with its file paths, also in nested tables, resolved against ``base``."""
     if isinstance(value, str):
         return str(base.absolute() / value) if key in FILE_KEYS else value
     if isinstance(value, dict):
@@ -192,7 +194,7 @@ def _from_base(key: str, value: object, base: Path) -> object:
 
 
 def _extended(path: Path) -> dict[str, Any]:
-    """What a file says, over what the one that it extends says, and so on."""
+    """Return the tables of a file, merged over those of the files that it extends."""
     files = [path]
     parts = [read_toml(path)]
     while "extends" in parts[-1]:

@@ -1,4 +1,4 @@
-"""TOML files: read, checked for what TOML leaves to its readers, and changed key by key."""
+"""TOML files: reading, checks that TOML does not require, and overrides of single keys."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import Any
 from ..errors import ConfigurationError, unknown_name
 from ..plugins.regular_files import read_regular
 
-#: Tables of which one says where a camera is.
+#: Tables that state the place of a camera; one of them is allowed.
 PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", "base_in_camera")
-#: Tables that need not be in a file, and are made when a key in them is overridden.
+#: Tables that may be missing from a file; they are created when a key in them is overridden.
 OPTIONAL = (
     "disturbances",
     "tolerances",
@@ -28,16 +28,17 @@ OPTIONAL = (
     *PLACES,
 )
 
-BY_TYPE = ("sensor",)  #: tables for which their ``type`` alone may stand
-MAX_DEPTH = 30  #: levels of tables and lists in each other that a file may have
+BY_TYPE = ("sensor",)  #: tables that may be abbreviated to their ``type``
+MAX_DEPTH = 30  #: largest nesting depth of tables and lists in a file
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be
-    read.
+    """Return the tables of a TOML file.
+
+    Raises ConfigurationError, which names the file, if it cannot be read.
     """
     try:
-        str(path.absolute()).encode()  # results name it, in UTF-8
+        str(path.absolute()).encode()  # results store the path in UTF-8
         # some editors begin files with a byte order mark
         text = read_regular(path).decode("utf-8-sig")
     except (OSError, ValueError) as error:
@@ -48,10 +49,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 def file_named(
     what: str, name: str, shipped: Path, names: Sequence[str], base: Path | None
 ) -> Path:
-    """The file of one of these names in the folder ``shipped``, or a path as it is seen from
-    ``base``.
+    """Return the path of a shipped file by name, or a path relative to ``base``.
 
-    Raises ConfigurationError that says ``what`` is not known, with the names.
+    ``names`` are the files in the folder ``shipped``. Raises ConfigurationError, which names
+    ``what`` and the known names, if the name is unknown.
     """
     if name.endswith(".toml"):
         return (base or Path()) / name
@@ -61,8 +62,10 @@ def file_named(
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """The tables of a TOML text; ConfigurationError that names ``where``, also for what is too
-    large or too deep.
+    """Return the tables of a TOML text.
+
+    Raises ConfigurationError, which names ``where``, if the text is not TOML, an integer is too
+    large or the nesting is too deep.
     """
     too_deep = f"{where}: tables and lists lie in each other more than {MAX_DEPTH} levels deep"
     try:
@@ -71,7 +74,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise ConfigurationError(f"{where} is not TOML: {error}") from error
     except RecursionError as error:
         raise ConfigurationError(too_deep) from error
-    except ValueError as error:  # digits without end
+    except ValueError as error:  # an integer with too many digits
         raise ConfigurationError(f"{where}: {error}") from error
     level: list[Any] = [tables]
     for _ in range(MAX_DEPTH + 1):
@@ -92,7 +95,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def toml_items(table: Mapping[str, Any]) -> list[str]:
-    """Each key of a table with its value as TOML has it."""
+    """Return each key of a table with its value, as TOML text."""
     return [
         f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else toml_text(key)} = "
         f"{toml_text(table[key])}"
@@ -101,7 +104,7 @@ def toml_items(table: Mapping[str, Any]) -> list[str]:
 
 
 def toml_text(value: Any) -> str:
-    """A value as TOML has it, on one line."""
+    """Return a value as TOML text on one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(toml_items(value)) + " }"
     if isinstance(value, list | tuple):
@@ -112,8 +115,8 @@ def toml_text(value: Any) -> str:
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
     """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
 
-    A table on the way must exist, or be one of :data:`OPTIONAL`; where its type alone stands for
-    it, it becomes one. Whether the last key is known is decided by whoever reads the table.
+    The tables on the path must exist or belong to :data:`OPTIONAL`. A type that stands for a table
+    is expanded to that table. The last key is checked by the code that reads the table.
     """
     at: Any = table
     *way, last = key.split(".")
@@ -129,7 +132,7 @@ def override(table: dict[str, Any], key: str, value: object, where: str) -> None
 
 
 def merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Tables over others: tables in them are merged, everything else is replaced."""
+    """Return ``over`` merged into ``under``: nested tables are merged, other values replaced."""
     result = dict(under)
     for key, value in over.items():
         both = isinstance(value, dict) and isinstance(result.get(key), dict)

@@ -1,5 +1,6 @@
-"""What a scenario's file says of views: the camera, from its keys or a calibration file, and the
-goals of the task.
+"""Camera and goals from the tables of a scenario.
+
+The camera is described by its keys or by a calibration file.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from .reading import Table, demand_known, demand_table, from_table, parameters
 from .toml import PLACES
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
-#: Four numbers, and four rows of them.
+#: A 4 × 4 matrix as four rows.
 Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
-#: Keys that a calibration file stands for; it says the size, too, which may be given to be checked.
+#: Keys that a calibration file replaces; the image size may be given in addition, as a check.
 CALIBRATED = ("focal_px", "principal_point_px", "distortion")
-#: Shorter words for two of the keys that say where a camera is.
+#: Arguments of :meth:`.mounted` that the short names of a camera's place stand for.
 SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
-#: Keys of a camera's table of which one says where it is: see :meth:`.mounted`.
+#: Keys of a camera's table that state its place; one of them is allowed: see :meth:`.mounted`.
 Places = make_dataclass("Places", [(key, Table | None, None) for key in PLACES])
 
 
@@ -44,8 +45,10 @@ def pose_from(
     matrix: Matrix4 | None = None,
     file: Path | None = None,
 ) -> Pose | Path:
-    """A pose, or the file of a hand–eye calibration that has it; it says nothing where it changes
-    nothing.
+    """Return a pose, or the path of a hand–eye calibration file that holds it.
+
+    The default is the identity. Raises InvalidInput if the rotation is given twice, if a
+    translation is given beside a file or matrix, or if ``rpy`` is too large to be in radians.
     """
     turns = [
         turn
@@ -77,7 +80,7 @@ def pose_from(
 
 
 def without_replaced(under: Table, over: Table) -> Table:
-    """A camera's table less what another one, which is laid over it, says in other words."""
+    """Return a camera's table without the keys that ``over`` replaces by equivalent ones."""
     words: set[str] = set()
     if over.keys() & parameters(Places).keys():
         words |= parameters(Places).keys()
@@ -89,10 +92,10 @@ def without_replaced(under: Table, over: Table) -> Table:
 
 
 def make_camera(table: Table, where: str, folder: Path) -> Camera:
-    """The camera that a table describes; paths in it are relative to ``folder``.
+    """Return the camera that a table describes; paths in it are relative to ``folder``.
 
-    Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable
-    values.
+    Raises ConfigurationError or InvalidInput, which name the key or value, for unknown keys and
+    unusable values.
     """
     values = demand_table(table, where)
     places = parameters(Places)
@@ -110,7 +113,7 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
             raise ConfigurationError(
                 f"{where}: the calibration says {' and '.join(twice)}: give one of the two"
             )
-        # said at the start of every run
+        # this warning is shown at the start of every run
         with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
             camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
@@ -126,7 +129,7 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
 
 @dataclass(frozen=True)
 class GoalTable:
-    """Keys of a goal; one of the three ways to say where it is."""
+    """Keys of a goal; one of ``camera_at_q``, ``camera_pose`` and ``markers_px`` is required."""
 
     from_time: float = 0.0
     reach_in: float | None = None
@@ -138,8 +141,9 @@ class GoalTable:
 
 
 def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
-    """A goal as the control knows it: shown to the real camera, turned into coordinates by the
-    believed one.
+    """Return a goal as the controller knows it.
+
+    The pixels are those of the real camera; they are normalised with the believed camera.
     """
     goal = from_table(GoalTable, table, where)
     factor = goal.tolerance_factor

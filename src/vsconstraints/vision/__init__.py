@@ -1,3 +1,1 @@
-"""What a camera sees: camera and lens, calibration, the scene of markers, features and the task
-they make, images.
-"""
+"""Vision: camera and lens, calibration, markers, visual features and their task, images."""

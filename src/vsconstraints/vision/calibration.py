@@ -1,8 +1,8 @@
-"""Calibration files of cameras: OpenCV's (``cv::FileStorage``), ROS's (camera_info) and Kalibr's.
+"""Camera calibration files of OpenCV (``cv::FileStorage``), ROS (camera_info) and Kalibr.
 
-OpenCV is not needed to read them. All count pixels by their centres; :class:`.Camera` counts their
-edges, half a pixel more. Which lens the coefficients are of is said by many keys, and by many
-names: a name that is not known is refused, never ignored.
+OpenCV is not needed to read them. All formats count pixels by their centres; :class:`.Camera`
+counts their edges, half a pixel more. The lens model is stated by many keys and many names. An
+unknown name raises an error; it is never ignored.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .calibration_files import EMPTY, MAX_SHOWN, Calibrated, number_of, numbers_
 from .distortion import Distortion
 
 NONE = "none"  #: Model of a lens without distortion.
-#: Names of models of lenses, without capitals, spaces and hyphens, and what they are called here.
+#: Lens models by their names in files, in lower case, with underscores.
 LENSES = {
     "plumb_bob": "brown-conrady",
     "rational_polynomial": "brown-conrady",
@@ -37,17 +37,17 @@ LENSES = {
     "kannala_brandt4": "fisheye",
     "none": NONE,
 }
-#: Names of projections that say nothing of the lens's distortion.
+#: Names of projections, which do not state the distortion.
 PROJECTIONS = ("pinhole", "perspective")
-#: Values of keys that ask whether it is a fisheye.
+#: Lens model by the value of a key in :data:`ASKS_FISHEYE`.
 FISHEYE = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
-ASKS_FISHEYE = ("fisheye_model", "fisheye", "is_fisheye")  #: Keys that do.
-#: Keys that say which lens it is, beside :data:`ASKS_FISHEYE`.
+ASKS_FISHEYE = ("fisheye_model", "fisheye", "is_fisheye")  #: Boolean keys: True for a fisheye.
+#: Keys that state the lens model, in addition to :data:`ASKS_FISHEYE`.
 SAYS_LENS = re.compile(
     r"model|fisheye|^lens([_-]?type)?$|(distortion|projection|camera)[_-]?type", re.IGNORECASE
 )
-#: What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo``
-#: prints it.
+#: Keys of each quantity in files of OpenCV and ROS, and in a ROS message as ``topic echo`` prints
+#: it.
 NAMES = {
     "width": ("image_width", "width"),
     "height": ("image_height", "height"),
@@ -55,26 +55,26 @@ NAMES = {
     "D": ("distortion_coefficients", "D", "d"),
 }
 MAX_SIDE = 1e5  #: Longest side of an image [px].
-LIKE = 0.85  #: How similar a key is to the one that is missing if it is that one misspelt.
+LIKE = 0.85  #: Similarity above which a key counts as a misspelling of the missing one.
 
 
 def read_calibration(
     path: str | Path, model: str | None = None, size: Vector2 | None = None
 ) -> dict[str, Any]:
-    """Return what a calibration file says, as arguments of :class:`.Camera`; no distortion if that
-    is zero.
+    """Return the content of a calibration file as arguments of :class:`.Camera`.
 
-    ``size`` (2,) [px] holds where a file does not say how large images were. ``model`` of
-    :class:`.Distortion` overrides what the file says of the lens, since labels may be wrong; Brown
-    and Conrady's holds where neither says it. ROS's rectification and projection matrices are not
-    used: they are about images that have been rectified.
+    The distortion is None if all its coefficients are zero, except for a fisheye. ``size`` (2,)
+    [px] is used if the file does not state the image size. ``model`` of :class:`.Distortion`
+    overrides the lens model in the file, since labels may be wrong. The default is the
+    Brown–Conrady model. ROS's rectification and projection matrices are ignored: they belong to
+    rectified images.
 
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, is of a format that is not read, lacks a key, has values that do
-        not fit or a model of lens that is not known, is of another image size than it says, or of
-        images of which the camera delivers a part, or fewer pixels.
+        if the file cannot be read, has an unknown format or lens model, lacks a key or has
+        invalid values, if its principal point does not fit its image size, or if the camera
+        delivers a part of the calibrated image or a binned one.
     """
     where = os.fspath(path)
     table = _in_keys_of_ros(read_table(path), where)
@@ -97,7 +97,7 @@ def read_calibration(
 
 
 def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
-    """The same table; that of one camera of Kalibr with the keys that OpenCV and ROS have.
+    """Return the table with the keys of OpenCV and ROS, also for one camera of Kalibr.
 
     Raises ConfigurationError, which names the format, for tables of other formats.
     """
@@ -135,8 +135,9 @@ def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
 
 
 def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
-    """The table of a camera as Kalibr writes it, in the keys of ROS; EuRoC's ``sensor.yaml`` is
-    written like that.
+    """Return the table of one Kalibr camera with the keys of ROS.
+
+    EuRoC's ``sensor.yaml`` has the same form.
     """
     projection = table.get("camera_model", "pinhole")
     if projection not in PROJECTIONS:
@@ -164,8 +165,9 @@ def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
 
 
 def _key(table: Calibrated, what: str, where: str) -> str:
-    """The key by which a file has something; raises ConfigurationError that names those it could
-    have.
+    """Return the key under which a file stores a quantity.
+
+    Raises ConfigurationError, which names the possible keys, if the quantity is missing.
     """
     key = next((name for name in NAMES[what] if name in table), None)
     if key is None:
@@ -184,8 +186,9 @@ def _key(table: Calibrated, what: str, where: str) -> str:
 
 
 def _demand_whole(table: Calibrated, size: tuple[float, float], where: str) -> None:
-    """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated
-    with.
+    """Raise ConfigurationError if ROS's camera delivers other images than the calibrated ones.
+
+    Such a camera delivers a region of interest, or binned pixels.
     """
     whole = {"binning_x": 1.0, "binning_y": 1.0}
     part = {"x_offset": 0.0, "y_offset": 0.0, "width": size[0], "height": size[1]}
@@ -220,8 +223,9 @@ def _number(table: Calibrated, what: str, where: str) -> float:
 
 
 def _demand_intrinsics(K: Array, key: str, side: tuple[float, float], where: str) -> None:
-    """Raise ConfigurationError unless K is the matrix of a camera without skew whose optical axis
-    meets the image.
+    """Raise ConfigurationError unless K is a camera matrix without skew.
+
+    Its principal point must lie inside the image.
     """
     if K.shape != (9,) or K[[3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
         given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
@@ -272,10 +276,10 @@ def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion
 
 
 def _without_trailing_zeros(values: Array, counts: tuple[int, ...]) -> Array:
-    """The most coefficients that a model may have, if all after them are 0; else as they are.
+    """Return the coefficients without zeros beyond the largest number that the model has.
 
-    OpenCV's further ones are of thin prisms and tilted sensors; ROS's drivers fill a fisheye's four
-    up with zeros.
+    If the rest is not zero, all coefficients are returned. OpenCV's further coefficients describe
+    thin prisms and tilted sensors; ROS's drivers pad a fisheye's four with zeros.
     """
     if len(values) in counts:
         return values
@@ -286,9 +290,9 @@ def _without_trailing_zeros(values: Array, counts: tuple[int, ...]) -> Array:
 
 
 def _stated_lens(table: Calibrated, where: str) -> str | None:
-    """The model of the lens that a file states, by whatever key; None if it states none.
+    """Return the lens model that a file states under any key; None if it states none.
 
-    Raises ConfigurationError for a model that is not known, and for two that contradict each other.
+    Raises ConfigurationError for an unknown model, and for two models that contradict each other.
     """
     stated: dict[str, str] = {}
     for key, value in _says_lens(table):
@@ -305,14 +309,14 @@ def _stated_lens(table: Calibrated, where: str) -> str | None:
 
 
 def _says_lens(table: Calibrated) -> Iterator[tuple[str, object]]:
-    """Keys that say which lens it is, with their values, where these are not empty."""
+    """Yield keys that state the lens model, with their values unless empty."""
     for key, value in table.items():
         if isinstance(key, str) and SAYS_LENS.search(key) and value not in EMPTY:
             yield key, value
 
 
 def _lens_of(key: str, value: object, where: str) -> str | None:
-    """The model that the value of a key names; None if it says nothing of distortion."""
+    """Return the lens model that a key's value names; None if it does not state the distortion."""
     asks_fisheye = key.lower() in ASKS_FISHEYE
     if asks_fisheye and isinstance(value, str) and value.lower() in FISHEYE:
         return FISHEYE[value.lower()]

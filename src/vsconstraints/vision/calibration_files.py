@@ -1,9 +1,9 @@
-"""Files of calibrations as plain tables: YAML and JSON, and the XML of OpenCV
-(``cv::FileStorage``).
+"""Calibration files as plain tables: YAML, JSON and OpenCV's XML (``cv::FileStorage``).
 
-Files come from anywhere. Of YAML only tables, lists and texts are read, whatever their tags say;
-XML with a document type is refused, so that it defines no entities. Files are bounded in size and
-depth. Messages name file and place, and show none of what another file than a calibration may hold.
+Files are not trusted. Of YAML only tables, lists and texts are read, whatever the tags state. XML
+with a document type is refused, so that it cannot define entities. The size and the nesting depth
+of files are bounded. Messages name file and position; they do not show content that may be private
+if the file is no calibration.
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ import numpy as np
 from ..errors import ConfigurationError, shown
 from ..rows import Array
 
-#: How large a file may be, and how deep it may be nested: a calibration with all its views is far
-#: below.
+#: Largest size of a file [bytes] and largest nesting depth; calibrations are far below.
 MAX_BYTES = 250_000
 MAX_DEPTH = 10
-MAX_SHOWN = 30  #: Characters of a value that a message shows.
-EMPTY = ("", "~", "null")  #: Texts that stand for nothing.
-Calibrated = Mapping[str, Any]  #: The table of a file: texts, lists and tables by their keys.
-#: Byte order marks and the encoding each stands for, the longer ones first.
+MAX_SHOWN = 30  #: Largest number of characters of a value in a message.
+EMPTY = ("", "~", "null")  #: Texts that mean that a value is missing.
+Calibrated = Mapping[str, Any]  #: Table of a file: texts, lists and tables by key.
+#: Byte order marks with their encodings, longer ones first.
 BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -40,10 +39,10 @@ BYTE_ORDER_MARKS = (
 
 
 def read_table(path: str | Path) -> Calibrated:
-    """Return the table that the file of a calibration is.
+    """Return the table in a calibration file.
 
-    Raises ConfigurationError, which names the file, if it cannot be read, is too large, nested too
-    deep, in another encoding than UTF-8 or UTF-16, or no table.
+    Raises ConfigurationError, which names the file, if it cannot be read, is too large, is nested
+    too deep, is encoded in neither UTF-8 nor UTF-16, or is no table.
     """
     where = os.fspath(path)
     table = table_of(read_text(path, "calibration"), where, "calibration")
@@ -53,8 +52,9 @@ def read_table(path: str | Path) -> Calibrated:
 
 
 def read_text(path: str | Path, what: str) -> str:
-    """Return the text of a file of bounded size; raises ConfigurationError, which names it, if it
-    cannot be read.
+    """Return the text of a file of bounded size.
+
+    Raises ConfigurationError, which names the file, if it cannot be read.
     """
     try:
         return _text(Path(path))
@@ -63,8 +63,9 @@ def read_text(path: str | Path, what: str) -> str:
 
 
 def table_of(text: str, where: str, what: str) -> object:
-    """Return the table, list or text that a file holds in YAML, JSON or OpenCV's XML; raises
-    ConfigurationError.
+    """Return the table, list or text of a file in YAML, JSON or OpenCV's XML.
+
+    Raises ConfigurationError if it cannot be read.
     """
     try:
         return _of_xml(text) if text.lstrip().startswith("<") else _of_yaml(text)
@@ -73,7 +74,7 @@ def table_of(text: str, where: str, what: str) -> object:
 
 
 def _text(path: Path) -> str:
-    """The text of a file, without a byte order mark."""
+    """Return the text of a file without its byte order mark."""
     if path.exists() and not path.is_file():
         raise ValueError("it is no file")
     with path.open("rb") as file:
@@ -97,17 +98,17 @@ def _text(path: Path) -> str:
 
 
 def _of_yaml(text: str) -> object:
-    """What the first document of a YAML file holds that is not empty.
+    """Return the content of the first nonempty document in a YAML file.
 
-    OpenCV 3 and 4 begin files with ``%YAML:1.0``, which no other reader takes.
+    OpenCV 3 and 4 begin files with ``%YAML:1.0``, which other readers refuse.
     """
-    import yaml  # only where there is such a file
+    import yaml  # imported only if there is such a file
 
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     text = re.sub(r"(?m)^%YAML.*$", "", text)
     try:
         _demand_plain(yaml, yaml.parse(text, Loader=loader))
-        # a message that was printed ends with "---", after which comes nothing
+        # the output of "topic echo" ends with "---", which begins an empty document
         return next((document for document in yaml.load_all(text, Loader=loader) if document), None)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
@@ -116,8 +117,9 @@ def _of_yaml(text: str) -> object:
 
 
 def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
-    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small
-    file can be huge.
+    """Raise ValueError for deep nesting, duplicate keys and aliases.
+
+    With aliases, a small file can expand to a huge one.
     """
     depth = 0
     nodes = 0
@@ -130,7 +132,7 @@ def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
         elif isinstance(event, yaml.AliasEvent):
             raise ValueError(f"{place} has an alias (*), which no calibration needs")
         elif isinstance(event, yaml.NodeEvent) and depth == 1:
-            nodes += 1  # keys and values in turn
+            nodes += 1  # keys and values alternate
             if nodes % 2 and isinstance(event, yaml.ScalarEvent):
                 if event.value in keys:
                     raise ValueError(f"{place} has a key that is there already")
@@ -143,7 +145,7 @@ def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
 
 
 def _of_xml(text: str) -> object:
-    """What OpenCV's storage holds in XML."""
+    """Return the content of OpenCV's XML storage."""
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise ValueError("it has a document type (<!DOCTYPE), which no calibration needs")
     parser: Any = ElementTree.XMLPullParser(events=("start", "end"))
@@ -168,7 +170,7 @@ def _of_xml(text: str) -> object:
 
 
 def _of_element(element: ElementTree.Element) -> object:
-    """A text, a list or a table, as OpenCV writes them in XML."""
+    """Return the text, list or table in an XML element of OpenCV."""
     text = (element.text or "").strip()
     children = list(element)
     if not children:
@@ -189,7 +191,7 @@ def _of_element(element: ElementTree.Element) -> object:
 
 
 def said(value: object) -> str:
-    """A value in a message: a short text, or what it is."""
+    """Return a value for a message: a short text, or its kind."""
     if isinstance(value, str):
         return shown(value) if len(value) <= MAX_SHOWN else "a long text"
     return (
@@ -202,7 +204,7 @@ def said(value: object) -> str:
 
 
 def number_of(value: object) -> float:
-    """The number that a text is, also as YAML has it (``.inf``); NaN if it is none."""
+    """Return the number in a text, also in YAML's spelling (``.inf``); NaN if it is no number."""
     try:
         return (
             float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
@@ -212,8 +214,10 @@ def number_of(value: object) -> float:
 
 
 def numbers_of(value: object, key: str, where: str) -> Array:
-    """(rows × columns,) the numbers of a matrix, or of a list; the size of a matrix may be left
-    out.
+    """Return the numbers (rows × columns,) of a matrix or a list.
+
+    A matrix may omit its size. Raises ConfigurationError unless all numbers are finite and their
+    count fits.
     """
     is_table = isinstance(value, Mapping)
     sized = isinstance(value, Mapping) and ("rows" in value or "cols" in value)
@@ -237,7 +241,7 @@ def numbers_of(value: object, key: str, where: str) -> Array:
 
 
 def _flat(data: object) -> Iterator[object]:
-    """What a list, or a list of lists, holds; nothing where there is nothing."""
+    """Yield the entries of nested lists, without empty ones."""
     if isinstance(data, list):
         for entry in data:
             yield from _flat(entry)

@@ -1,4 +1,4 @@
-"""The camera: pixels, normalised coordinates, its lens, and where it is mounted.
+"""Camera: pixels, normalised coordinates, lens distortion and mounting pose.
 
 One convention for pixels holds everywhere: (u, v) from the centre of the image, u to the right and
 v down. Pixels that count from the top left corner are converted by :meth:`Camera.from_corner` and
@@ -22,39 +22,39 @@ from .calibration import read_calibration
 from .distortion import Distortion
 from .hand_eye import read_hand_eye
 
-LARGEST_IMAGE = 1e4  #: Sides of an image beyond which boundaries in it are not looked for [px].
-#: Distance of a principal point from the image's centre, relative to half its sides, within which
-#: real cameras lie.
+LARGEST_IMAGE = 1e4  #: Longest side of an image [px].
+#: Largest plausible distance of a principal point from the image centre, relative to half the image
+#: size.
 CENTRED = 0.2
-#: The same distance beyond which the principal point belongs to another image.
+#: Distance, in the same units, beyond which the principal point belongs to another image.
 ELSEWHERE = 0.4
-TANGENTIAL = 0.02  #: Coefficient of tangential distortion beyond which it is doubted.
+TANGENTIAL = 0.02  #: Largest plausible coefficient of tangential distortion.
 #: Arguments of :meth:`.mounted` for a camera that the arm carries.
 CARRIED = ("camera_in_tip", "tip_in_camera")
-Count = Literal["edges", "centres"]  #: What pixels are counted by.
+Count = Literal["edges", "centres"]  #: Origin of pixels: edge or centre of the first one.
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, with or without distortion of its lens, carried by the end-effector or
-    fixed in space.
+    """Pinhole camera with optional lens distortion, carried by the end-effector or fixed in space.
 
-    Where there is distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and
-    principal point, in which straight lines are straight. :meth:`undistort` makes them of pixels on
-    the *sensor*, :meth:`distort` those of them; without distortion the two are the same.
+    With distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and principal
+    point, in which straight lines are straight. :meth:`undistort` computes them from pixels on the
+    *sensor*, :meth:`distort` is its inverse. Without distortion the two are equal.
 
-    The principal point is where the optical axis meets the image, from the top left corner, the
-    centre if None; pixels' edges count: half a pixel more than OpenCV's c_x and c_y.
+    The principal point is where the optical axis meets the image, measured from the top left
+    corner; None is the image centre. Pixels are counted by their edges, so its coordinates are half
+    a pixel larger than OpenCV's c_x and c_y.
     """
 
-    focal_px: tuple[float, float]  #: (F_u, F_v): focal length divided by the size of a pixel.
+    focal_px: tuple[float, float]  #: (F_u, F_v): focal length divided by the pixel size.
     size_px: tuple[float, float]  #: (W, H): width and height of the image.
     principal_point_px: tuple[float, float] | None = None
-    #: ᶜMₑ: robot tip to camera, of one that the robot carries.
+    #: ᶜMₑ: pose of the robot tip in the camera frame, for a camera on the robot.
     mount: Pose = field(default_factory=Pose.identity)
-    #: In the base frame, of one that looks at the robot instead (eye-to-hand).
+    #: Pose in the base frame, for a camera that observes the robot (eye-to-hand).
     fixed: Pose | None = None
-    distortion: Distortion | None = None  #: Of the lens.
+    distortion: Distortion | None = None  #: Lens distortion; None for an ideal pinhole.
 
     def __post_init__(self) -> None:
         for name in ("focal_px", "size_px"):
@@ -89,14 +89,13 @@ class Camera:
         size_px: Vector2 | None = None,
         distortion_model: Literal["brown-conrady", "fisheye"] | None = None,
     ) -> Camera:
-        """From a calibration file of OpenCV (``cv::FileStorage``, YAML or XML), ROS (camera_info)
-        or Kalibr.
+        """Return the camera of a calibration file from OpenCV, ROS or Kalibr.
 
-        ``size_px`` is the size of the images that are used, to be checked, or if the file does not
-        say it; ``distortion_model`` which lens coefficients are of, whatever the file says;
-        ``brown-conrady`` if neither says it. Raises ConfigurationError if the file cannot be used,
-        or is one for another image size. A CalibrationWarning says what of it seems wrong: see
-        :attr:`doubts`.
+        Formats are ``cv::FileStorage`` (YAML or XML), camera_info and camchain files. ``size_px``
+        is the size of the images in use: it is compared with the file, or replaces a missing size.
+        ``distortion_model`` overrides the model in the file; the default is ``brown-conrady`` if
+        neither states one. Raises ConfigurationError if the file cannot be used or belongs to
+        another image size. Issues a CalibrationWarning for implausible values: see :attr:`doubts`.
         """
         camera = cls(**read_calibration(calibration, distortion_model, size_px))
         if size_px is not None and tuple(size_px) != camera.size_px:
@@ -117,30 +116,29 @@ class Camera:
         camera_in_base: Pose | str | Path | None = None,
         base_in_camera: Pose | str | Path | None = None,
     ) -> Camera:
-        """The same camera where a hand–eye calibration has it: one of four poses, each named for
-        what it says.
+        """Return the camera at a pose from a hand–eye calibration; exactly one pose is given.
 
-        In the place of a pose may stand the file that a tool has written: see
+        A pose may be replaced by the path of a file that a calibration tool has written: see
         :func:`.read_hand_eye`.
 
         Parameters
         ----------
         camera_in_tip
-            ᵉM_c: where the camera is in the tip's frame; what ``cv2.calibrateHandEye`` gives of a
-            camera on the robot as R_cam2gripper and t_cam2gripper.
+            ᵉM_c: pose of the camera in the tip frame. For a camera on the robot,
+            ``cv2.calibrateHandEye`` returns it as R_cam2gripper and t_cam2gripper.
         tip_in_camera
             ᶜMₑ, its inverse: :attr:`mount`.
         camera_in_base, base_in_camera
-            Where a camera that is fixed in space is in the robot's base frame, :attr:`fixed`, or
+            Pose of a camera that is fixed in space in the robot's base frame, :attr:`fixed`, or
             its inverse.
 
         Raises
         ------
         InvalidInput
-            unless exactly one is given.
+            unless exactly one pose is given.
         ConfigurationError
-            if a file cannot be read, or says that the camera is in the hand where one beside the
-            arm is asked for, or the other way round.
+            if a file cannot be read, or if it states that the camera is on the arm while the
+            argument is for a camera beside it, or vice versa.
         """
         given = {
             "camera_in_tip": camera_in_tip,
@@ -163,7 +161,7 @@ class Camera:
 
     @property
     def doubts(self) -> list[str]:
-        """Numbers that few real cameras have: one sentence each, with what may be wrong."""
+        """Warnings about implausible values, one sentence each, with a possible cause."""
         doubts = []
         principal_point = self._doubt_of_principal_point()
         if principal_point:
@@ -180,9 +178,7 @@ class Camera:
         return doubts
 
     def _doubt_of_principal_point(self) -> str:
-        """Ask about a principal point that lies far from the image's centre; empty if it does
-        not.
-        """
+        """Return a warning if the principal point is far off the centre; empty if it is not."""
         if self.principal_point_px is None:
             return ""
         u, v = self.principal_point_px
@@ -223,35 +219,37 @@ class Camera:
 
     @property
     def offset(self) -> Array:
-        """(2,) principal point measured from the image's centre [px]."""
+        """(2,) principal point relative to the image centre [px]."""
         if self.principal_point_px is None:
             return np.zeros(2)
         return np.asarray(self.principal_point_px) - 0.5 * np.asarray(self.size_px)
 
     def pixels(self, normalised: Array) -> Array:
-        """(..., 2) pixels from the image's centre, of normalised coordinates (x, y) = (X/Z,
-        Y/Z).
+        """Return pixels (..., 2) relative to the image centre.
+
+        They are computed from normalised coordinates (x, y) = (X/Z, Y/Z).
         """
         pixels: Array = normalised * np.asarray(self.focal_px) + self.offset
         return pixels
 
     def normalised(self, pixels: Array) -> Array:
-        """(..., 2) normalised coordinates of pixels measured from the image's centre."""
+        """Return normalised coordinates (..., 2) of pixels relative to the image centre."""
         normalised: Array = (pixels - self.offset) / np.asarray(self.focal_px)
         return normalised
 
     def from_corner(self, pixels: Array, count: Count = "edges") -> Array:
-        """(..., 2) pixels from the image's centre, of pixels measured from the top left corner.
+        """Convert pixels (..., 2) from the top left corner to pixels from the image centre.
 
-        By ``edges``, as AprilTag counts, the centre of the first pixel is (0.5, 0.5); by
-        ``centres``, as OpenCV counts, it is (0, 0).
+        With ``edges``, as in AprilTag, the centre of the first pixel is (0.5, 0.5); with
+        ``centres``, as in OpenCV, it is (0, 0).
         """
         centred: Array = np.asarray(pixels) - self._centre(count)
         return centred
 
     def to_corner(self, pixels: Array, count: Count = "edges") -> Array:
-        """(..., 2) pixels from the top left corner, of those from the image's centre; see
-        :meth:`from_corner`.
+        """Convert pixels (..., 2) from the image centre to pixels from the top left corner.
+
+        See :meth:`from_corner`.
         """
         corner: Array = np.asarray(pixels) + self._centre(count)
         return corner
@@ -264,9 +262,7 @@ class Camera:
 
     @property
     def eye(self) -> tuple[float, ...]:
-        """What formulas of lenses take: F_u, F_v, the principal point from the centre, and what the
-        lens is.
-        """
+        """Parameters of the lens formulas: F_u, F_v, principal point from the centre, lens."""
         focal = self.focal_px
         offset = self.offset.tolist()
         return (
@@ -277,16 +273,16 @@ class Camera:
         )
 
     def distort(self, pixels: Array) -> Array:
-        """(..., 2) pixels on the sensor of ideal ones, both from the image's centre."""
+        """Return pixels (..., 2) on the sensor of ideal ones, both relative to the image centre."""
         if self.distortion is None:
             return pixels
         return self.pixels(self.distortion.apply(self.normalised(pixels)))
 
     def undistort(self, pixels: Array) -> Array:
-        """(..., 2) ideal pixels of those on the sensor, both from the image's centre; what is NaN
-        stays so.
+        """Return ideal pixels (..., 2) of those on the sensor, both relative to the image centre.
 
-        Raises InvalidInput if one is where the lens cannot be inverted.
+        NaN is preserved. Raises InvalidInput if a pixel lies where the distortion cannot be
+        inverted.
         """
         if self.distortion is None:
             return pixels
@@ -303,9 +299,7 @@ class Camera:
 
     @property
     def reach_px(self) -> float:
-        """How far from the principal point, in every direction, pixels on the sensor can be
-        undistorted [px].
-        """
+        """Radius around the principal point in which sensor pixels can be undistorted [px]."""
         if self.distortion is None:
             return np.inf
         turn = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
@@ -315,7 +309,7 @@ class Camera:
         return float(np.linalg.norm(edge * np.asarray(self.focal_px), axis=-1).min())
 
     def sees(self, pixels: Array) -> BoolArray:
-        """(...) whether ideal pixels measured from the image's centre lie on the sensor."""
+        """True (...) for ideal pixels, relative to the image centre, that lie on the sensor."""
         inside = (np.abs(self.distort(pixels)) <= 0.5 * np.asarray(self.size_px)).all(axis=-1)
         if self.distortion is not None:
             inside &= (
@@ -325,7 +319,9 @@ class Camera:
 
 
 def _pose_of(value: Pose | str | Path, key: str) -> Pose:
-    """A pose, or that of a file of a hand–eye calibration, which must fit an argument of
+    """Return a pose, or read it from a hand–eye calibration file.
+
+    Raises ConfigurationError if the file does not fit the argument ``key`` of
     :meth:`.Camera.mounted`.
     """
     if isinstance(value, Pose):

@@ -1,6 +1,4 @@
-"""Distortion of a lens: from normalised coordinates of a pinhole to those of the real image, and
-back.
-"""
+"""Lens distortion: conversion between normalised coordinates of a pinhole and the real image."""
 
 from __future__ import annotations
 
@@ -16,27 +14,27 @@ from ..errors import InvalidInput, shown, unknown_name
 from ..formulas.lenses import ACCURACY, MODELS, extended
 from ..rows import Array, BoolArray
 
-#: By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as
-#: one to be inverted.
+#: Largest factor by which undistorting may stretch or shrink the image; beyond it, the lens counts
+#: as not invertible.
 MAX_STRETCH = 100.0
-#: Radius in normalised coordinates up to which that is looked for: 89.4° from the axis.
+#: Largest radius in normalised coordinates that is examined: 89.4° from the axis.
 MAX_RADIUS = 100.0
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """A lens with distortion, as OpenCV has it.
+    """Lens distortion with the models and coefficients of OpenCV.
 
     Raises
     ------
     InvalidInput
-        if there is no such model, or it has another number of coefficients.
+        if the model is unknown, or has another number of coefficients.
     """
 
     #: ``brown-conrady`` (ROS: plumb_bob, rational_polynomial) or ``fisheye`` (ROS: equidistant).
     model: Literal["brown-conrady", "fisheye"]
-    #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) of the first; (k₁, k₂, k₃, k₄) of the
-    #: second.
+    #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) for Brown–Conrady; (k₁, k₂, k₃, k₄) for
+    #: fisheye.
     coefficients: Sequence[float]
 
     def __post_init__(self) -> None:
@@ -59,29 +57,29 @@ class Distortion:
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """What formulas take: the radius up to which the lens can be inverted, then all its
-        coefficients.
-        """
+        """Parameters of the formulas: invertible radius :attr:`reach`, then all coefficients."""
         return self.reach, *_filled(self)
 
     @property
     def reach(self) -> float:
-        """Radius in normalised coordinates up to which the lens can be inverted; 100 stands for
-        everywhere.
+        """Radius in normalised coordinates up to which the distortion can be inverted.
+
+        The value 100 means that it can be inverted everywhere.
         """
         return _reach(self)
 
     def scaled(self, factor: Array) -> Distortion:
-        """The same with each coefficient times a factor, which is one number or one per
-        coefficient.
+        """Return the distortion with each coefficient multiplied by a factor.
+
+        ``factor`` is one number, or one per coefficient.
         """
         return Distortion(self.model, tuple((np.asarray(self.coefficients) * factor).tolist()))
 
     def apply(self, normalised: Array) -> Array:
-        """(..., 2) normalised coordinates in the real image of those of a pinhole.
+        """Return normalised coordinates (..., 2) in the real image from those of a pinhole.
 
-        Beyond :attr:`reach` it goes on along straight lines from the centre, so that it never folds
-        back.
+        Beyond :attr:`reach`, the function continues along straight lines from the centre, so that
+        it never folds back.
         """
         x, y = np.moveaxis(np.asarray(normalised, dtype=np.float64), -1, 0)
         reach, *coefficients = self.parameters
@@ -89,10 +87,10 @@ class Distortion:
         return np.stack((X, Y), axis=-1)
 
     def remove(self, distorted: Array) -> tuple[Array, BoolArray]:
-        """(..., 2) normalised coordinates of a pinhole of those in the real image, and (...)
-        whether that is certain.
+        """Return normalised coordinates (..., 2) of a pinhole from those in the real image.
 
-        It is not beyond :attr:`reach`. What is NaN stays so.
+        The second array (...) is True where the result is certain, which excludes points beyond
+        :attr:`reach`. NaN is preserved.
         """
         image = np.asarray(distorted, dtype=np.float64)
         flat = np.ascontiguousarray(image).reshape(-1, 2)
@@ -106,17 +104,18 @@ class Distortion:
 
 
 def _filled(distortion: Distortion) -> tuple[float, ...]:
-    """All coefficients of the model, 0 where they are not given."""
+    """Return all coefficients of the model, 0 for missing ones."""
     missing = max(MODELS[distortion.model].counts) - len(distortion.coefficients)
     return (*distortion.coefficients, *(0.0,) * missing)
 
 
 @lru_cache(maxsize=64)
 def _reach(distortion: Distortion) -> float:
-    """How far the derivative's symmetric part is positive in all directions, neither small nor
-    large.
+    """Return the radius up to which the distortion is invertible.
 
-    On a disc, which is convex, a function with a positive one takes every value once.
+    Up to it, the eigenvalues of the symmetric part of the derivative are positive at all angles,
+    and neither too small nor too large. A function with a positive definite symmetric part is
+    injective on a disc, since a disc is convex.
     """
     radii = np.concatenate((np.linspace(0.0, 3.0, 1001), np.geomspace(3.0, MAX_RADIUS, 200)[1:]))
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)

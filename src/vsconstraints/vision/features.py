@@ -1,8 +1,7 @@
-"""Visual features: the camera's pose (PBVS) and the markers in the image (IBVS), and the goals
-where they should be.
+"""Visual features: camera pose (PBVS) and markers in the image (IBVS), with their goals.
 
-Features are evaluated in :mod:`vsconstraints.compiled.visual_task`, which makes a task of them; own
-ones evaluate themselves.
+Features are evaluated in :mod:`vsconstraints.compiled.visual_task`, which builds the task. Custom
+features evaluate themselves.
 """
 
 from __future__ import annotations
@@ -27,11 +26,10 @@ InteractionMatrix = Literal["current", "desired", "mean"]
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """A reference trajectory s_ref(t) of eq. (5): from where the feature is straight to the goal,
-    at rest at both ends.
+    """Reference trajectory s_ref(t) of eq. (5) from the feature to the goal, at rest at both ends.
 
-    s_ref, less the feature's value at the goal, is start · (1 − 10τ³ + 15τ⁴ − 6τ⁵), τ the share of
-    ``duration`` [s].
+    s_ref minus the feature's value at the goal is start · (1 − 10τ³ + 15τ⁴ − 6τ⁵), with τ the share
+    of ``duration`` [s] that has elapsed.
     """
 
     duration: float
@@ -43,8 +41,9 @@ class MinimumJerk:
             )
 
     def at(self, elapsed: float, start: Array) -> tuple[Array, Array, Array]:
-        """s_ref less the feature's value at the goal, ṡ_ref and s̈_ref (k,), ``elapsed`` [s] after
-        it was ``start``.
+        """Return s_ref minus the feature's value at the goal, ṡ_ref and s̈_ref, (k,) each.
+
+        ``elapsed`` [s] is the time since the first of them was ``start``.
         """
         left, rate, acceleration = minimum_jerk(elapsed, self.duration)
         return left * start, rate * start, acceleration * start
@@ -52,24 +51,25 @@ class MinimumJerk:
 
 @dataclass(frozen=True)
 class Goal:
-    """What the camera should see, from a given time on."""
+    """Desired image of the markers from a given time on."""
 
     from_time: float  #: Time from which this goal holds [s].
-    pixels: Array  #: (m, 2) where the markers should be, from the image's centre [px].
-    normalised: Array  #: The same in normalised coordinates.
+    pixels: Array  #: (m, 2) desired pixels of the markers from the image centre [px].
+    normalised: Array  #: (m, 2) desired normalised coordinates.
     #: Desired pose of the camera in the target's frame; None if only the image is given.
     camera: Pose | None = None
-    depth: Array | None = None  #: (m,) Z of the markers there [m]; None if not known.
-    #: How s_ref moves to the goal; None if it is the goal from the start.
+    depth: Array | None = None  #: (m,) Z of the markers at the goal [m]; None if unknown.
+    #: Trajectory of s_ref to the goal; if None, s_ref is the goal from the start.
     reference: MinimumJerk | None = None
-    #: (n,) joint coordinates at which the camera is there at t = 0, if it was given by them.
+    #: (n,) configuration with the camera at the goal at t = 0, if the goal was given by it.
     q: Array | None = None
-    tolerance_factor: float = 1.0  #: By how much its tolerances are wider than those of the setup.
+    tolerance_factor: float = 1.0  #: Factor on the tolerances of the setup.
 
     @cached_property
     def interaction(self) -> Array:
-        """(2m, 6) the markers' interaction matrix at the goal; raises ConfigurationError if the
-        depth is not known.
+        """Interaction matrix (2m, 6) of the markers at the goal.
+
+        Raises ConfigurationError if the depth is unknown.
         """
         if self.depth is None:
             raise ConfigurationError(
@@ -81,10 +81,11 @@ class Goal:
 
 
 class FeatureMotion(NamedTuple):
-    """A feature vector s (k,) less its value at the goal, J_s (k, n), ṡ, s̈ when q̈ = 0, and ∂s/∂t
-    of eq. (2) (k,) each.
+    """Error, Jacobian J_s (k, n), velocity, drift and partial derivative of a feature s (k,).
 
-    The drift s̈ is J̇_s q̇ + ∂ṡ/∂t exactly; ∂s/∂t is zero unless the target is known to move.
+    The error is s less its value at the goal, the velocity is ṡ, the drift is s̈ when q̈ = 0, and
+    the partial derivative is ∂s/∂t of eq. (2), (k,) each. The drift s̈ is exactly J̇_s q̇ + ∂ṡ/∂t.
+    ∂s/∂t is zero unless the target is known to move.
     """
 
     error: Array
@@ -95,49 +96,49 @@ class FeatureMotion(NamedTuple):
 
 
 class Feature(ABC):
-    """A visual feature vector s; an own one gives :meth:`size` and :meth:`evaluate`."""
+    """A visual feature vector s; a custom one defines :meth:`size` and :meth:`evaluate`."""
 
     name: ClassVar[str]
 
     @abstractmethod
     def size(self, markers: int) -> int:
-        """How many numbers k it has, with so many markers."""
+        """Return the number k of components for a number of markers."""
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """S_ref (k,), less the feature's value at a new goal instead of at an old one.
+        """Return s_ref (k,) relative to a new goal, from its value relative to an old goal.
 
-        ``near`` (k,) is the error to the new goal: features that are not unique (angles) are those
-        closest to it.
+        ``near`` (k,) is the error with respect to the new goal. Features that are not unique
+        (angles) are chosen closest to it.
         """
         raise ConfigurationError(
             f"the feature {self.name} does not say where a reference is seen from another goal"
         )
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        """An own feature now.
+        """Evaluate a custom feature.
 
-        ``previous`` (k,) is the error at the previous sample of the same goal, None at its first:
-        features that are not unique (angles) stay continuous with it.
+        ``previous`` (k,) is the error at the previous sample of the same goal, None at its first.
+        Features that are not unique (angles) stay continuous with it.
         """
         raise NotImplementedError(f"the feature {self.name} is evaluated by compiled code")
 
 
 class CameraPose(Feature):
-    """Position-based servoing: s = (c*t_C, θu of c*R_C) of eq. (44), in metres and radians; its
-    reference is zero.
+    """Position-based servoing: s = (c*t_C, θu of c*R_C) of eq. (44), in metres and radians.
 
-    Both poses are relative to the target. J_s = blkdiag(c*R_C, L_θu) J with J the Jacobian of the
-    camera's twist relative to the target, in the camera frame.
+    The reference, the value at the goal, is zero. Both poses are relative to the target. J_s =
+    blkdiag(c*R_C, L_θu) J with J the Jacobian of the camera's twist relative to the target, in the
+    camera frame.
     """
 
     name = "camera-pose"
 
     def size(self, markers: int) -> int:
-        """Three coordinates and three angles."""
+        """Return 6: three coordinates and three angles."""
         return 6
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """See :meth:`Feature.carried`."""
+        """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         assert old.camera is not None
         assert new.camera is not None
         there = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
@@ -146,22 +147,22 @@ class CameraPose(Feature):
 
 
 class ImagePoints(Feature):
-    """Image-based servoing: s = the normalised coordinates (x₁, y₁, x₂, …) of the markers, 2m
-    numbers.
+    """Image-based servoing: s = the 2m normalised coordinates (x₁, y₁, x₂, …) of the markers.
 
     Parameters
     ----------
     interaction_matrix
-        Which one makes J_s: that of the ``current`` image, as in eq. (24), that of the ``desired``
-        one, or the ``mean`` of both. The ṡ that damps the motion is J_s q̇ with the same one, and
-        the drift its product with the camera's, as if it were constant: then the camera's twist V
-        follows V̇ = −K_v V − K_p L† e, and moves along what the velocity law −K_p/K_v L† e of that
-        matrix asks for. With the true ṡ, or with L̇ in the drift, it would not.
+        Interaction matrix in J_s: that of the ``current`` image, as in eq. (24), that of the
+        ``desired`` one, or the ``mean`` of both. The same matrix defines the damping velocity
+        ṡ = J_s q̇ and the drift, the product of the matrix with the camera's drift, as if the
+        matrix were constant. The camera's twist V then follows V̇ = −K_v V − K_p L† e. It moves
+        along the twist −K_p/K_v L† e of the velocity law with that matrix. This would not hold
+        with the true ṡ, or with L̇ in the drift.
 
     Raises
     ------
     ConfigurationError
-        if there is no interaction matrix of that name.
+        if the name of the interaction matrix is unknown.
     """
 
     name = "image-points"
@@ -174,15 +175,15 @@ class ImagePoints(Feature):
         self.interaction_matrix = interaction_matrix
 
     def size(self, markers: int) -> int:
-        """Two coordinates of each marker."""
+        """Return 2m: two coordinates of each marker."""
         return 2 * markers
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """See :meth:`Feature.carried`."""
+        """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         return reference + (old.normalised - new.normalised).ravel()
 
 
-#: Features by the name scenario files use.
+#: Features by their names in scenario files.
 FEATURES: dict[str, type[Feature]] = {
     feature.name: feature for feature in (CameraPose, ImagePoints)
 }

@@ -1,8 +1,8 @@
-"""Results of hand–eye calibrations as tools write them: where a camera is on an arm, or beside one.
+"""Results of hand–eye calibration tools: pose of a camera on an arm or beside it.
 
-Read are files of easy_handeye and easy_handeye2, launch files of MoveIt Calibration, poses and
-matrices of ViSP, and what OpenCV's users write: rotations as quaternions, rotation vectors (θu) or
-matrices, translations in metres.
+The formats are files of easy_handeye and easy_handeye2, launch files of MoveIt Calibration, poses
+and matrices of ViSP, and common forms of OpenCV results. Rotations are quaternions, rotation
+vectors (θu) or matrices; translations are in metres.
 """
 
 from __future__ import annotations
@@ -20,16 +20,15 @@ from ..robots.geometry import Pose
 from ..rows import Array
 from .calibration_files import Calibrated, number_of, numbers_of, read_text, said, table_of
 
-#: Values that say that the arm carries the camera.
+#: Values for a camera that the arm carries.
 CARRIED = ("eye_in_hand", "eye_on_hand", "true")
-#: Values that say that the camera stands beside the arm.
+#: Values for a camera that stands beside the arm.
 BESIDE = ("eye_on_base", "eye_to_hand", "false")
-#: Keys by which tables say which of the two it is: easy_handeye2, easy_handeye.
+#: Keys that state which of the two holds: easy_handeye2, easy_handeye.
 SAYS_WHERE = ("calibration_type", "eye_on_hand")
-#: Keys of the table that is the pose, where it does not stand at the top.
+#: Keys of the table that holds the pose, if it is nested.
 INNER = ("transformation", "transform", "effector_camera", "pose")
-#: Keys of a translation, of a rotation vector and of a rotation matrix that stand beside each
-#: other.
+#: Keys of a translation; below, keys of a rotation vector or matrix in the same table.
 TRANSLATIONS = ("t_cam2gripper", "t_cam2base", "tvec", "translation_vector", "translation")
 ROTATIONS = (
     "R_cam2gripper",
@@ -42,23 +41,23 @@ ROTATIONS = (
 
 
 class HandEye(NamedTuple):
-    """The pose that a file has."""
+    """Pose from a calibration file."""
 
     pose: Pose
-    #: True if it says that the arm carries the camera, False if not, None if it does not say.
+    #: True if the file states that the arm carries the camera, False if not, None if unknown.
     carried: bool | None
 
 
 def read_hand_eye(path: str | Path) -> HandEye:
-    """Read where a camera is from the file of a hand–eye calibration.
+    """Read the pose of a camera from a hand–eye calibration file.
 
-    Tools write the pose of the camera, in the frame of the arm's tip (eye in hand) or of its base.
+    Tools write the pose of the camera in the frame of the arm's tip (eye in hand) or of its base.
 
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, or holds no pose in a form that is known, which the message
-        lists.
+        if the file cannot be read, or holds no pose in a known form; the message lists the
+        known forms.
     """
     where = os.fspath(path)
     text = read_text(path, "hand–eye calibration")
@@ -72,8 +71,9 @@ def read_hand_eye(path: str | Path) -> HandEye:
 
 
 def _published(text: str) -> HandEye | None:
-    """The pose of a launch file that publishes it, as MoveIt Calibration writes them; None if it is
-    no such file.
+    """Return the pose from a launch file of MoveIt Calibration; None for other files.
+
+    The launch file publishes the pose by a ``static_transform_publisher``.
     """
     if "static_transform_publisher" not in text:
         return None
@@ -95,7 +95,7 @@ def _published(text: str) -> HandEye | None:
 
 
 def _of_arguments(words: Sequence[str]) -> Pose:
-    """The pose of ROS 1's publisher: x y z qx qy qz qw, and two frames."""
+    """Return the pose in the arguments of ROS 1's publisher: x y z qx qy qz qw, and two frames."""
     numbers = [number_of(word) for word in words[:-2]]
     if len(numbers) != 7:
         raise InvalidInput(
@@ -115,7 +115,7 @@ def _three(options: Mapping[str, float], names: tuple[str, str, str]) -> list[fl
 
 def _of_table(text: str, where: str) -> HandEye:
     table = table_of(text, where, "hand–eye calibration")
-    if isinstance(table, str):  # ViSP's text of a matrix
+    if isinstance(table, str):  # a matrix as ViSP writes it
         numbers = [number_of(word) for word in table.split()]
         if len(numbers) == 16:
             return HandEye(Pose.from_matrix(np.array(numbers).reshape(4, 4)), None)
@@ -133,8 +133,9 @@ def _of_table(text: str, where: str) -> HandEye:
 
 
 def _carried(table: Calibrated, where: str) -> bool | None:
-    """Tell whether a table says that the arm carries the camera; easy_handeye says it among its
-    parameters.
+    """Return True if a table states that the arm carries the camera, None if it does not state it.
+
+    easy_handeye stores the information among its parameters.
     """
     parameters = table.get("parameters")
     for part in (table, parameters):
@@ -149,7 +150,7 @@ def _carried(table: Calibrated, where: str) -> bool | None:
 
 
 def _pose_of(table: Calibrated, where: str) -> Pose | None:
-    """The pose that a table is, or has inside; None if it is in no form that is known."""
+    """Return the pose of a table or of one nested in it; None if its form is unknown."""
     for key in INNER:
         if isinstance(table.get(key), Mapping):
             return _pose_of(table[key], where)
@@ -186,7 +187,7 @@ def _named(table: Calibrated, names: str) -> list[float]:
 
 
 def _of_numbers(numbers: Array) -> Pose:
-    """The pose of 16 numbers, which are a matrix, or 6: a translation and a rotation vector θu."""
+    """Return the pose of 16 numbers (a matrix) or 6 (a translation and a rotation vector θu)."""
     if len(numbers) == 16:
         return Pose.from_matrix(numbers.reshape(4, 4))
     if len(numbers) != 6:

@@ -1,6 +1,4 @@
-"""What a camera has measured: pixels of markers, their depths, its own pose; and what of that
-cannot be right.
-"""
+"""Camera measurements: pixels of markers, depths and camera pose, with plausibility checks."""
 
 from __future__ import annotations
 
@@ -19,24 +17,23 @@ from .camera import Camera
 
 @dataclass(frozen=True)
 class Plausible:
-    """How far what is measured may be from what the model predicts; infinity where that is not to
-    be looked at.
+    """Largest plausible innovations; infinity switches a check off.
 
     Measured on the families' noise, calibration errors and delays by ``python -m
-    checks.plausible``, which prints how often these are exceeded though nothing is wrong.
+    checks.plausible``, which prints how often correct measurements exceed these bounds.
     """
 
-    #: Distance of a marker from where the model has it, by the image's shorter side.
+    #: Distance of a marker from its prediction, relative to the shorter side of the image.
     image_share: float = 0.1
-    #: Difference of the markers' pattern from the predicted one, by its size.
+    #: Difference of the markers' pattern from the predicted one, relative to its size.
     shape_share: float = 0.5
-    #: Distance of a measured pose of the camera from that of the kinematics [m].
+    #: Distance of a measured camera pose from that of the kinematics [m].
     pose_m: float = 0.2
-    pose_rad: float = 0.4  #: Likewise [rad].
+    pose_rad: float = 0.4  #: Rotation of the same pose [rad].
     image_s: float = 0.2  #: Age of an image [s]: six periods of a camera of 30 Hz.
     #: Difference of joint speeds from the change of positions [rad/s or m/s].
     speed_rad_s: float = 1.0
-    #: Difference of a marker's depth from the model's, by the smaller: 1 is twice or half.
+    #: Difference of a marker's depth from the model's, relative to the smaller; 1 is a factor of 2.
     depth_share: float = 1.0
 
     def __post_init__(self) -> None:
@@ -47,7 +44,7 @@ class Plausible:
                 )
 
     def bounds(self, camera: Camera) -> Array:
-        """(7,) greatest :data:`INNOVATIONS`."""
+        """Return the upper bounds (7,) on the :data:`INNOVATIONS`."""
         image = self.image_share * min(camera.size)
         pose = self.pose_m, self.pose_rad
         return np.array(
@@ -55,10 +52,10 @@ class Plausible:
         )
 
 
-#: An image may be newer than the state of the joints by so much [s]: it has come since, and counts
-#: as taken with it.
+#: Largest time [s] by which an image may be newer than the joint state; it then counts as taken
+#: together with it.
 AHEAD = 0.02
-#: How far a measurement can be from the model, as a control step keeps it.
+#: Differences between measurement and model, in the order of a control step's record.
 INNOVATIONS = (
     "image [px]",
     "shape",
@@ -80,24 +77,26 @@ DEPTH_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What takes the place of the model's prediction in one step."""
+    """Measurement that replaces the model's prediction in one step."""
 
-    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN, or masked in an
-    #: array of ``numpy.ma``, for one that was not seen, which is taken to be as far from where the
-    #: model has it as when it was last seen.
+    #: (M, 2) sensor pixels of the markers from the image centre [px]. A marker that was not seen is
+    #: NaN, or masked in an array of ``numpy.ma``; it keeps its offset from the model when last
+    #: seen.
     pixels: Array | None = None
-    #: (M,) Z of the markers then [m]. The model's is taken where it is not given, or is NaN, 0 or
-    #: infinite, as depth cameras say that they do not know it.
+    #: (M,) depth Z of the markers in that image [m]. The model's depth is used if it is not given,
+    #: or is NaN, 0 or infinite, which depth cameras return for an unknown depth.
     depth: Array | None = None
-    #: When the image was taken [s], by the clock of the step's time; now if None. What was seen
-    #: before has moved on by as much as the model has since.
+    #: Time of the image [s] on the clock of the step's time; now if None. The measurement is
+    #: extrapolated by the model's motion since then.
     taken: float | None = None
-    #: The camera's pose in the target's frame then, for position-based tasks; the model's if None.
+    #: Pose of the camera in the target's frame in that image, for position-based tasks; the model's
+    #: pose if None.
     camera: Pose | None = None
 
     def checked(self, M: int, t: float) -> Self:
-        """The same in plain arrays, with depths and time, for M markers at t [s]; raises
-        InvalidInput.
+        """Return the measurement as plain arrays with depths and time, for M markers at t [s].
+
+        Raises InvalidInput if a value is not valid.
         """
         pixels = (
             np.full((M, 2), np.nan)
@@ -124,24 +123,26 @@ class Measurement:
         return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
 
     def undistorted(self, camera: Camera) -> Self:
-        """The same with ideal pixels; raises InvalidInput for one where the lens cannot be
-        inverted.
+        """Return the measurement with ideal pixels.
+
+        Raises InvalidInput if a pixel lies where the distortion cannot be inverted.
         """
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
 
 
 class Beside(NamedTuple):
-    """How far each part of a measurement is beside the model."""
+    """Differences of the parts of a measurement from the model."""
 
-    correction: Array  #: (M, 2) of markers in normalised coordinates.
-    slip: Array  #: (n,) of joints: see :func:`vsconstraints.formulas.innovation.slip`.
-    depth: Array  #: (M,) measured Z [m], NaN where there is none.
-    depth_ratio: Array  #: (M,) Z divided by that of the model, NaN where none is measured.
+    correction: Array  #: (M, 2) correction of the markers in normalised coordinates.
+    slip: Array  #: (n,) slip of the joints: see :func:`vsconstraints.formulas.innovation.slip`.
+    depth: Array  #: (M,) measured Z [m], NaN where none is measured.
+    depth_ratio: Array  #: (M,) measured Z divided by the model's, NaN where none is measured.
 
 
 def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, beside: Beside) -> str:
-    """What of a measurement cannot be right, and what it may be; by ``formulas.innovation``;
-    ``seen`` (M, 2) [px].
+    """Return sentences on the implausible parts of a measurement, with possible causes.
+
+    ``innovation`` is from ``formulas.innovation``; ``seen`` (M, 2) are the pixels [px].
     """
     image, shape, position, orientation, age, speed = innovation[:6]
     beyond = innovation[: len(INNOVATIONS)] > bounds
@@ -181,12 +182,12 @@ def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, bes
 
 
 def _wrong_depth(beside: Beside, allowed: float) -> str:
-    """What is wrong with the depth that is farthest from the model's, and which unit it fits."""
+    """Describe the depth that deviates most from the model, and name the unit that explains it."""
     off = np.abs(np.log(np.where(np.isnan(beside.depth_ratio), 1.0, beside.depth_ratio)))
     i = int(np.argmax(off))
     ratio = float(beside.depth_ratio[i])
     predicted = beside.depth[i] / ratio
-    # half of all markers may look past their target: the unit is that of most
+    # up to half of the markers may be measured on other surfaces: the median shows the unit
     usual = float(np.nanmedian(beside.depth_ratio))
     fitting = [unit for unit, factor in DEPTH_UNITS.items() if factor / 2.0 < usual < factor * 2.0]
     unit = min(fitting, key=lambda name: abs(math.log(usual / DEPTH_UNITS[name])), default="")
@@ -203,7 +204,7 @@ def _wrong_depth(beside: Beside, allowed: float) -> str:
 
 
 def _explained(seen: Array, model: Array, camera: Camera) -> str:
-    """What would make pixels (M, 2) be seen there of the markers that the model has elsewhere."""
+    """Return a possible cause for seeing pixels (M, 2) of markers that the model has elsewhere."""
     shape_seen = seen - seen.mean(axis=0)
     shape = model - model.mean(axis=0)
     order = np.linalg.norm(shape_seen[:, None] - shape, axis=2).argmin(axis=1)
@@ -223,14 +224,14 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
 
 
 def with_nan(value: object) -> Array:
-    """``value`` as a new array of floats, NaN where a masked array of NumPy is masked."""
+    """Return ``value`` as a new array of floats, NaN where a masked array is masked."""
     if isinstance(value, np.ma.MaskedArray):
         value = np.ma.filled(value.astype(np.float64), np.nan)
     return np.array(value, dtype=np.float64, order="C")
 
 
 def _depths(value: object, M: int) -> Array:
-    """(M,) depths, NaN where none is measured; raises InvalidInput."""
+    """Return depths (M,), NaN where none is measured; raise InvalidInput for invalid values."""
     try:
         given = with_nan(value)
     except (TypeError, ValueError):
@@ -241,8 +242,9 @@ def _depths(value: object, M: int) -> Array:
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
-    """``value`` as an array of floats of that shape, NaN among them; raises InvalidInput that names
-    ``what``.
+    """Return ``value`` as an array of floats of the given shape; NaN is allowed.
+
+    Raises InvalidInput, which names ``what``, for another shape or infinite numbers.
     """
     try:
         array = with_nan(value)
@@ -258,12 +260,11 @@ def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
 
 
 def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
-    """Pose of the camera in the target's frame that explains an image best: Gauss–Newton from a
-    pose near by.
+    """Return the camera pose in the target's frame that explains an image best.
 
-    Markers are (m, 3) in the target's frame [m], seen at normalised coordinates (m, 2). Where they
-    do not determine the pose, it is as near by. Raises LinAlgError if numbers leave the range of
-    floating point.
+    Gauss–Newton iteration starts at a nearby pose. Markers are (m, 3) in the target's frame [m],
+    seen at normalised coordinates (m, 2). If they do not determine the pose, the result stays near
+    the initial one. Raises LinAlgError if the numbers overflow.
     """
     R = np.array(near.R, order="C")
     t = np.array(near.t)

@@ -1,5 +1,6 @@
-"""How targets and obstacles move (section 5.4): known functions of time with their first two
-derivatives.
+"""Motion of targets and obstacles (section 5.4).
+
+Motions are known functions of time with their first two derivatives.
 """
 
 from __future__ import annotations
@@ -18,8 +19,7 @@ TURN = 2.0 * np.pi
 
 
 class Motion:
-    """A displacement d(t) = v t + A (sin(2πft + ψ) − sin ψ), zero at t = 0, in the image or in
-    space.
+    """Displacement d(t) = v t + A (sin(2πft + ψ) − sin ψ) in the image or in space, zero at t = 0.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ class Motion:
     phase
         ψ [rad].
     known
-        Whether controllers are told: φ and L_fφ then contain ∂φ/∂t, and tasks ∂s/∂t. Otherwise they
-        see where the thing is, but take it for static.
+        True if controllers know the motion: φ and L_fφ then contain ∂φ/∂t, and tasks ∂s/∂t.
+        Otherwise they see the current position, but assume that the object is static.
     """
 
     def __init__(
@@ -65,11 +65,11 @@ class Motion:
         self.known = bool(known)
 
     def displacement(self, t: Array | float) -> Array:
-        """(..., k) d at times (...)."""
+        """Return d (..., k) at times (...)."""
         return self._at(np.asarray(t, dtype=np.float64)[..., None])[0]
 
     def rates(self, t: float) -> tuple[Array, Array]:
-        """Velocity and acceleration (k,) at time t [s]."""
+        """Return velocity and acceleration (k,) at time t [s]."""
         return self._at(t)[1:]
 
     def _at(self, t: Array | float) -> tuple[Array, Array, Array]:
@@ -78,13 +78,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class TargetMotion:
-    """A rigid motion x ↦ R(t)(x − c) + c + d(t) of the target, R a turn with constant angular
-    velocity.
+    """Rigid motion x ↦ R(t)(x − c) + c + d(t) of the target at constant angular velocity.
 
     The target's frame O coincides with the base frame at t = 0 and moves with the target.
     """
 
-    #: d(t), in metres in the base frame; says whether the whole motion is known.
+    #: d(t) [m] in the base frame; its ``known`` holds for the whole motion.
     translation: Motion
     angular_velocity: Array  #: (3,) ω in the base frame [rad/s].
     centre: Array  #: (3,) c in the base frame at t = 0 [m].
@@ -99,11 +98,11 @@ class TargetMotion:
 
     @property
     def known(self) -> bool:
-        """Whether controllers are told."""
+        """True if controllers know the motion."""
         return self.translation.known
 
     def pose(self, t: float) -> Pose:
-        """Pose of the target's frame in the base frame."""
+        """Return the pose of the target's frame in the base frame at time t [s]."""
         R, position = target_pose(
             t, self.angular_velocity, self.centre, self.translation.displacement(t)
         )

@@ -1,9 +1,8 @@
-"""What a camera sees, and how that changes: evaluated once per control step, used by tasks and
-rows.
+"""Scene of robot, camera and markers, evaluated once per control step for tasks and rows.
 
-All of it follows from how the camera moves relative to the target. The target's frame is the base
-frame where the target stands still, moves with it where it moves, and is the robot's tip frame
-where the robot carries it in front of a fixed camera (eye-to-hand).
+All quantities follow from the motion of the camera relative to the target. The target's frame is
+the base frame for a static target, moves with a moving target, and is the robot's tip frame for a
+target that the robot carries in front of a fixed camera (eye-to-hand).
 """
 
 from __future__ import annotations
@@ -28,8 +27,9 @@ from .motion import TargetMotion
 
 
 def interaction_matrix(xy: Array, Z: Array) -> Array:
-    """(m, 2, 6) L_sx of eq. (24) for normalised image points ``xy`` (m, 2) at depths ``Z`` (m,)
-    [m].
+    """Return L_sx (m, 2, 6) of eq. (24) at normalised image points and depths.
+
+    Points ``xy`` are (m, 2), depths ``Z`` (m,) [m].
     """
     x = xy[:, 0]
     y = xy[:, 1]
@@ -39,7 +39,7 @@ def interaction_matrix(xy: Array, Z: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
-    """Where points are and how they move, in the image (d = 2) or in space (d = 3)."""
+    """Positions of points and their motion, in the image (d = 2) or in space (d = 3)."""
 
     position: Array  #: (m, d) coordinates.
     J: Array  #: (m, d, n) ∂position/∂q.
@@ -49,28 +49,28 @@ class PointMotion:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One instant of a scene, as it is or as a controller believes it to be."""
+    """One instant of a scene, true or as a controller believes it."""
 
     t: float
-    #: Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    #: Kinematics of the tip and of the robot points of the constraints, in the base frame.
     robot: Kinematics
     camera: Pose  #: Pose of the camera in the target's frame.
-    #: (6, n) ∂(v, ω)/∂q̇ of its twist relative to the target, expressed in the camera frame.
+    #: (6, n) ∂(v, ω)/∂q̇ of the twist relative to the target, in the camera frame.
     camera_J: Array
-    camera_twist: Array  #: (6,) that twist: J q̇, less the target's own motion.
+    camera_twist: Array  #: (6,) that twist: J q̇ minus the target's motion.
     camera_drift: Array  #: (6,) its derivative when q̈ = 0.
     depth: Array  #: (m,) Z of the markers in the camera frame [m].
     normalised: PointMotion  #: The markers in normalised coordinates.
-    pixels: PointMotion  #: The same in pixels from the image's centre.
-    believed: bool = False  #: Whether motions that a controller is not told of count as none.
+    pixels: PointMotion  #: The markers in pixels from the image centre.
+    believed: bool = False  #: True if motions that a controller does not know count as zero.
 
 
 class Scene:
-    """A robot and a camera, one of which carries it or the markers that it looks at.
+    """Robot, camera and markers; the robot carries either the camera or the markers.
 
     Markers (m, 3) are in the target's frame [m]: the base frame at t = 0 or, for a camera that is
     fixed in space, the robot's tip frame. ``points`` are robot points whose motion constraints
-    need; ``motion`` is that of the target, None if it stands still, or is carried by the robot.
+    need. ``motion`` is the target's motion, None if it is static or carried by the robot.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Scene:
         )
 
     def camera_pose(self, q: object, t: float = 0.0) -> Pose:
-        """Pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""
+        """Return the pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""
         return self._camera(self.robot.pose(self.robot.configuration(q)), t)
 
     def _camera(self, tip: Pose, t: float) -> Pose:
@@ -125,13 +125,13 @@ class Scene:
         return camera if self.motion is None else self.motion.pose(t).inverse @ camera
 
     def markers_at(self, q: object, t: float) -> Array:
-        """(m, 3) markers in the base frame at ``q`` (n,) and time ``t`` [s]."""
+        """Return the markers (m, 3) in the base frame at ``q`` (n,) and time ``t`` [s]."""
         if self.camera.fixed is not None:
             return self.robot.pose(self.robot.configuration(q)).act(self.markers)
         return self.markers if self.motion is None else self.motion.pose(t).act(self.markers)
 
     def project(self, camera: Pose) -> Array:
-        """(m, 2) pixels of the markers seen from a pose in the target's frame.
+        """Return the pixels (m, 2) of the markers seen from a pose in the target's frame.
 
         Raises
         ------
@@ -142,13 +142,14 @@ class Scene:
         return self.camera.pixels(P[:, :2] / P[:, 2:])
 
     def depth(self, camera: Pose) -> Array:
-        """(m,) Z of the markers [m] seen from a pose in the target's frame; raises as
-        :meth:`project` does.
+        """Return the depths Z (m,) of the markers [m] seen from a pose in the target's frame.
+
+        Raises as :meth:`project` does.
         """
         return self._in_camera(camera)[:, 2]
 
     def evaluate(self, t: float, q: Array, qd: Array) -> State:
-        """Everything that tasks and rows need, at time ``t`` [s], ``q`` and ``qd`` (n,).
+        """Evaluate all quantities that tasks and rows need at ``t`` [s], ``q`` and ``qd`` (n,).
 
         Raises
         ------
@@ -172,21 +173,24 @@ class Scene:
         return State(t, robot, camera, J, twist, drift, P[:, 2], normalised, pixels)
 
     def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
-        """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their
-        motion.
+        """Return the pixels (m, 2) of the markers and the robot points (k, 3) at ``q`` (n,).
+
+        Their motion is not computed.
         """
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
         return self.project(self._camera(robot.tip, t)), robot.points
 
     def kinematics(self, q: Array, qd: Array) -> Kinematics:
-        """Where the robot and the points are that constraints ask for, and how they move, at ``q``
-        and ``qd`` (n,).
+        """Return positions and motion of the robot and its points at ``q`` and ``qd`` (n,).
+
+        The points are those that constraints need.
         """
         return self._evaluate_robot(q, qd)
 
     def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
-        """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the
-        camera frame.
+        """Return the motion of the camera relative to the target, in the camera frame.
+
+        It consists of the Jacobian (6, n), the twist (6,) and the drift (6,).
         """
         tip = robot.tip
         fixed = self.camera.fixed
@@ -194,13 +198,13 @@ class Scene:
         V: Array
         R: Array
         r: Array
-        # the camera's axes in the base frame, and its origin from the tip's
+        # orientation of the camera in the base frame, and its position relative to the tip
         if fixed is None:
             V = self._mount_twist
             R = tip.R @ self._mount_inverse.R
             r = tip.R @ self._mount_inverse.t
         else:
-            # as if the tip carried it: its motion is that of the target, reversed
+            # as if the tip carried the camera: its motion is the reversed motion of the target
             V = -(fixed.inverse @ tip).twist_matrix
             R = fixed.R
             r = fixed.t - tip.t
@@ -208,7 +212,7 @@ class Scene:
         drift = robot.drift
         v = tip.R @ twist[:3]
         omega = tip.R @ twist[3:]
-        # the acceleration of the origin, of the derivative of a twist in moving axes
+        # acceleration of the origin from the derivative of a twist in moving axes
         linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
         velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
         turning: Array = np.zeros(3)

@@ -1,4 +1,4 @@
-"""The reference tracking of section 4.4: what the equality J_s q̈ = b of level 2 is made of."""
+"""Reference tracking of section 4.4: the terms of the equality J_s q̈ = b of level 2."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Derivative = Literal["exact", "differences"]
 
 @dataclass(frozen=True, slots=True)
 class TrackingGains:
-    """K_T,p and K_T,v of eq. (42), falling exponentially with the error.
+    """Gains K_T,p and K_T,v of eq. (42), which decay exponentially with the error.
 
-    K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope
-    −``Kp_slope`` at zero error and vanishes at infinity; K_v = ``damping`` √K_p.
+    K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂) has the value K_p(0) and the slope −``Kp_slope`` at
+    zero error and vanishes at infinity. K_v = ``damping`` √K_p.
     """
 
     Kp0: float  #: Gain at zero error [1/s²].
-    Kp_slope: float = 0.0  #: How fast it falls with the error's norm [1/s² per unit of the error].
+    Kp_slope: float = 0.0  #: Decrease per error norm at zero error [1/s² per unit of the error].
     damping: float = 3.0  #: K_v / √K_p: 2 is critically damped, 3 is the paper's.
 
     def __post_init__(self) -> None:
@@ -40,20 +40,19 @@ class TrackingGains:
                 )
 
     def at(self, error: Array) -> tuple[float, float]:
-        """K_p and K_v for this error (k,)."""
+        """Return K_p and K_v at an error (k,)."""
         return gains(float(error @ error), self.Kp0, self.Kp_slope, self.damping)
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What joints do where task and rows leave them free: q̈₀ = −d q̇ + (d/2)² (q_posture − q).
+    """Rest acceleration q̈₀ = −d q̇ + (d/2)² (q_posture − q), where task and rows leave freedom.
 
-    Without it, an arm with more joints than the task needs goes on moving once the camera is where
-    it should be.
+    Without it, a redundant arm keeps moving after the camera has reached its goal.
     """
 
     damping: float = 5.0  #: d [1/s]; 0 for q̈₀ = 0.
-    #: (n,) q_posture [rad or m], approached with critical damping; none if not given.
+    #: (n,) q_posture [rad or m], approached with critical damping; none if empty.
     posture: Sequence[float] = ()
 
     def __post_init__(self) -> None:
@@ -70,7 +69,7 @@ class Rest:
 
     @property
     def any(self) -> bool:
-        """Whether q̈₀ is anything else than zero."""
+        """True if q̈₀ can be nonzero."""
         return self.damping > 0.0
 
     @property
@@ -79,23 +78,23 @@ class Rest:
         return 0.25 * self.damping**2 if len(self.posture) else 0.0
 
 
-#: What joints do by default, of arms with more of them than the task needs, and of others.
+#: Default rest acceleration of arms with more joints than the task needs, and of other arms.
 DAMPED = Rest()
 FREE = Rest(damping=0.0)
 
 
 class VisualTask:
-    """Tracks a visual feature towards goals that change at given times, evaluated by compiled code.
+    """Task that tracks a visual feature towards goals at given times, evaluated by compiled code.
 
     b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the
-    goal itself, or moves towards it as the goal's reference says. ∂s/∂t, in ė and in the last term,
-    is that of a target whose motion is known (section 5.4).
+    goal itself, or follows the goal's reference trajectory. ∂s/∂t, in ė and in the last term, is
+    nonzero for a target whose motion is known (section 5.4).
 
     Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref
-    with s̈_ref come ``"exact"`` from the kinematics, or from ``"differences"`` between samples
-    (``drift``, ``velocity`` and ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start
-    afresh, those of the reference at zero, at the first sample and where the goal changes. ``rest``
-    is what joints do that the feature leaves free; None for that of :meth:`rest_of`.
+    with s̈_ref are computed from the kinematics (``"exact"``) or from ``"differences"`` between
+    samples (``drift``, ``velocity`` and ``reference``: lines 5, 2, 3 and 4 of Appendix B).
+    Differences restart at the first sample and when the goal changes; those of the reference
+    restart at zero. ``rest`` is the rest acceleration; None selects that of :meth:`rest_of`.
     """
 
     def __init__(
@@ -137,15 +136,15 @@ class VisualTask:
         return f"<VisualTask {self.feature.name}: {counted(len(self.goals), 'goal')}, {gains}>"
 
     def goal_at(self, t: float) -> int:
-        """Index of the goal that holds at time t [s]; a goal's time is met up to rounding."""
+        """Return the index of the goal that holds at time t [s], up to rounding."""
         return goal_at(self._times, t)
 
     def rest_of(self, n: int, k: int) -> Rest:
-        """What n joints do that k features leave free: unless it is given, damping where there are
-        more than needed.
+        """Return the rest acceleration of n joints with k features.
 
-        No feature of a rigid target needs more than six. Raises ConfigurationError if there is a
-        posture of another number of joints.
+        Unless ``rest`` is given, it is damping if there are more joints than the task needs, and
+        zero otherwise. A feature of a rigid target needs at most six joints. Raises
+        ConfigurationError if the posture has another number of joints.
         """
         if self.rest is None:
             return DAMPED if n > min(k, 6) else FREE

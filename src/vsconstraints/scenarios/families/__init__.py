@@ -1,5 +1,6 @@
-"""Families of scenes: robot, camera and task drawn from stated distributions by a seed, physically
-possible.
+"""Scenario families: robot, camera and task drawn from distributions by a seed.
+
+Every drawn scene is physically possible.
 """
 
 from .attempts import Reason

@@ -1,5 +1,7 @@
-"""What an attempt at a scene must pass: ends that are reachable, allowed and seen, and something to
-compare.
+"""Checks that a drawn scene must pass.
+
+Start and goals must be reachable, allowed and visible, and the unconstrained baseline must violate
+a row.
 """
 
 from __future__ import annotations
@@ -25,19 +27,20 @@ from ..reading import Table, from_table
 from .drawing import Placed
 from .placements import PLACEMENTS, Ends, Place, inverse_kinematics, tip_of
 
-#: Least σ, or φ of speeds, relative to its range, from which on tracking alone violates a row: ten
-#: times what scores neglect, so that what is challenged here is challenged there.
+#: Least violation, relative to the row's range, at which a row counts as challenged: σ, or φ for
+#: speeds. It is ten times what scores neglect, so that scores count the row as challenged, too.
 CLEAR = 1e-3
 
 
 class Reason(StrEnum):
-    """Why an attempt is rejected: the checks' names, in the order in which they are made, the cheap
-    ones first.
+    """Reason for rejecting an attempt.
+
+    The checks are made in the order of the members, cheap ones first.
     """
 
     START_OUT_OF_REACH = "start out of reach"
-    """No joint coordinates within the ranges put the camera where it shall start."""
-    #: the same of a goal; where the target moves, of where the goal is at last
+    """No configuration within the joint ranges reaches the start pose of the camera."""
+    #: as for the start; where the target moves, the goal is taken at the end of the run
     GOAL_OUT_OF_REACH = "goal out of reach"
     START_OUT_OF_RANGE = "start out of joint range"
     GOAL_OUT_OF_RANGE = "goal out of joint range"
@@ -45,23 +48,23 @@ class Reason(StrEnum):
     GOAL_BEHIND = "marker behind the camera at the goal"
     START_UNSEEN = "marker outside the image at the start"
     GOAL_UNSEEN = "marker outside the image at the goal"
-    BUILD_REFUSED = "build refused"  #: the scenario of one of the conditions cannot be built
+    BUILD_REFUSED = "build refused"  #: the scenario of a condition cannot be built
     START_FORBIDDEN = "start forbidden"
     """A row is violated at the start: an obstacle, a collision, a range, the field of view."""
     GOAL_FORBIDDEN = "goal forbidden"
     START_HIDDEN = "marker hidden by the robot at the start"
     GOAL_HIDDEN = "marker hidden by the robot at the goal"
-    START_REFUSED = "start refused"  #: anything else for which a run cannot start
-    #: tracking alone violates no row: there is nothing to compare
+    START_REFUSED = "start refused"  #: the run cannot start for another reason
+    #: the unconstrained baseline violates no row, so that laws cannot be compared
     NOT_CHALLENGED = "nothing challenged"
-    #: in a test set: it would test the tracker
+    #: in test sets only: such a scene would test the tracker
     BASELINE_LOST = "unconstrained baseline does not converge"
-    #: in a condition by images no law has anything to begin with
+    #: with an image sensor: no law has a measurement to begin with
     START_UNDETECTED = "no tag in the first image"
 
 
 class Rejected(Exception):
-    """An attempt is given up for a reason, with details for a reader."""
+    """Rejection of an attempt, with its reason and details for a reader."""
 
     def __init__(self, reason: Reason, detail: str = "") -> None:
         super().__init__(f"{reason}: {detail}" if detail else str(reason))
@@ -69,11 +72,11 @@ class Rejected(Exception):
 
 
 def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
-    """Tables, drawn but for placements, with values for these, and where the robot is at the
-    scene's ends.
+    """Return the tables with the values of their placements, and the configurations at the ends.
 
-    Raises Rejected if an end is out of reach or range, or a marker is not in the image there;
-    ConfigurationError if the tables cannot be read.
+    Everything except placements has been drawn already. Raises Rejected if an end is out of reach
+    or range, or if a marker is outside the image there. Raises ConfigurationError if the tables
+    cannot be read.
     """
     scene = build_scene(tables, where, folder)
     start = _configuration(
@@ -96,8 +99,9 @@ def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
 
 
 def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
-    """A goal with its placement's value, and the joint coordinates there; None if it says its image
-    only.
+    """Return a goal with the value of its placement, and the configuration there.
+
+    The configuration is None if the goal is given by its image only.
     """
     if isinstance(goal, Mapping) and "camera_at_q" in goal:
         q = _configuration(
@@ -111,7 +115,7 @@ def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
 
 
 def _reached(ends: Ends, tip: Pose, near: Array | None) -> Array:
-    assert near is not None  # only goals may say their image only
+    assert near is not None  # only goals can be given by an image alone
     q = inverse_kinematics(ends.scene.robot, tip, near)
     if q is None:
         raise Rejected(Reason.GOAL_OUT_OF_REACH)
@@ -135,7 +139,7 @@ def _value(placed: Placed, ends: Ends, beside: Table, where: str) -> list[float]
 
 
 def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
-    """Everything in it with the values of the placements that are left."""
+    """Return a tree of tables with values in place of the remaining placements."""
     if isinstance(tree, Placed):
         value = _value(tree, ends, beside, where)
         if value is None:
@@ -167,8 +171,9 @@ def _check_views(ends: Ends) -> None:
 
 
 def check_ends(setup: Setup, ends: Ends) -> None:
-    """Raise Rejected if a row is violated at the start or the last goal, or the robot hides a
-    marker there.
+    """Raise Rejected if a row is violated at the start or the last goal.
+
+    The robot must not hide a marker there either.
     """
     duration = (setup.samples - 1) * setup.Ts
     goal = setup.task.goals[-1].camera
@@ -210,7 +215,7 @@ def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
 
 
 def check_first_image(setup: Setup) -> None:
-    """Raise Rejected if the control sees images, and none of its tags in the first one."""
+    """Raise Rejected if the sensor detects no tag in the first image; other sensors pass."""
     sensor = setup.sensor() if setup.images is not None else None
     if isinstance(sensor, ImageSensor):
         try:
@@ -220,8 +225,9 @@ def check_first_image(setup: Setup) -> None:
 
 
 def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
-    """Labels of the rows that tracking alone violates; raises Rejected if there is none, or it
-    cannot start.
+    """Return the labels of the rows that the unconstrained baseline violates.
+
+    Raises Rejected if it violates none or cannot start.
     """
     scores = _track(setup)
     violated = scores.sigma_max > CLEAR * setup.constraints.scale
@@ -232,16 +238,16 @@ def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
 
 
 def check_baseline(setup: Setup) -> None:
-    """Raise Rejected unless tracking alone converges in the time that every law is given."""
+    """Raise Rejected unless the unconstrained baseline converges within every law's time limit."""
     if _track(until_settled(setup)).status != "converged":
         raise Rejected(Reason.BASELINE_LOST)
 
 
 def share_to_hold(setup: Setup) -> float:
-    """The greatest share of all that the actuators can do that it takes to satisfy a row where
-    tracking alone meets it.
+    """Largest share of the actuators' capacity needed to satisfy a row that the baseline reaches.
 
-    NaN without limits, or where no row is met; see :class:`vsconstraints.simulation.Trajectory`.
+    It is evaluated where the unconstrained baseline meets the row's boundary. NaN without limits,
+    or if no row is met; see :class:`vsconstraints.simulation.Trajectory`.
     """
     shares = _track(setup).share_to_hold if setup.limits.any else np.empty(0)
     return float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan
@@ -255,29 +261,28 @@ def _track(setup: Setup) -> RunScores:
 
 
 def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
-    """(n,) least time from rest to rest of joints by themselves [s]: d/w + w/a with the peak speed
-    w = min(v, √(a d)).
+    """Return the least time from rest to rest of each joint (n,) [s], taken independently.
 
-    Distances d ≥ 0 [rad or m], limits a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s] are (n,);
-    infinite where there is none.
+    The time is d/w + w/a with the peak speed w = min(v, √(a d)). Distances d ≥ 0 [rad or m] and
+    limits a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s] are (n,); a missing limit is infinite.
     """
     w = np.minimum(speed, np.sqrt(acceleration * distance))
-    # a joint that need not move, or is without any limit, is there at once
+    # a joint that need not move, or has no limits, needs no time
     moving = (distance > 0.0) & np.isfinite(w)
     w = np.where(moving, w, 1.0)
     return np.where(moving, distance / w + w / acceleration, 0.0)
 
 
 def least_time(setup: Setup, ends: Ends) -> float:
-    """Least time from rest at the start to rest at the joint coordinates of the last goal [s].
+    """Return the least time from rest at the start to rest at the last goal's configuration [s].
 
-    It is that of the slowest joint: each keeps the actuators' limit of acceleration, and of speeds
-    what the rows of joint speeds leave with their sampling band, or the robot's own where limits
-    keep it. Jerk, obstacles and the image take more.
+    It is the time of the slowest joint. Each joint keeps the actuators' acceleration limit. Its
+    speed is limited by the joint-speed rows with their sampling band, and by the robot's own limits
+    where these are enforced. Jerk limits, obstacles and the image would add to the time.
 
-    NaN without limits of actuators, where the robot does not start at rest, and where the goal is
-    not one place of the joints: it is known by its image alone, the target moves, or joints are
-    left free by it (a redundant arm).
+    NaN without actuator limits, if the robot does not start at rest, or if the goal does not
+    determine the configuration: it is given by its image only, the target moves, or the arm is
+    redundant.
     """
     robot = setup.scene.robot
     goal = ends.q[-1]

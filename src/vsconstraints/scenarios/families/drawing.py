@@ -1,8 +1,7 @@
-"""From the tables of a family's file to those of one scene: distributions stand where a scenario
-has values.
+"""Drawing of a scene's tables from those of a family, which hold distributions in place of values.
 
-A table of one key states one: ``{ uniform = [least, greatest] }``. Every draw has its own stream of
-random numbers.
+A table of one key states a distribution: ``{ uniform = [least, greatest] }``. Every draw has its
+own stream of random numbers.
 """
 
 from __future__ import annotations
@@ -20,18 +19,17 @@ from ...rows import Array
 from ..reading import Table
 from .placements import PLACEMENTS
 
-MAX_NUMBER = 1e300  #: numbers beyond cannot be drawn with
-ALIKE = 0.75  #: how close a key must be to that of a distribution to count as a slip of it
+MAX_NUMBER = 1e300  #: largest magnitude of a number in a distribution
+ALIKE = 0.75  #: similarity above which an unknown key counts as a misspelled distribution
 
 Random = np.random.Generator
 
 
 class Rule(NamedTuple):
-    """A distribution of two numbers, or of two arrays of one shape after broadcasting, drawn number
-    by number.
+    """Distribution with two parameters: numbers, or arrays that broadcast, drawn elementwise.
 
-    ``words`` says what the two are and ``needs`` what they must satisfy, ``holds`` tests it,
-    ``sample`` draws an array.
+    ``words`` names the parameters and ``needs`` the condition on them; ``holds`` tests that
+    condition; ``sample`` draws an array.
     """
 
     words: str
@@ -61,7 +59,7 @@ def _integers(least: Array, greatest: Array) -> Any:
 RANGE = "least, greatest"
 SPREAD = "mean, standard deviation"
 
-#: Distributions of two numbers, by the key of their tables.
+#: Distributions with two parameters, by the key of their tables.
 RULES: Mapping[str, Rule] = {
     "uniform": Rule(RANGE, "least ≤ greatest", lambda a, b: a <= b, Random.uniform),
     "log-uniform": Rule(
@@ -71,28 +69,29 @@ RULES: Mapping[str, Rule] = {
     "gaussian": Rule(SPREAD, "a standard deviation ≥ 0", lambda a, b: b >= 0.0, Random.normal),
     "integer": Rule(RANGE, "integers, least ≤ greatest", _integers, _integer),
 }
-#: The keys of the tables that state a distribution; a choice is of a list of any values, each as
-#: likely.
+#: Keys of the tables that state a distribution. A choice is among a list of any values, with equal
+#: probability.
 DISTRIBUTIONS = (*RULES, "choice")
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution by its key, with its two numbers or arrays, or the values to choose from."""
+    """A distribution by its key, with two numbers or arrays, or the values to choose from."""
 
     name: str
     values: Sequence[Any]
 
     def draw(self, random: Random) -> Any:
-        """A value of Python's own, as files hold it."""
+        """Draw a value as a plain Python object, as files hold it."""
         if self.name == "choice":
             return self.values[int(random.integers(len(self.values)))]
         return np.asarray(RULES[self.name].sample(random, *self.values)).tolist()
 
 
 def _distribution(name: str, value: object, where: str) -> Distribution:
-    """The distribution that a table ``{ name = value }`` states; ConfigurationError if nothing can
-    be drawn from it.
+    """Return the distribution that a table ``{ name = value }`` states.
+
+    Raises ConfigurationError if the parameters are not valid.
     """
     if name == "choice":
         if not isinstance(value, list) or not value:
@@ -121,8 +120,9 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
 
 
 class Streams(NamedTuple):
-    """Random numbers of one attempt at a scene: one stream for every key, whatever else is
-    drawn.
+    """Random numbers of one attempt at a scene: an independent stream for every key.
+
+    A stream does not depend on which other keys are drawn.
     """
 
     seed: int
@@ -130,24 +130,23 @@ class Streams(NamedTuple):
     number: int
     attempt: int
     family: str = ""
-    """What else the streams depend on: without it, families have the same numbers under the same
-    keys.
-    """
+    """Prefix of the streams; without it, families draw the same numbers for the same keys."""
 
     def of(self, key: str) -> Random:
-        """The stream of a dotted key; the same in every process and on every machine."""
+        """Return the stream of a dotted key, the same in every process and on every machine."""
         return Random(np.random.PCG64(self.entropy(key)))
 
     def entropy(self, key: str, bits: int = 128) -> int:
-        """A number that depends on all of this and the key, and on nothing else."""
+        """Return an integer that depends only on the fields of this object and the key."""
         text = f"{self.family}{self.seed} {self.half} {self.number} {self.attempt} {key}"
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[: bits // 8], "big")
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A placement as a file states it: its key in :data:`PLACEMENTS`, and the table that may hold
-    distributions.
+    """A placement as a file states it.
+
+    ``name`` is its key in :data:`PLACEMENTS`; its table may hold distributions.
     """
 
     name: str
@@ -155,9 +154,9 @@ class Placed:
 
 
 def parsed(value: Any, where: str) -> Any:
-    """A file's value with distributions and placements in place of the tables that state them.
+    """Replace tables that state a distribution or a placement by the corresponding objects.
 
-    Raises ConfigurationError for a distribution from which nothing can be drawn, or an unknown one.
+    Raises ConfigurationError if a distribution is unknown or not valid.
     """
     if isinstance(value, list):
         return [parsed(inner, f"{where}.{i}") for i, inner in enumerate(value)]
@@ -176,10 +175,10 @@ def parsed(value: Any, where: str) -> Any:
 
 
 def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
-    """What is :func:`parsed` with everything drawn; placements stay, with their tables drawn.
+    """Draw all distributions in the result of :func:`parsed`.
 
-    ``key`` is the dotted key of ``tree`` in the file; ``values`` takes what is drawn, by dotted
-    keys.
+    Placements remain, with their tables drawn. ``key`` is the dotted key of ``tree`` in the file.
+    The drawn values are added to ``values`` by dotted key.
     """
     if isinstance(tree, Distribution):
         values[key] = tree.draw(streams.of(key))
@@ -195,8 +194,10 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
 
 
 def merged(under: Any, over: Mapping[str, Any], where: str) -> Table:
-    """Tables over others: tables in them are merged, entries of lists are named by their number,
-    the rest replaced.
+    """Merge ``over`` into ``under``.
+
+    Nested tables are merged, entries of lists are addressed by number, other values are replaced. A
+    distribution or placement is replaced as a whole.
     """
     result: Any = list(under) if isinstance(under, list) else dict(under)
     for name, value in over.items():
@@ -219,7 +220,7 @@ def merged(under: Any, over: Mapping[str, Any], where: str) -> Table:
 
 
 def _draws(value: object) -> bool:
-    """Whether a table of a file states a distribution or a placement."""
+    """True if a table of a file states a distribution or a placement."""
     return (
         isinstance(value, dict)
         and len(value) == 1
@@ -228,8 +229,9 @@ def _draws(value: object) -> bool:
 
 
 def demand_no_placement(tree: Any, where: str) -> None:
-    """Raise ConfigurationError if there is a placement in what is parsed: a scene is placed once
-    for all conditions.
+    """Raise ConfigurationError if a parsed tree contains a placement.
+
+    A condition must not have one, since a scene is placed once for all conditions.
     """
     if isinstance(tree, Placed):
         raise ConfigurationError(f"{where}: {tree.name} stands in the family, not in a condition")

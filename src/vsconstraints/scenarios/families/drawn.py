@@ -1,6 +1,4 @@
-"""Scenes of a family: what was drawn, what is known of each before any law has run, and what many
-are like.
-"""
+"""Drawn scenes of a family, with their properties before any law has run, and their summary."""
 
 from __future__ import annotations
 
@@ -22,18 +20,22 @@ from ..scenario import Scenario
 
 @dataclass(frozen=True)
 class Drawn:
-    """A scene, the same for all laws and all conditions; or the counts of why there is none.
+    """A scene, the same for all laws and conditions; or the reasons why none was found.
 
-    ``tables`` are the scenario's by condition, empty if no attempt was accepted. ``values`` is what
-    was drawn, by dotted keys, and joint coordinates that were placed. ``rejected`` counts attempts
-    before this one by reason; ``refusal`` says what the last of them was rejected for.
-    ``challenged`` labels the rows that tracking alone violates in the nominal condition. ``noise``
-    is the seed of everything random in its disturbances.
+    - ``tables``: the scenario's tables by condition, empty if no attempt was accepted.
+    - ``values``: drawn values by dotted key, and placed configurations.
+    - ``rejected``: number of rejected attempts by reason; ``refusal`` describes the last rejection.
+    - ``challenged``: labels of the rows that the unconstrained baseline violates in the nominal
+      condition.
+    - ``noise``: seed of all randomness in the disturbances.
+    - ``share_to_hold``: largest share of the actuators' capacity needed to satisfy a row, over the
+      rows whose boundary the unconstrained baseline meets. Above 1, no law could have satisfied a
+      row from the point where it first meets its boundary.
+    - ``least_time``: least time [s] in which the arm can be at rest at its goal under any law.
+    - ``duration``: duration [s] of the longest run.
 
-    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the
-    greatest over rows of tracking alone: above 1, no law could have satisfied a row from where it
-    first meets its boundary. In ``least_time`` [s] the arm can be at rest at its goal, whatever the
-    law; ``duration`` [s] is of the longest run.
+    The least time and the share to hold assume the family's actuator limits; they are NaN where
+    unknown.
     """
 
     family: str
@@ -54,27 +56,28 @@ class Drawn:
 
     @property
     def name(self) -> str:
-        """Of the family and the scene."""
+        """Name of the family and number of the scene."""
         return f"{self.family}-{self.number}"
 
     @property
     def found(self) -> bool:
-        """Whether an attempt was accepted."""
+        """True if an attempt was accepted."""
         return bool(self.tables)
 
     @property
     def attempts(self) -> int:
-        """How many there were."""
+        """Number of attempts, accepted or rejected."""
         return sum(self.rejected.values()) + self.found
 
     @property
     def too_far(self) -> bool:
-        """Whether no law can arrive in time: the least time is longer than a run."""
+        """True if no law can arrive in time: the least time exceeds the duration of a run."""
         return self.least_time > self.duration
 
     def scenario(self, condition: str = "nominal") -> Scenario:
-        """The scenario in a condition; ConfigurationError if no attempt was accepted, or there is
-        no such condition.
+        """Return the scenario in a condition.
+
+        Raises ConfigurationError if no attempt was accepted or if the condition is unknown.
         """
         if not self.found:
             raise ConfigurationError(
@@ -85,27 +88,28 @@ class Drawn:
         return Scenario(self.name, self.tables[condition], self.folder, self.trusted)
 
     def setup(self, condition: str = "nominal") -> Setup:
-        """What is simulated in a condition, with this scene's own noise; raises as :meth:`scenario`
-        does.
+        """Return the simulation setup in a condition, with this scene's noise.
+
+        Raises as :meth:`scenario` does.
         """
         return self.scenario(condition).setup(seed=self.noise)
 
 
 def reasons(rejected: Mapping[str, int]) -> str:
-    """Counts in words, the most frequent first."""
+    """Return the counts as text, most frequent reason first."""
     ordered = sorted(rejected.items(), key=lambda item: -item[1])
     return ", ".join(f"{reason} {count}" for reason, count in ordered) or "none rejected"
 
 
 @dataclass
 class Summary:
-    """Counts over the first scenes of a family, those that were not ``found`` too, drawn in so many
-    ``seconds``.
+    """Statistics of the first scenes of a family, which were drawn in ``seconds``.
 
-    ``rejected`` are attempts by reason, ``acceptance`` the share of them that was not.
-    ``challenged`` says in how many scenes tracking alone violates a row of each kind;
-    ``beyond_limits`` is the share of them with :attr:`Drawn.share_to_hold` above 1, NaN without
-    limits; of those ``timed`` the least time to arrive in is known.
+    Scenes that were not ``found`` are included. ``rejected`` counts attempts by reason;
+    ``acceptance`` is the share of accepted attempts. ``challenged`` counts the scenes in which the
+    unconstrained baseline violates a row, by kind. ``beyond_limits`` is the share of scenes with
+    :attr:`Drawn.share_to_hold` above 1, NaN without limits. ``timed`` are the scenes whose least
+    time is known.
     """
 
     scenes: tuple[Drawn, ...]

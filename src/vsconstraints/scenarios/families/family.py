@@ -1,6 +1,4 @@
-"""A family of scenes: a scenario's file in which distributions stand where numbers do, and
-conditions.
-"""
+"""Scenario family: a scenario file with distributions in place of numbers, and conditions."""
 
 from __future__ import annotations
 
@@ -33,40 +31,39 @@ from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, Summary, reasons
 
 SHIPPED = Path(__file__).parent  #: folder of the families that come with the package
-#: The condition that every family has, and the one whose limits tell what any law could do.
+#: The condition that every family has, and the one whose limits bound what any law can do.
 NOMINAL = "nominal"
 LIMITED = "limited"
 
-#: scenes that settings may be sought on, and those that are for judging only
+#: scenes for tuning, and scenes for evaluation only
 HALVES = ("training", "held-out")
-#: Keys of a family's file that are no scenario's, or are said by it for all its scenes.
+#: Keys of a family's file that scenarios lack, or that hold for all scenes of the family.
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts", "testset", "frozen")
 
-TOGETHER = "conditions"  #: key of a condition that names others, whose draws it has all together
-ATTEMPTS = 200  #: attempts at one scene, if a family says nothing else
-#: Attempts whose build is refused in the same words, after which a scene is given up: whatever is
-#: drawn, it will be.
+TOGETHER = "conditions"  #: key of a condition that lists others, whose draws it combines
+ATTEMPTS = 200  #: default of the largest number of attempts at a scene
+#: Number of refusals with the same message after which a scene is given up, because further
+#: attempts would fail, too.
 REFUSALS = 10
 
 
 @cache
 def families() -> tuple[str, ...]:
-    """Names of the families that come with the package."""
+    """Return the names of the families that come with the package."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
 @dataclass(frozen=True)
 class Family(Described):
-    """A family of scenes: what its file says, over what that extends."""
+    """A scenario family: the content of its file, merged over the scenario that it extends."""
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
-        """A shipped family by its name, ``"six-axis"``, or one from a TOML file by its path,
-        relative to ``base``.
+        """Load a shipped family by name, ``"six-axis"``, or a TOML file by its path.
 
-        With ``extends = "…"``, the name or the path of a scenario, a file says only what is
-        different from that, and what is drawn. Raises ConfigurationError if there is none of that
-        name, the file cannot be read, or something cannot be drawn.
+        The path is relative to ``base``. With ``extends = "…"``, the name or path of a scenario, a
+        file states only the differences from it and the distributions. Raises ConfigurationError if
+        no family has that name, if the file cannot be read, or if a distribution is not valid.
         """
         path = file_named("family", str(name_or_path), SHIPPED, families(), base)
         tables = read_toml(path)
@@ -78,23 +75,23 @@ class Family(Described):
                 )
             tables = merged(Scenario.load(extended, path.parent).tables, tables, str(path))
         family = cls(path.stem, tables, path.parent)
-        # everything is read once, so that it fails here
+        # evaluate all cached properties now, so that mistakes are reported here
         _ = family._parsed, family._overrides, family._parts, family.attempts
         return family
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Names of its conditions, the nominal one first."""
+        """Names of the conditions, the nominal one first."""
         return (NOMINAL, *(name for name in self.tables.get("conditions", {}) if name != NOMINAL))
 
     def has_key(self, key: str, condition: str) -> bool:
-        """Whether the tables of a condition, or those of all, have a key."""
+        """True if the tables of a condition, or those of all conditions, have a key."""
         own = (self.tables["conditions"][part] for part in self._parts.get(condition, ()))
         return any(key in tables for tables in (self.tables, *own))
 
     @property
     def attempts(self) -> int:
-        """Most attempts at one scene."""
+        """Largest number of attempts at a scene."""
         most = self.tables.get("attempts", ATTEMPTS)
         if isinstance(most, bool) or not isinstance(most, int) or most < 1:
             raise ConfigurationError(
@@ -123,7 +120,7 @@ class Family(Described):
 
     @cached_property
     def _parts(self) -> dict[str, tuple[str, ...]]:
-        """Of every condition those whose tables it has, one over the other: its own last."""
+        """Conditions whose tables each condition combines, in the order of merging; itself last."""
         conditions = self.tables.get("conditions", {})
         single = [name for name, said in conditions.items() if TOGETHER not in said]
         parts = {}
@@ -141,20 +138,21 @@ class Family(Described):
         return parts
 
     def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
-        """One scene, by its own attempts, independent of every other one: the first result of
-        :meth:`set_up`.
+        """Return a scene by number: the first result of :meth:`set_up`.
+
+        It depends on its own draws only, not on other scenes.
         """
         return self.set_up(number, half, seed)[0]
 
     def set_up(
         self, number: int, half: str = "held-out", seed: int = 0
     ) -> tuple[Drawn, Mapping[str, Setup]]:
-        """One scene by its number, from 0, and its setups by condition, the same that
-        :meth:`Drawn.setup` gives.
+        """Return a scene by its number, from 0, and its setups by condition.
 
-        Scenes of the halves ``"training"`` and ``"held-out"`` have nothing in common. The scene is
-        not ``found`` if as many attempts as the family allows were rejected, or no build can
-        succeed. Raises ConfigurationError if there is no such half, or number or seed are negative.
+        The setups are those of :meth:`Drawn.setup`. The halves ``"training"`` and ``"held-out"``
+        share no scenes. The scene is not ``found`` if the family's number of attempts was rejected,
+        or if the build is refused repeatedly with the same message. Raises ConfigurationError if
+        the half is unknown, or if number or seed is negative.
         """
         if half not in HALVES:
             raise unknown_name("half", half, HALVES)
@@ -167,10 +165,8 @@ class Family(Described):
         return self._filled(Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted))
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
-        """A scene of which only its number, half and seed are known yet, with everything else, and
-        its setups.
-        """
-        # in a test set no two families draw the same numbers
+        """Complete a scene that has only number, half and seed, and return its setups."""
+        # in a test set, no two families draw the same numbers
         key = f"{self.tables['testset']}/{self.name} " if "testset" in self.tables else ""
         rejected: Counter[str] = Counter()
         refusals: Counter[str] = Counter()
@@ -192,7 +188,7 @@ class Family(Described):
         return replace(scene, rejected=dict(rejected), refusal=refusal), {}
 
     def _attempt(self, streams: Streams) -> tuple[dict[str, Any], dict[str, Setup]]:
-        """What is to be known of a scene, and its setups; raises Rejected."""
+        """Return the fields of a scene and its setups; raise Rejected if a check fails."""
         values: dict[str, Any] = {}
         where = f"{self.name}-{streams.number}"
         noise = streams.entropy("noise", bits=32)
@@ -217,7 +213,7 @@ class Family(Described):
             challenged = violated_by_tracking(setups[NOMINAL])
             if "testset" in self.tables:
                 check_baseline(setups[NOMINAL])
-            # what takes time and seldom refuses comes last
+            # checks that take long and seldom fail come last
             others = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items()}
             for setup in others.values():
                 check_first_image(setup)
@@ -237,8 +233,9 @@ class Family(Described):
         return known, setups
 
     def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
-        """Raise ConfigurationError with counts if none of the first scenes is found: before
-        thousands are drawn.
+        """Raise ConfigurationError with counts if none of the first scenes is found.
+
+        It is called before thousands of scenes are drawn.
         """
         rejected: Counter[str] = Counter()
         for number in range(scenes):
@@ -260,8 +257,9 @@ def summarised(
     seed: int = 0,
     on_drawn: Callable[[], None] = lambda: None,
 ) -> Summary:
-    """Draw the first scenes of a family; raises ConfigurationError with counts if none of the very
-    first is found.
+    """Draw the first scenes of a family and return their statistics.
+
+    Raises ConfigurationError with counts if the first few scenes are all rejected.
     """
     family.demand_scenes(half, seed)
     began = perf_counter()

@@ -1,4 +1,4 @@
-"""Test sets: scenes that were drawn once, and are read from files that have a SHA-256 of each."""
+"""Test sets: scenes that were drawn once and are read from files, with a SHA-256 of each scene."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ from .drawn import Drawn
 from .family import HALVES, NOMINAL, SHIPPED, Family
 
 V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the package
-INDEX = "testset.json"  #: what a test set's files hold; the file of a family's half
+INDEX = "testset.json"  #: index of a test set; below, the file of a family's half
 FILE = "{}.{}.jsonl.gz"
-MAX_BYTES = 500_000_000  #: that a file may expand to
-Told = Callable[[str, int, int], None]  #: told of which family how many of how many scenes are done
+MAX_BYTES = 500_000_000  #: largest size of an expanded file
+Told = Callable[[str, int, int], None]  #: progress: family, scenes done, scenes in all
 Kind = TypeVar("Kind")
 
 
 class _Line(msgspec.Struct, forbid_unknown_fields=True):
-    """A scene as it is stored: of the conditions what is another than in the nominal one, null for
-    NaN.
+    """A scene as it is stored.
+
+    Other conditions hold only the tables that differ from the nominal one. NaN is stored as null.
     """
 
     number: int
@@ -54,8 +55,9 @@ class _Line(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Family(msgspec.Struct, forbid_unknown_fields=True):
-    """What an index says of a family: by half, how many scenes were left out, and the hashes of
-    those that are kept.
+    """Entry of a family in the index.
+
+    ``left_out`` counts the omitted scenes by half; ``sha256`` holds the hashes of the stored ones.
     """
 
     left_out: dict[str, int]
@@ -71,22 +73,23 @@ class _Index(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class FrozenFamily(Family):
-    """A family of a test set: as any other, but its scenes are read, not drawn.
+    """A family of a test set: its scenes are read from files, not drawn.
 
-    Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, their
-    ``file`` and ``seed``, and the ``sha256`` of all of theirs.
+    Its tables are those from which the scenes were drawn. In addition, ``frozen`` holds the
+    ``file``, the ``seed`` and the joint ``sha256`` of the scenes, by half.
     """
 
     @property
     def source(self) -> Family:
-        """The family that draws what the files hold, and with other seeds further scenes in the
-        same way.
+        """Family from which the stored scenes were drawn.
+
+        Other seeds give further scenes of the same distribution.
         """
         tables = {key: value for key, value in self.tables.items() if key != "frozen"}
         return Family(self.name, tables, self.folder, self.trusted)
 
     def file(self, half: str) -> Path:
-        """The file of a half's scenes."""
+        """Return the path of a half's scenes."""
         return self.folder / str(self.tables["frozen"][half]["file"])
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
@@ -107,8 +110,9 @@ class FrozenFamily(Family):
         return scene, {name: scene.setup(name) for name in self.conditions}
 
     def read(self, line: str, scene: Drawn) -> Drawn:
-        """The scene with what a line says of it; raises ConfigurationError that names file, scene
-        and what is wrong.
+        """Return the scene with the content of a line.
+
+        Raises ConfigurationError, which names file, scene and problem, if the line is not valid.
         """
         where = f"{self.file(scene.half).name}: scene {scene.number}"
         said: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
@@ -126,8 +130,9 @@ class FrozenFamily(Family):
 
 
 def line_of(scene: Drawn) -> str:
-    """A scene as a line of JSON, from which it is read again bit by bit: numbers are their shortest
-    decimals.
+    """Return a scene as a line of JSON, from which it is read back bit by bit.
+
+    Numbers are written as their shortest exact decimals.
     """
     nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
     said = {name: getattr(scene, name) for name in _Line.__struct_fields__}
@@ -143,7 +148,7 @@ def line_of(scene: Drawn) -> str:
 
 
 def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> Family:
-    """A family from its tables, frozen or not."""
+    """Return a family from its tables, frozen or not."""
     return (FrozenFamily if "frozen" in tables else Family)(name, tables, folder, trusted)
 
 
@@ -189,13 +194,13 @@ def _checked_lines(path: Path, digest: str) -> list[str]:
 
 @dataclass(frozen=True)
 class TestSet:
-    """The scenes of some families, frozen: a file for each family and half, and an index with the
-    hash of each scene.
+    """Frozen scenes of several families: a file per family and half, and an index with hashes.
 
-    ``seed`` is what they were drawn with; ``hashes`` are by file, ``sha256`` is that of the index.
+    ``seed`` is the seed of the draws. ``hashes`` holds the hash of each scene by file; ``sha256``
+    is the hash of the index.
     """
 
-    __test__ = False  # it is none of pytest's
+    __test__ = False  # pytest must not collect this class
 
     folder: Path
     version: str
@@ -206,8 +211,9 @@ class TestSet:
 
     @classmethod
     def load(cls, folder: Path = V1) -> TestSet:
-        """Read a test set's index; raises ConfigurationError if it cannot be used. Files are read
-        with their scenes.
+        """Read the index of a test set; the files are read with their scenes.
+
+        Raises ConfigurationError if the index cannot be used.
         """
         path = folder / INDEX
         families = []
@@ -240,11 +246,11 @@ class TestSet:
         seed: int,
         told: Told,
     ) -> TestSet:
-        """Draw so many scenes of each half, without those of which the unconstrained baseline does
-        not converge.
+        """Draw and store a test set.
 
-        Raises ConfigurationError if the folder holds something, or a family needs files or code of
-        its own.
+        ``scenes`` maps each half to its number of scenes. Scenes in which the unconstrained
+        baseline does not converge are rejected. Raises ConfigurationError if the folder is not
+        empty, or if a family needs further files or custom code.
         """
         if folder.exists() and any(folder.iterdir()):
             raise ConfigurationError(
@@ -284,11 +290,11 @@ class TestSet:
     def chosen(
         self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None
     ) -> dict[str, Any]:
-        """Families, half, seed and number of scenes of a campaign: all, or so many; others of a
-        secret seed.
+        """Return families, half, seed and number of scenes of a campaign.
 
-        Raises ConfigurationError for unknown names, more scenes than there are, and the seed of the
-        test set itself.
+        Without ``most``, all scenes are used; with a secret seed, new scenes are drawn. Raises
+        ConfigurationError for unknown names, for more scenes than the test set has, and if the
+        secret seed is that of the test set.
         """
         known = {family.name: family for family in self.families}
         for what, name, others in (
@@ -320,8 +326,7 @@ class TestSet:
     def problems(
         self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None
     ) -> Iterator[str]:
-        """What is not as it was made: files and scenes that are missing, added or changed, or
-        cannot be read.
+        """Yield deviations from the index: missing, added, changed or unreadable files and scenes.
 
         A share ``redraw`` of the scenes, chosen by ``seed``, is drawn again and compared bit by
         bit.

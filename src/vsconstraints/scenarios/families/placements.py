@@ -1,6 +1,4 @@
-"""Values that follow from the rest of a scene: where a camera looks at the target, and what lies in
-the way there.
-"""
+"""Values that follow from the rest of a scene: configurations, path points and joint limits."""
 
 from __future__ import annotations
 
@@ -18,25 +16,27 @@ from ...vision.motion import Motion
 from ...vision.scene import Scene
 from ..reading import Table, checked, from_table
 
-POSE_TOLERANCE = 1e-9  #: error of a pose, ‖(m, rad)‖, that counts as none
+POSE_TOLERANCE = 1e-9  #: pose error ‖(m, rad)‖ that counts as zero
 MAX_STEPS = 60
-#: of any joint [rad or m], so that the steps stay near where the linearisation holds
+#: largest step of any joint [rad or m], so that the linearisation remains valid
 MAX_STEP = 0.5
-#: share of the squared error by which singular directions are damped: none is left at the solution
+#: damping of singular directions, relative to the squared error; it vanishes at the solution
 DAMPING = 0.02
 
 
 class Ends(NamedTuple):
-    """A scene without task and constraints, and (n,) ``q`` at its start and goals; None of what is
-    an image only.
+    """A scene without task and constraints, with the configurations at its start and goals.
+
+    Each entry of ``q`` is (n,), or None for a goal that is given by its image only.
     """
 
     scene: Scene
     q: Sequence[Array | None]
 
     def pair(self, goal: int, where: str) -> tuple[Array, Array]:
-        """At the start and at a goal, counted from 1; raises ConfigurationError if that is not
-        known.
+        """Return the configurations at the start and at a goal, counted from 1.
+
+        Raises ConfigurationError if either is unknown.
         """
         if not 1 <= goal < len(self.q):
             raise ConfigurationError(
@@ -52,7 +52,9 @@ class Ends(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a value is placed: what is placed already, the table in which it stands, and its dotted
+    """Context of a placement.
+
+    It holds the ends that are placed already, the table that contains the value, and the dotted
     key.
     """
 
@@ -61,8 +63,9 @@ class Place(NamedTuple):
     where: str
 
     def begun(self, point: Array, after: float) -> list[float]:
-        """Where a thing with the motion that its table states must begin so as to be at a point
-        after a time.
+        """Return the initial position of an object that is at a point after a time.
+
+        The object moves as its table states.
         """
         motion = self.beside.get("motion")
         if after and motion is not None:
@@ -80,14 +83,14 @@ def look_at(
     normal: Vector3 = (0.0, 0.0, 1.0),
     near: Sequence[float] | None = None,
 ) -> list[float] | None:
-    """Joint coordinates (n,) at which the camera looks at the target, by inverse kinematics; None
-    if out of reach.
+    """Return a configuration (n,) at which the camera looks at the target; None if out of reach.
 
-    ``distance`` is the depth of the markers' middle [m], which is seen at ``image_px`` from the
-    image's centre [px]. The optical axis is tilted by ``tilt`` from the ``normal``, which points to
-    the camera in the target's frame; ``azimuth`` is where to, about the normal; ``roll`` is about
-    the optical axis [rad]. Inverse kinematics begin ``near`` (n,); for goals at the start, if not
-    said; else in the middle of the ranges.
+    ``distance`` is the depth of the markers' mean [m], which is seen at ``image_px`` from the image
+    centre [px]. The optical axis is tilted by ``tilt`` from the ``normal``, which points to the
+    camera in the target's frame. ``azimuth`` is the direction of the tilt about the normal;
+    ``roll`` is about the optical axis [rad]. Inverse kinematics starts at ``near`` (n,); by default
+    it starts at the configuration of the start for goals, and in the middle of the ranges
+    otherwise.
     """
     scene = place.ends.scene
     robot = place.ends.scene.robot
@@ -120,12 +123,12 @@ def tip_path(
     goal: int = 1,
     link: str = "tip",
 ) -> list[float]:
-    """A point (3,) in the base frame [m] beside the straight line from where the tip starts to
-    where it is at a goal.
+    """Return a point (3,) in the base frame [m] beside the straight path of the tip to a goal.
 
-    ``share`` of the line lies before it; ``aside`` [m] is added. What moves as the table says is
-    there ``after`` a time [s]: the value is where it begins. Goals are counted from 1. A ``link``
-    may stand for the tip.
+    The line runs from the tip's position at the start to that at the goal. The point lies at
+    ``share`` of the line, plus ``aside`` [m]. An object that moves as its table states is there
+    ``after`` a time [s]; the returned value is its initial position. Goals are counted from 1. A
+    ``link`` may replace the tip.
     """
     first, last = (
         place.ends.scene.robot.pose(q, link).t for q in place.ends.pair(goal, place.where)
@@ -141,10 +144,10 @@ def marker_path(
     after: float = 0.0,
     goal: int = 1,
 ) -> list[float]:
-    """A point (2,) in the image [px] beside the straight line from where a marker is first to where
-    it is at a goal.
+    """Return a point (2,) in the image [px] beside the straight path of a marker to a goal.
 
-    Markers are counted from 1; the rest is as of :func:`tip_path`, with ``aside`` in px.
+    The line runs from the marker's pixel at the start to that at the goal. Markers are counted from
+    1. The other arguments are those of :func:`tip_path`, with ``aside`` in px.
     """
     scene = place.ends.scene
     count = len(place.ends.scene.markers)
@@ -156,11 +159,11 @@ def marker_path(
 
 
 def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> list[float]:
-    """Limits [rad or m], one for each of the ``joints`` that stand beside, or of all, beyond the
-    start and a goal.
+    """Return joint limits [rad or m] that lie beyond the positions at the start and at a goal.
 
-    ``beyond`` is how far above the greatest where positive, below the least where negative: one, or
-    one per joint.
+    There is one limit for each of the ``joints`` in the same table, or for all joints. A positive
+    ``beyond`` is added to the larger position, a negative one to the smaller position; it is one
+    number, or one per joint.
     """
     robot = place.ends.scene.robot
     both = np.stack(place.ends.pair(goal, place.where))
@@ -181,8 +184,7 @@ def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> 
     return values
 
 
-#: Values that follow from the rest of the scene, None where none is possible, by the key of their
-#: tables.
+#: Placements by the key of their tables; they return None if no value is possible.
 PLACEMENTS: Mapping[str, Callable[..., list[float] | None]] = {
     "look-at": look_at,
     "tip-path": tip_path,
@@ -192,12 +194,11 @@ PLACEMENTS: Mapping[str, Callable[..., list[float] | None]] = {
 
 
 def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
-    """Joint coordinates (n,) at which the tip is there, found from ``near`` (n,); None if that
-    finds none in range.
+    """Return a configuration (n,) at which the tip has a pose; None if none in range is found.
 
-    Steps of Levenberg and Marquardt on the logarithm of the pose's error, each clipped to the
-    joints' ranges: δq = (JᵀJ + μ I)⁻¹ Jᵀ e with μ falling to zero with ‖e‖² (Sugihara, IEEE Trans.
-    Robotics 27, 2011).
+    Iterates from ``near`` (n,) by Levenberg–Marquardt steps on the logarithm of the pose error,
+    each clipped to the joint ranges: δq = (JᵀJ + μ I)⁻¹ Jᵀ e with μ falling to zero with ‖e‖²
+    (Sugihara, IEEE Trans. Robotics 27, 2011).
     """
     model = robot.model
     frame = robot.frame_id("tip")
@@ -221,8 +222,9 @@ def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
 
 
 def tip_of(scene: Scene, camera: Pose) -> Pose:
-    """Pose of the tip in the base frame at which the camera has a pose in the target's frame, at t
-    = 0.
+    """Return the pose of the tip in the base frame for a pose of the camera in the target's frame.
+
+    The target is where it is at t = 0.
     """
     fixed = scene.camera.fixed
     return camera @ scene.camera.mount if fixed is None else fixed @ camera.inverse
@@ -233,7 +235,7 @@ def _about(axis: str, angle: float) -> Array:
 
 
 def _turn_of_z(direction: Array) -> Array:
-    """The shortest rotation of the z axis into a direction (3,); about x where that is opposite."""
+    """Return the shortest rotation of the z axis into a direction (3,); about x if opposite."""
     z = np.array([0.0, 0.0, 1.0])
     if direction[2] < -1.0 + 1e-12:
         return _about("x", np.pi)

@@ -1,3 +1,1 @@
-"""Images of a board of AprilTags: printed, rendered, detected, and where markers and camera then
-are (extra images).
-"""
+"""Images of a board of AprilTags: printing, rendering, detection and pose (extra ``images``)."""

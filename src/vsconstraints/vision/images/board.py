@@ -1,4 +1,4 @@
-"""A board of AprilTags: where the tags of a scene's markers are."""
+"""Board of AprilTags: positions of the tags of a scene's markers."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from ...qp.decomposition import svd
 from ...robots.geometry import Pose
 from ...rows import Array, IntArray
 
-#: Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white
-#: needed around it.
+#: Cells along the side of a tag's black square, including its black border (tag36h11); and width of
+#: the white border in cells.
 CELLS = 8
 BORDER = 1
-FLAT = 1e-4  #: How far markers may be from their plane [m].
-#: Diagonal of a tag by the least distance of a marker from the middle, if no side is given.
+FLAT = 1e-4  #: Largest distance of markers from their plane [m].
+#: Default diagonal of a tag, relative to the least distance of a marker from the markers' mean.
 DIAGONAL = 0.8
-#: Corners of a tag as it is printed, in units of its side: x to the right, y down.
+#: Corners of a printed tag in units of its side: x to the right, y down.
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 class Board(NamedTuple):
-    """M tags in a plane, x to the right and y down as one looks at the print, z into the board.
+    """M tags in a plane; x points right and y down on the print, z into the board.
 
-    The first corner of a tag's black square is at its marker, and the opposite one towards the
-    markers' mean: all tags are where the markers are in the image, or between them. The pose is
-    that of the board in the target's frame, its origin the markers' mean; corners (M, 4, 2) of the
-    black squares are in the plane [m], in the order of :data:`SQUARE`; ids (M,) are the numbers of
-    the tags.
+    The first corner of a tag's black square is at its marker, and the opposite one points to the
+    markers' mean. In the image, all tags are therefore at the markers or between them. The pose is
+    that of the board in the target's frame, with its origin at the markers' mean. The corners (M,
+    4, 2) of the black squares are in the plane [m], in the order of :data:`SQUARE`. The ids (M,)
+    are the numbers of the tags.
     """
 
     pose: Pose
@@ -42,14 +42,15 @@ class Board(NamedTuple):
     def of_markers(
         cls, markers: Array, seen_from: Array, side: float | None, ids: Sequence[int] | None
     ) -> Board:
-        """The board of markers (M, 3) in the target's frame [m], printed on the side of a point
-        (3,) in that frame.
+        """Return the board of markers (M, 3) in the target's frame [m].
+
+        It is printed on the side that faces the point ``seen_from`` (3,) in that frame.
 
         Raises
         ------
         ConfigurationError
             if there are fewer than three markers, they are not in a plane or in one line, tags
-            would overlap, or there are not as many numbers as markers.
+            would overlap, or the number of ids differs from that of markers.
         """
         M = len(markers)
         middle = markers.mean(axis=0)
@@ -84,20 +85,21 @@ class Board(NamedTuple):
         return float(np.sqrt(edge @ edge)) / CELLS
 
     def camera_in_board(self, camera: Pose) -> Pose:
-        """A camera's pose in the board's frame, of the one in the target's."""
+        """Return a camera's pose in the board's frame from its pose in the target's frame."""
         return self.pose.inverse @ camera
 
 
 def _corners(markers: Array, side: float | None) -> Array:
-    """(M, 4, 2) corners of tags with one at each marker (M, 2), towards the origin; raises where
-    two overlap.
+    """Return the corners (M, 4, 2) of tags with one corner at each marker (M, 2).
+
+    The tags point towards the origin. Raises ConfigurationError if two overlap.
     """
     distance = np.sqrt((markers**2).sum(axis=1))
     if distance.min() < FLAT:
         raise ConfigurationError("a board of tags takes markers away from their mean")
     a = DIAGONAL * distance.min() / np.sqrt(2.0) if side is None else side
     towards = -markers / distance[:, None]
-    # 45° to either side of the way to the middle
+    # 45° to either side of the direction to the origin
     c = np.sqrt(0.5)
     x = towards @ np.array([[c, -c], [c, c]])
     y = towards @ np.array([[c, c], [-c, c]])
@@ -116,14 +118,14 @@ def _corners(markers: Array, side: float | None) -> Array:
 
 
 def bordered(corners: Array) -> Array:
-    """(..., 4, 2) corners of tags with the white around them, of those of their black squares."""
+    """Return the corners (..., 4, 2) of tags with white borders from those of black squares."""
     middle = corners.mean(axis=-2, keepdims=True)
     wider: Array = middle + (1.0 + 2.0 * BORDER / CELLS) * (corners - middle)
     return wider
 
 
 def _overlap(a: Array, b: Array) -> bool:
-    """Whether two squares (4, 2) overlap: no edge of either has the other one beyond it."""
+    """True if two squares (4, 2) overlap: no edge direction of either one separates them."""
     for one, other in ((a, b), (b, a)):
         for i in range(2):
             along = one[i + 1] - one[i]

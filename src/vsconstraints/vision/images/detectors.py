@@ -1,4 +1,4 @@
-"""Detectors of tags: AprilTag's own, and OpenCV's."""
+"""Tag detectors of AprilTag and OpenCV."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ...errors import InvalidInput
 from ...plugins.extras import demand
 from ...rows import Array, IntArray
 
-MAX_WRONG_BITS = 1  #: Bits of a tag that may be wrong; more are taken for something else.
-#: Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond
-#: it.
+MAX_WRONG_BITS = 1  #: Largest number of wrong bits of an accepted tag.
+#: Least number of pixels of an image: with fewer, AprilTag's library allocates too little memory
+#: for outlines and writes out of bounds.
 MIN_PIXELS = 20_480
 Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]  #: (H, W) grey levels.
 
 
 class Tags(NamedTuple):
-    """Tags in an image: their numbers (n,), and the corners of their black squares (n, 4, 2) as
-    they are printed.
+    """Tags in an image: their numbers (n,) and the corners of their black squares (n, 4, 2).
 
-    Corners are in the order of :data:`.board.SQUARE`, in pixels from the image's top left corner.
+    Corners are in the order of :data:`.board.SQUARE` on the print, in pixels from the image's top
+    left corner.
     """
 
     ids: IntArray
@@ -32,10 +32,10 @@ class Tags(NamedTuple):
 
 
 class Detector(NamedTuple):
-    """What finds tags of the family tag36h11, and how it counts pixels: see
-    :meth:`.Camera.from_corner`.
+    """Detector of tags of the family tag36h11.
 
-    ``find`` raises InvalidInput for an array that is no image of grey levels.
+    ``counts`` states how it counts pixels: see :meth:`.Camera.from_corner`. ``find`` raises
+    InvalidInput for an array that is no image of grey levels.
     """
 
     find: Callable[[Pixels], Tags]
@@ -43,9 +43,7 @@ class Detector(NamedTuple):
 
 
 def demand_image(image: object) -> None:
-    """Raise InvalidInput unless this is an image (H, W) of grey levels from 0 to 255, as detectors
-    take it.
-    """
+    """Raise InvalidInput unless the value is an image (H, W) of grey levels from 0 to 255."""
     right = "an image must be an array (H, W) of grey levels, uint8"
     if not isinstance(image, np.ndarray):
         raise InvalidInput(f"{right}, not {type(image).__name__}")
@@ -63,7 +61,7 @@ def demand_image(image: object) -> None:
 
 
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
-    """Tags, in the order of their numbers."""
+    """Return tags in the order of their numbers."""
     found.sort(key=lambda one: one[0])
     corners = np.array([np.reshape(corners, (4, 2)) for _, corners in found], dtype=np.float64)
     return Tags(
@@ -72,7 +70,7 @@ def tags_of(found: list[tuple[int, Any]]) -> Tags:
 
 
 def roomy(image: Pixels) -> Pixels:
-    """The image, with its last row again below it as often as the detector needs."""
+    """Return the image with its last row repeated until the detector's least size is reached."""
     H, W = image.shape
     missing = -(-MIN_PIXELS // W) - H
     return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
@@ -80,15 +78,15 @@ def roomy(image: Pixels) -> Pixels:
 
 @cache
 def apriltag() -> Detector:
-    """AprilTag's detector, on an image of half the size; edges are refined in the whole one."""
+    """AprilTag's detector, on an image of half the size with edges refined at full size."""
     demand("images")
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector(families="tag36h11", nthreads=1, quad_decimate=2.0)
-    # it would free the families before the detector, which reads them then: the end of the process
-    # frees both
+    # the detector's finaliser frees the families before the detector, which still reads them: skip
+    # it at exit, where all memory is freed anyway
     atexit.register(setattr, detector, "tag_detector_ptr", None)
-    # it begins elsewhere on a tag as OpenCV prints it, and goes round the other way
+    # its corners start elsewhere on OpenCV's print of a tag, and run in the opposite direction
     order = [1, 0, 3, 2]
 
     def find(image: Pixels) -> Tags:
@@ -103,7 +101,7 @@ def apriltag() -> Detector:
 
 @cache
 def aruco() -> Detector:
-    """OpenCV's detector, with its corners refined below a pixel."""
+    """OpenCV's detector, with subpixel refinement of the corners."""
     demand("images")
     import cv2
 
@@ -115,7 +113,7 @@ def aruco() -> Detector:
     def find(image: Pixels) -> Tags:
         demand_image(image)
         corners, ids, _ = detector.detectMarkers(image)
-        # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None where there are none
+        # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None if no tag was found
         return tags_of(
             [] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True))
         )
@@ -123,5 +121,5 @@ def aruco() -> Detector:
     return Detector(find, "centres")
 
 
-#: By the names that scenario files use.
+#: Detectors by their names in scenario files.
 DETECTORS: dict[str, Callable[[], Detector]] = {"apriltag": apriltag, "aruco": aruco}

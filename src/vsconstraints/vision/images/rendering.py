@@ -1,5 +1,6 @@
-"""Images of a board of tags through a camera, with blur, noise and motion: deterministic, in grey
-levels.
+"""Rendering of a board of tags through a camera, in grey levels.
+
+Blur, noise and motion are modelled. The result is deterministic.
 """
 
 from __future__ import annotations
@@ -20,33 +21,33 @@ from .board import BORDER, CELLS, Board, bordered
 from .detectors import Pixels
 from .settings import ImageSettings
 
-FINER = 2  #: Points along each side of a pixel at which a tag is looked up.
-#: Grey levels of the print, of what is around it, and of what is in front of it.
+FINER = 2  #: Points per side of a pixel at which a tag is sampled.
+#: Grey levels of the print, of its surroundings, and of obstacles in front of it.
 BLACK = 30.0
 WHITE = 220.0
 AROUND = 120.0
 OBSTACLE = 80.0
-#: Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per
-#: pixel of motion.
+#: Largest number of points along a cell of a tag's picture; and largest number of instants that an
+#: exposure averages, one per pixel of motion.
 MAX_TEXELS = 64
 MAX_EXPOSURES = 16
-#: Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic
-#: splines.
+#: Distance [px] of the grid points at which a lens is inverted; cubic splines interpolate between
+#: them.
 KNOT = 8
-#: Decimals of the pose that is rendered: what differs in the last bits alone gives the same image.
+#: Decimals of the rendered pose: poses that differ by rounding errors give the same image.
 ROUNDED = 8
-#: The camera's pose in the target's frame, by the time from the middle of the exposure of an
-#: image's middle [s].
+#: Pose of the camera in the target's frame as a function of time [s], zero in the middle of the
+#: exposure of the image's middle row.
 Where = Callable[[float], Pose]
 
 
 @dataclass(frozen=True)
 class Renderer:
-    """Renders a board with the numbers that are printed on it through a camera, tag by tag.
+    """Renders a board with its printed tags through a camera, tag by tag.
 
-    Every tag is looked up at the points where rays through the pixels meet the board, so that lens,
-    rolling shutter and motion blur are exact. Raises ConfigurationError if OpenCV is not installed,
-    or an image has no whole pixels.
+    Every tag is sampled at the points where rays through the pixels meet the board. Lens
+    distortion, rolling shutter and motion blur are therefore exact. Raises ConfigurationError if
+    OpenCV is not installed, or if the image size is not an integer.
     """
 
     board: Board
@@ -61,8 +62,9 @@ class Renderer:
     def render(
         self, where: Where, random: np.random.Generator, hidden: BoolArray | None = None
     ) -> Pixels:
-        """An image (H, W) of grey levels; an obstacle stands before pixels that are ``hidden`` (H,
-        W).
+        """Return an image (H, W) of grey levels.
+
+        Pixels that are ``hidden`` (H, W) show an obstacle.
         """
         import cv2
 
@@ -82,7 +84,7 @@ class Renderer:
         return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
 
     def _exposed(self, where: Where) -> Array:
-        """(H, W) the mean of the instants of an exposure."""
+        """Return the mean image (H, W) over the instants of an exposure."""
         import cv2
 
         W, H = (int(side) for side in self.camera.size)
@@ -92,7 +94,7 @@ class Renderer:
         if half and starts is not None and ends is not None:
             moved = float(np.abs((ends - starts) * np.asarray(self.camera.focal)).max())
         count = int(np.clip(np.ceil(moved), 1, MAX_EXPOSURES))
-        # middles of equal parts of the exposure
+        # midpoints of equal parts of the exposure
         instants = half * (2.0 * np.arange(count) + 1.0 - count) / count
         total = np.zeros((H, W), dtype=np.float32)
         for instant in instants:
@@ -102,8 +104,9 @@ class Renderer:
         return total / np.float32(count)
 
     def _normalised(self, camera: Pose) -> Array | None:
-        """(M · 4, 2) normalised coordinates of the tags' outer corners; None unless all are in
-        front of the camera.
+        """Return normalised coordinates (M · 4, 2) of the tags' outer corners.
+
+        Returns None unless all of them are in front of the camera.
         """
         seen = self.board.camera_in_board(camera)
         flat = bordered(self.board.corners).reshape(-1, 2)
@@ -158,8 +161,9 @@ class Renderer:
             fine[rows, columns] = patch
 
     def _to_tag(self, i: int, camera: Pose) -> Array | None:
-        """(3, 3) from normalised coordinates in the image to cells of a tag; None where it is seen
-        from behind.
+        """Return the homography (3, 3) from normalised image coordinates to cells of a tag.
+
+        Returns None if the tag is seen from behind.
         """
         corner, right, _, down = self.board.corners[i] / self.board.cell
         plane = np.zeros((3, 3))
@@ -167,7 +171,7 @@ class Renderer:
         plane[:2, 1] = (down - corner) / CELLS
         plane[:2, 2] = corner
         plane[2, 2] = 1.0
-        # of points in the plane, in cells, in the camera's frame
+        # from points in the plane, in cells, to the camera's frame
         seen: Array = camera.R.T @ (
             np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]) @ plane
         )
@@ -175,8 +179,9 @@ class Renderer:
         return np.linalg.inv(seen) if np.linalg.det(seen) > 0.0 else None
 
     def _rays(self, rows: slice, columns: slice) -> tuple[Array, Array]:
-        """Ideal normalised coordinates of the points in those rows and columns, (h, w) or what
-        broadcasts to that.
+        """Return ideal normalised coordinates of the points in the rows and columns.
+
+        The arrays are (h, w), or broadcast to that shape.
         """
         camera = self.camera
         W, H = (int(side) for side in camera.size)
@@ -191,14 +196,15 @@ class Renderer:
 
 
 def _late(rows: slice, height: int) -> Array:
-    """(h, 1) when rows of an image are taken: from −1 of the first to 1 of the last."""
+    """Return the relative time (h, 1) of image rows: from −1 for the first to 1 for the last."""
     late = (np.arange(rows.start, rows.stop) + 0.5)[:, None] / (0.5 * height) - 1.0
     return late.astype(np.float32)
 
 
 def _looked_up(maps: Sequence[Array], x: Array, y: Array, late: Array) -> tuple[Array, Array]:
-    """Where rays meet a tag [cells]: by one map, or by the quadratic in time through those at −1, 0
-    and 1.
+    """Return the points where rays meet a tag [cells].
+
+    With three maps, at the relative times −1, 0 and 1, a quadratic in time interpolates them.
     """
     h = maps[0][..., None, None].astype(np.float32)
     if len(maps) == 3:
@@ -214,7 +220,7 @@ def _rounded(pose: Pose) -> Pose:
 
 @lru_cache(maxsize=256)
 def _picture(number: int, texels: int) -> Array:
-    """(n, n) a tag and the white around it, each cell so many texels wide."""
+    """Return the picture (n, n) of a tag with its white border, ``texels`` points per cell."""
     import cv2
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
@@ -232,12 +238,13 @@ def _bent(
     size: tuple[int, int],
     distortion: Distortion,
 ) -> tuple[Array, Array]:
-    """(FINER H, FINER W) ideal normalised coordinates x and y of all points of an image, NaN where
-    there are none.
+    """Return ideal normalised coordinates x and y (FINER H, FINER W) of all points of an image.
+
+    They are NaN where the distortion cannot be inverted.
     """
     knots = [np.linspace(0.0, side, -(-side // KNOT) + 1) for side in size]
     fine = [(np.arange(FINER * side) + 0.5) / FINER for side in size]
-    # takes longer to load than all other imports of a run
+    # imported here, since it takes longer to load than all other imports of a run
     from scipy.interpolate import RectBivariateSpline
 
     pinhole = Camera(focal, size, (offset[0] + 0.5 * size[0], offset[1] + 0.5 * size[1]))

@@ -1,5 +1,6 @@
-"""The table ``sensor`` of a scenario whose controller sees images: how they are taken and
-evaluated.
+"""Table ``sensor`` of a scenario whose controller sees images.
+
+It states how the images are taken and evaluated.
 """
 
 from __future__ import annotations
@@ -16,35 +17,36 @@ DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
 OpaqueName = Literal["links", "bodies", "regions"]
 
-LAST_ID = 586  #: The family tag36h11 has 587 tags.
+LAST_ID = 586  #: Largest number of a tag: the family tag36h11 has 587 tags.
 
 
 @dataclass(frozen=True)
 class ImageSettings:
-    """Images are rendered, tags in them detected, and what that says is what a controller
-    believes.
+    """Settings of an image sensor.
+
+    Images are rendered and tags are detected in them. The result is the controller's measurement.
     """
 
-    #: Images a second; each is taken at the first sample that is not before its time.
+    #: Images per second; each is taken at the first sample that is not before its time.
     rate_hz: float = 30.0
-    latency_s: float = 0.03  #: How long after that it can be used [s]. The first is waited for.
+    latency_s: float = 0.03  #: Delay until an image can be used [s]; control waits for the first.
     detector: DetectorName = "apriltag"
-    prediction: bool = True  #: Whether images are moved on by the known motion until the next one.
-    #: In an image: by the "pose" that explains it, the "model", or always this [m].
+    prediction: bool = True  #: True to extrapolate images by the known motion until the next one.
+    #: Depth in an image: of the estimated "pose", of the "model", or a constant [m].
     depth: DepthName | float = "pose"
     noise: float = 2.0  #: Standard deviation of every grey level, of 256.
     blur_px: float = 0.5  #: Standard deviation of the lens's blur [px].
-    light: float = 1.0  #: Factor on all grey levels; what exceeds 255 is white.
-    exposure_s: float = 0.0  #: How long the shutter is open: things that move are smeared [s].
-    #: How much later the last row is taken than the first; 0 is a global shutter [s].
+    light: float = 1.0  #: Factor on all grey levels; values above 255 are white.
+    exposure_s: float = 0.0  #: Exposure time, during which moving objects are smeared [s].
+    #: Delay of the last row behind the first [s]; 0 for a global shutter.
     rolling_s: float = 0.0
-    tag_side_m: float | None = None  #: Of the tags' black squares [m]; as large as can be if None.
-    #: Numbers of the tags that are looked for, one per marker; 0, 1, … if None.
+    tag_side_m: float | None = None  #: Side of a black square [m]; the largest possible if None.
+    #: Numbers of the tags to detect, one per marker; 0, 1, … if None.
     tags: Sequence[int] | None = None
-    #: Numbers of those that the board really has; the same if None.
+    #: Numbers of the tags that the board really has; equal to ``tags`` if None.
     printed: Sequence[int] | None = None
-    opaque: Sequence[OpaqueName] = ("links", "bodies")  #: What hides tags besides what occludes.
-    #: How long control goes on with the last usable image before it brakes [s].
+    opaque: Sequence[OpaqueName] = ("links", "bodies")  #: Further occluders of the tags.
+    #: Time for which control uses the last usable image before it brakes [s].
     patience_s: float = 0.25
 
     def __post_init__(self) -> None:
@@ -79,18 +81,17 @@ class ImageSettings:
 
     @property
     def random(self) -> bool:
-        """Whether anything is drawn from the seed."""
+        """True if anything is drawn from the seed."""
         return self.noise > 0.0
 
     def number(self, t: float) -> int:
-        """Number of the last image whose time has come at t [s]."""
+        """Return the number of the last image that is due at t [s]."""
         return math.floor(t * self.rate_hz + 1e-6)
 
     def looked_for(self, markers: int) -> tuple[int, ...]:
-        """Numbers of the tags of so many markers."""
+        """Return the numbers of the tags to detect for a number of markers."""
         return tuple(range(markers)) if self.tags is None else tuple(self.tags)
 
 
-#: Types of sensors that scenario files know; without one, markers are measured as ``disturbances``
-#: say.
+#: Sensor types in scenario files; the default is a measurement as in ``disturbances``.
 SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}

@@ -1,5 +1,6 @@
-"""Silhouettes of convex solids in an image: clipped to what is before a board, projected, and
-filled.
+"""Silhouettes of convex solids in an image.
+
+The part of a solid in front of a board is projected and filled.
 """
 
 from __future__ import annotations
@@ -11,24 +12,25 @@ import numpy as np
 from ...rows import Array, BoolArray
 from ..camera import Camera
 
-#: How far what is drawn is from the plane through the camera, and before the board: what lies on it
-#: covers nothing [m].
+#: Least distance of drawn parts from the plane through the camera; and in front of the board, so
+#: that an object on the board hides nothing [m].
 NEAR = 0.01
 BEFORE = 1e-3
-#: Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is
-#: drawn any more.
+#: For lenses with distortion, in normalised coordinates: length of the parts of an edge, and
+#: largest radius that is drawn.
 PART = 0.02
 WIDEST = 10.0
-#: Around the reach of a lens, by which it is scaled.
+#: Square around the invertible disc of a lens, for a unit radius.
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
-SHIFT = 4  #: Binary digits of a pixel that corners are rounded to.
+SHIFT = 4  #: Fractional bits to which corners are rounded [px].
 
 
 def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
-    """(H, W) pixels of a camera that convex solids cover, of those before a board.
+    """Return the pixels (H, W) that convex solids in front of a board cover.
 
-    Each solid is (V, 3) points whose convex hull it is, ``board`` (4,) a unit normal n away from
-    the camera and d in n·P = d, all in the camera's frame [m].
+    Each solid is the convex hull of points (V, 3). ``board`` (4,) is the plane n·P = d as n and d,
+    with the unit normal n pointing away from the camera. All coordinates are in the camera's frame
+    [m].
     """
     import cv2
 
@@ -42,8 +44,9 @@ def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
 
 
 def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
-    """(K, 2) corners of a solid's outline, counted by pixels' centres; None if nothing of it is
-    before the board.
+    """Return the corners (K, 2) of a solid's outline, in pixels counted by centres.
+
+    Returns None if no part of the solid is in front of the board.
     """
     import cv2
 
@@ -65,7 +68,7 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
 
 
 def _finely(outline: Array) -> Array:
-    """An outline (K, 2) with corners every :data:`PART`."""
+    """Return an outline (K, 2) with corners at most :data:`PART` apart."""
     parts = []
     for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         count = int(np.ceil(np.abs(b - a).max() / PART)) + 1
@@ -74,11 +77,10 @@ def _finely(outline: Array) -> Array:
 
 
 def clipped(points: Array, plane: Array) -> Array:
-    """(V', 3) points whose convex hull is that of points (V, 3), less where n·P < d; ``plane`` (4,)
-    is n and d.
+    """Return points (V', 3) whose hull is that of points (V, 3) without the part n·P < d.
 
-    Where the plane cuts lines between two of the points, there are new ones: the corners of the cut
-    are among them.
+    ``plane`` (4,) is n and d. New points are added where the plane cuts segments between points on
+    different sides; they include the corners of the cut.
     """
     import cv2
 
@@ -93,7 +95,7 @@ def clipped(points: Array, plane: Array) -> Array:
     there = inside[~kept]
     share = here[:, None] / (here[:, None] - there)
     cut = (a[:, None] + share[..., None] * (b - a[:, None])).reshape(-1, 3)
-    # in the plane: its outline is enough
+    # the new points lie in the plane: the hull of the cut suffices
     flat = np.delete(cut, np.argmax(np.abs(plane[:3])), axis=1)
     around = cv2.convexHull(flat.astype(np.float32), returnPoints=False).ravel()
     return np.concatenate([a, cut[around]])

@@ -1,4 +1,4 @@
-"""What an image of a board says: where the markers are in it, and where the camera is."""
+"""Estimation of marker pixels and camera pose from an image of a board."""
 
 from __future__ import annotations
 
@@ -13,21 +13,23 @@ from ..camera import Camera
 from .board import Board
 from .detectors import Detector, Pixels, demand_image
 
-#: Root mean square of the corners' distances from where a pose has them, above which they are of no
-#: such board [px].
+#: Largest root mean square reprojection error of corners that belong to the board [px].
 MAX_RESIDUAL = 5.0
-#: Two poses explain a plane that is seen nearly along its normal: one by up to this factor worse
-#: counts as well.
+#: Two poses explain a plane that is seen nearly along its normal: largest ratio of their errors at
+#: which both are plausible.
 AS_GOOD = 2.0
 
 
 class TagPose(NamedTuple):
-    """What one image says of M markers.
+    """Measurement of M markers in one image.
 
-    The camera's pose in the target's frame, None if no tag was usable; ideal pixels (M, 2) of the
-    markers from the image's centre, where the pose has them if their tag was not seen (M,); the
-    root mean square of the corners' distances from where the pose has them; numbers of tags that
-    are not the board's, or were seen twice; and whether no pose explains the tags that were seen.
+    - ``camera``: pose of the camera in the target's frame, None if no tag was usable.
+    - ``pixels``: ideal pixels (M, 2) of the markers from the image centre, predicted from the pose
+      for markers whose tag was not seen.
+    - ``seen``: True (M,) for markers whose tag was seen.
+    - ``residual_px``: root mean square reprojection error of the corners [px].
+    - ``foreign``: numbers of tags that do not belong to the board, or were seen twice.
+    - ``unfit``: True if no pose explains the tags that were seen.
     """
 
     camera: Pose | None
@@ -41,11 +43,11 @@ class TagPose(NamedTuple):
 def locate_board(
     image: Pixels, detector: Detector, board: Board, camera: Camera, near: Pose | None = None
 ) -> TagPose:
-    """What an image (H, W) of grey levels says, with board and camera as they are believed to be.
+    """Return the measurement from an image (H, W) of grey levels, for a believed board and camera.
 
-    ``near`` is the camera's expected pose in the target's frame, which chooses between two that
-    explain the image. Raises InvalidInput if the array is no image, or has another size than the
-    camera was calibrated for.
+    ``near`` is the expected pose of the camera in the target's frame; it selects one of two poses
+    that explain the image. Raises InvalidInput if the array is no image, or if its size differs
+    from that of the calibration.
     """
     demand_image(image)
     W, H = camera.size
@@ -86,8 +88,9 @@ def locate_board(
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
-    """Ideal pixels of tags' corners (n, 4, 2), and (n,) whether the lens can be inverted where all
-    four are.
+    """Return ideal pixels of tags' corners (n, 4, 2).
+
+    The second array (n,) is True if the distortion can be inverted at all four corners of a tag.
     """
     if camera.distortion is None:
         return corners, np.ones(len(corners), dtype=np.bool_)
@@ -98,17 +101,16 @@ def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
 def board_pose(
     flat: Array, normalised: Array, near: Pose | None = None
 ) -> tuple[Pose | None, float]:
-    """Pose of the camera in the board's frame that explains points of the board best.
+    """Return the pose of the camera in the board's frame that explains points of the board best.
 
-    One pose is found in closed form (IPPE: Collins & Bartoli 2014) and refined by Levenberg and
-    Marquardt's method. A plane that is seen from afar has a second one: tilted the other way,
-    mirrored along the line of sight (Schweighofer & Pinz 2006). It is refined likewise; of two
-    about as good, the one nearer to the expected pose is taken.
+    One pose is found in closed form (IPPE: Collins & Bartoli 2014) and refined by the
+    Levenberg–Marquardt method. A plane that is seen from afar has a second one: tilted the other
+    way, mirrored along the line of sight (Schweighofer & Pinz 2006). It is refined in the same way.
+    If both are about equally good, the one nearer to the expected pose is taken.
 
-    ``flat`` (N, 2) are four or more points of the board in its plane [m], ``normalised`` (N, 2)
-    where they are in the image. The pose is None if there is none with the points in front of the
-    camera; beside it is the root mean square of the points' distances from where it has them, in
-    normalised coordinates.
+    ``flat`` (N, 2) are four or more points in the plane of the board [m], ``normalised`` (N, 2)
+    their image. The pose is None if no pose has the points in front of the camera. The second value
+    is the root mean square reprojection error in normalised coordinates.
     """
     import cv2
 
