@@ -16,6 +16,21 @@ class Row(NamedTuple):
     """Numbers of one row (compiled), or arrays (m,) of all rows (NumPy).
 
     Entries that are unknown or unused are NaN.
+
+    Attributes
+    ----------
+    phi, Lf, sigma, sigma_dot, K, switching_gain, scale
+        As in :class:`vsconstraints.rows.Rows`.
+    tracked, effort
+        L_gφ q̈ and ‖q̈‖ of the command that tracks without rows.
+    norm, norm_1
+        ‖L_gφ‖, and the sum ‖L_gφ‖₁ of the magnitudes of its entries.
+    last_rate
+        L_gφ q̈ as this law commanded it at the last sample.
+    period
+        T_s [s].
+    memory
+        Floats that the demand returned at the last sample: ``memory[0]``, ``memory[1]`` and so on.
     """
 
     phi: Any
@@ -41,8 +56,9 @@ BOUND, EQUAL, PUSH = range(3)
 
 @formula
 def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
-    """φ + T_s L_gφ q̈ of tracking where φ is of relative degree one by itself (K = 0), as a
-    speed's; φ elsewhere.
+    """φ + T_s L_gφ q̈ of tracking where φ itself has relative degree one (K = 0); φ elsewhere.
+
+    K = 0 holds for rows of speeds, for instance.
     """
     return np.where(K == 0.0, phi + period * tracked, phi)
 
