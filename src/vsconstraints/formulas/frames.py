@@ -11,7 +11,7 @@ from . import formula
 
 IN_IMAGE = 1e-4  #: Step of the differences along a velocity: in the image [px], in space [m].
 IN_SPACE = 1e-6
-TINY = 1e-300  #: Smallest speed used as a divisor.
+TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is divided by zero.
 
 
 @formula

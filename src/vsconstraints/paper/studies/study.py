@@ -58,7 +58,7 @@ class Study(ABC):
 
     @abstractmethod
     def runs(self, *, small: bool = False) -> Mapping[Any, RunSpec]:
-        """Return runs by case, in the order of the figure's data; if ``small``, a few short ones."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
 
     @abstractmethod
     def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
