@@ -1,3 +1,4 @@
-"""How long a control step takes, beside other ways to compute one: ``python -m benchmarks`` (see
-``__main__``).
+"""Benchmarks of a control step against other implementations: ``python -m benchmarks``.
+
+See ``__main__``.
 """

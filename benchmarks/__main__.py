@@ -1,12 +1,13 @@
-"""``python -m benchmarks [--quick] [--out FOLDER] [--part NAME]``: measure, and write
-FOLDER/benchmarks.md.
+"""Command ``python -m benchmarks [--quick] [--out FOLDER] [--part NAME]``.
+
+It measures, and writes FOLDER/benchmarks.md.
 """
 
 from __future__ import annotations
 
 import os
 
-# before NumPy is imported: matrices are small, and threads only make times noisy
+# before NumPy is imported: for small matrices, threads only add noise
 os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["MKL_NUM_THREADS"] = "1"
@@ -39,7 +40,7 @@ PARTS: dict[str, Callable[[Effort], Part]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the parts and write the report; 1 if a part failed."""
+    """Run the parts and write the report; return 1 if a part failed."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description="Measure control steps."
     )
@@ -65,14 +66,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(names: Sequence[str], effort: Effort) -> tuple[dict[str, Part], dict[str, str]]:
-    """Parts by name, and why those that failed did."""
+    """Return the parts by name, and the reasons for failures."""
     parts: dict[str, Part] = {}
     failures: dict[str, str] = {}
     for name in names:
         started = perf_counter()
         try:
             parts[name] = PARTS[name](effort)
-        except Exception as error:  # a part that fails costs its own lines alone
+        except Exception as error:  # a part that fails affects only its own lines
             failures[name] = f"{type(error).__name__}: {error}"
         said = failures.get(name, "measured")
         print(f"{name}: {said}, {perf_counter() - started:.1f} s", file=sys.stderr, flush=True)

@@ -1,8 +1,7 @@
-"""The paper's Appendix B for its case study, in plain NumPy and written out on its own: what a
-control step costs so.
+"""Appendix B of the paper for its case study, in plain NumPy, as a reference for step times.
 
-It shares nothing with the package but the scenario's numbers: kinematics, image, constraints and
-the two pseudoinverses of eq. (15) are written here a second time, line by line as in the paper, for
+It shares only the scenario's numbers with the package. Kinematics, image, constraints and the two
+pseudoinverses of eq. (15) are implemented here a second time, line by line as in the paper, for
 clarity and not for speed.
 """
 
@@ -16,8 +15,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 RCOND = 1e-6
-"""Singular values below this fraction of the largest count as zero: "a tolerance to set [them] to
-zero".
+"""Fraction of the largest singular value below which singular values count as zero.
+
+The paper has "a tolerance to set [them] to zero".
 """
 
 # Table 2: θ offset, d, a, α
@@ -32,7 +32,7 @@ TABLE_2 = [
 
 
 class AppendixB:
-    """One sampling period after another; call :meth:`step` in the order of time.
+    """Sequence of sampling periods; call :meth:`step` in the order of time.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class AppendixB:
         self.J_prev: Array = np.zeros((6, 6))
 
     def step(self, t: float, q: Array, qd: Array) -> Array:
-        """(6,) commanded accelerations at time ``t`` [s], from ``q`` and ``qd`` (6,)."""
+        """Return the commanded accelerations (6,) at time ``t`` [s], from ``q`` and ``qd`` (6,)."""
         R, p, J_base = kinematics(q)
         J_camera = np.vstack((R.T @ J_base[:3], R.T @ J_base[3:]))
 
@@ -86,7 +86,7 @@ class AppendixB:
         s = np.concatenate((R_goal.T @ (p - p_goal), u))  # eq. (44); its reference is zero
         J_s = np.vstack((relative @ J_camera[:3], rotation_vector_jacobian(u) @ J_camera[3:]))
 
-        # lines 2 to 5; where a goal begins there is no sample before
+        # lines 2 to 5; at the start of a goal there is no previous sample
         s_dot = J_s @ qd if first else (s - self.s_prev) / self.Ts
         J_dot = np.zeros_like(J_s) if first else (J_s - self.J_prev) / self.Ts
         # line 6, eqs. (42) and (43)
@@ -116,8 +116,9 @@ class AppendixB:
     def constraints(
         self, q: Array, qd: Array, R: Array, p: Array, J_base: Array, J_camera: Array
     ) -> tuple[Array, Array, Array]:
-        """φ (9,), its gradient with respect to q̇ (9, 6), and u⁺ (9,): markers, joint 6, joint 2,
-        the sphere.
+        """φ (9,), its gradient with respect to q̇ (9, 6), and u⁺ (9,).
+
+        The rows are markers, joint 6, joint 2, and the sphere.
         """
         P = (self.markers - p) @ R
         x = P[:, 0] / P[:, 2]
@@ -159,8 +160,9 @@ class AppendixB:
 
 
 def kinematics(q: Array) -> tuple[Array, Array, Array]:
-    """Attitude and position of the camera, which is at the tip, and the (6, 6) Jacobian of its
-    twist: base frame.
+    """Attitude and position of the camera, and the Jacobian of its twist (6, 6), in the base frame.
+
+    The camera is at the tip.
     """
     T = np.eye(4)
     axes = []
@@ -181,7 +183,7 @@ def kinematics(q: Array) -> tuple[Array, Array, Array]:
 
 
 def rotation_vector(R: Array) -> Array:
-    """(3,) θu of a rotation by less than half a turn."""
+    """Rotation vector θu (3,) of a rotation by less than half a turn."""
     v = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = np.linalg.norm(v)
     angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1.0))
@@ -189,7 +191,7 @@ def rotation_vector(R: Array) -> Array:
 
 
 def rotation_vector_jacobian(u: Array) -> Array:
-    """(3, 3) L_θu, which turns the angular velocity in the turned frame into the rate of θu."""
+    """L_θu (3, 3), which maps the angular velocity in the rotated frame to the rate of θu."""
     U = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
     angle = np.linalg.norm(u)
     if angle < 1e-4:

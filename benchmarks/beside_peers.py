@@ -1,4 +1,4 @@
-"""Our step beside other packages' on the same arm."""
+"""Step time of this package compared with other packages on the same arm."""
 
 from __future__ import annotations
 
@@ -22,24 +22,27 @@ from .steps import Walk, shortened
 from .timing import UNIT, Times, in_turn
 
 TEXT = """
-Ours: everything from state to command on the scenario `ur5-fov`, along its runs. Peers: the same UR5 and their own
-standard step with joint range and speed limits and one frame task, in a process each, which takes the unit in turn with
-them; what they solve is not the same problem, but what one would put in its place. Pink and TSID raise or fail where
+Ours: everything from state to command on the scenario `ur5-fov`, along its runs. Peers: the same \
+UR5 and their own
+standard step with joint range and speed limits and one frame task, in a process each, which takes \
+the unit in turn with
+them; what they solve is not the same problem, but what one would put in its place. Pink and TSID \
+raise or fail where
 limits are violated already; TSID solves inverse dynamics, and placo velocities, both in C++.
 """
 
 PYTHON = "VSCONSTRAINTS_PEERS_PYTHON"
-"""Environment variable: other interpreters, separated as in PATH, of which each peer runs in the
-first that has it.
+"""Environment variable with other interpreters, separated as in PATH.
 
-TSID and placo want other versions of Pinocchio than this package.
+Each peer runs in the first interpreter that has it. TSID and placo require other versions of
+Pinocchio than this package.
 """
 
 UR5 = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("Beside other packages", TEXT)
     scenario = shortened(Scenario.load("ur5-fov"), effort.duration)
     walks = {}
@@ -76,8 +79,9 @@ def measure(effort: Effort) -> Part:
 
 
 def peer(name: str, turns: int) -> dict[str, Any]:
-    """What :mod:`benchmarks.peers` printed; RuntimeError with the reasons if no interpreter could
-    measure.
+    """Return the output of :mod:`benchmarks.peers`.
+
+    Raises RuntimeError with the reasons if no interpreter could measure.
     """
     reasons = []
     for python in (sys.executable, *filter(None, os.environ.get(PYTHON, "").split(os.pathsep))):

@@ -28,14 +28,14 @@ def draw(name: str, part: Part, folder: Path) -> None:
 
 
 def _readable(axis: Axis) -> None:
-    """Numbers on a logarithmic axis that spans one or two decades: 0.1, 0.2, 0.5, 1 ..."""
+    """Label a logarithmic axis that spans one or two decades: 0.1, 0.2, 0.5, 1 ..."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def _steps(part: Part) -> plt.Figure:
-    """Ratio of the total by scenario."""
+    """Draw the ratio of the total by scenario."""
     found: dict[str, dict[str, float]] = {}
     for key, value in part.numbers.items():
         match = re.fullmatch(r"(.+), (.+): ratio", key)
@@ -46,9 +46,9 @@ def _steps(part: Part) -> plt.Figure:
         figsize=(10.0, 1.6 + (0.1 + 0.05 * len(found)) * len(scenarios)), layout="constrained"
     )
     for i, (law, look) in enumerate(looks(list(found)).items()):
-        # one below the other, since times of several laws are the same
+        # markers are shifted vertically, because several laws take the same time
         at = [scenarios.index(name) + 0.8 * ((i + 0.5) / len(found) - 0.5) for name in found[law]]
-        # hollow where a law differs from another one by its line
+        # hollow if a law differs from another one only by its line
         face = {"mec": "w", "mew": 0.5} if look.line == "-" else {"mfc": "w", "mew": 1.2}
         axes.plot(
             list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, label=law, **face
@@ -66,7 +66,7 @@ def _steps(part: Part) -> plt.Figure:
 
 
 def _growth(part: Part) -> plt.Figure:
-    """Ratio over size, and the slope of linear growth."""
+    """Draw the ratio over size, and the slope of linear growth."""
     found: dict[str, dict[str, dict[int, float]]] = {}
     for key, value in part.numbers.items():
         match = re.fullmatch(r"(\w+), (.+), (\d+): ratio", key)
@@ -78,13 +78,13 @@ def _growth(part: Part) -> plt.Figure:
     entries: dict[str, plt.Line2D] = {}
     for axes, (what, curves) in zip(panels[0], found.items(), strict=False):
         laws = looks(list(dict.fromkeys(name.partition(",")[0] for name in curves)))
-        # the tasks of a law one after the other: one below the other in the legend
+        # entries of the same law follow each other in the legend
         for name in sorted(curves, key=lambda name: [*laws].index(name.partition(",")[0])):
             law, _, kind = name.partition(", ")
             line, label = ("--", f"{law}, image task") if kind == "image" else ("-", law)
             look = line + laws[law].marker
             curve = curves[name]
-            # hollow markers, since times of two laws can be the same
+            # hollow markers, because two laws can take the same time
             (entries[label],) = axes.loglog(
                 list(curve), list(curve.values()), look, color=laws[law].colour, mfc="none"
             )

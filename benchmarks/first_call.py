@@ -1,6 +1,4 @@
-"""Run in a process of its own: what the first call of each controller named costs; times [s] as
-JSON.
-"""
+"""Time of the first call of each named controller [s], as JSON; run in a separate process."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from time import perf_counter
 
 
 def first_calls(names: list[str]) -> dict[str, float]:
-    """Imports, setup, and the first and second step of each controller on the case study."""
+    """Time imports, setup, and the first and second step of each controller on the case study."""
     started = perf_counter()
     from vsconstraints.control import ControlStep
     from vsconstraints.controllers import make_controller

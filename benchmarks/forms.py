@@ -1,4 +1,4 @@
-"""The case study's step in several forms, and where the time of the compiled one goes."""
+"""Step of the case study in several forms, and a breakdown of the compiled form."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ from .steps import Walk, shortened
 from .timing import UNIT, Array, Subject, Times, compare, in_turn
 
 TEXT = """
-The same samples of the case study, state in, command out, in several forms taken in turn. *Appendix B* is the paper's
-algorithm in plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds of NumPy lie between
-two calls of a compiled form, which finds the caches empty: it takes longer here than among its equals above.
+The same samples of the case study, state in, command out, in several forms taken in turn. \
+*Appendix B* is the paper's
+algorithm in plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds \
+of NumPy lie between
+two calls of a compiled form, which finds the caches empty: it takes longer here than among its \
+equals above.
 
-The second table shows where the time goes: parts of one step, at one sample of the case study with three rows made
+The second table shows where the time goes: parts of one step, at one sample of the case study \
+with three rows made
 active.
 """
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("The case study's step in several forms", TEXT)
     scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
     setup = scenario.setup()
@@ -58,7 +62,7 @@ def measure(effort: Effort) -> Part:
 
 
 def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Subject:
-    """Times of the transcription along the run."""
+    """Return a subject that times the transcription of Appendix B along the run."""
     law = AppendixB(scenario.tables)
     states = [
         (float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)
@@ -75,14 +79,15 @@ def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Subject:
 
 
 def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float, Array, Array]]:
-    """Rows and task where most rows act, with the three greatest φ lifted to zero or above; and
-    that sample.
+    """Rows and task at the sample with most active rows, with three rows made active.
+
+    φ of the three greatest independent rows is raised to zero or above. The sample is returned too.
     """
     k = int(np.argmax(run.active.sum(axis=1)))
     state = (float(run.t[k]), run.q[k].copy(), run.qd[k].copy())
     step = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(*state)
     phi = step.rows.phi.copy()
-    # one side of a joint's range and the other are opposite: of these, one
+    # rows of both sides of a joint's range are opposite: only one is chosen
     chosen: list[int] = []
     for i in np.argsort(-phi):
         A = step.rows.Lg[[*chosen, i]]

@@ -1,4 +1,4 @@
-"""How the step time grows with the number of markers, rows and joints."""
+"""Growth of the step time with the number of markers, rows and joints."""
 
 from __future__ import annotations
 
@@ -21,17 +21,22 @@ from .part import Effort, Part, Table, digits
 from .timing import compare
 
 TEXT = """
-Medians in units, of everything from state to command (markers, joints) or of the command alone (rows). *Slope* is that
-of a line through the logarithms of all sizes, *last* that between the two greatest sizes, where what is constant
+Medians in units, of everything from state to command (markers, joints) or of the command alone \
+(rows). *Slope* is that
+of a line through the logarithms of all sizes, *last* that between the two greatest sizes, where \
+what is constant
 weighs least: 1 is linear growth.
-Markers: the Viper, a field-of-view row each, one of them active; a pose task, or an image task with two equations a
-marker. Rows: six joints, three rows active and in the way, all others far from it. Joints: arms of alternating axes,
+Markers: the Viper, a field-of-view row each, one of them active; a pose task, or an image task \
+with two equations a
+marker. Rows: six joints, three rows active and in the way, all others far from it. Joints: arms \
+of alternating axes,
 four markers, range and speed rows for every joint.
 """
 
 LINEAR = 1.1
-"""Slope between the two greatest sizes above which growth counts as worse than linear: what noise
-leaves of 1.
+"""Slope between the two greatest sizes above which growth counts as worse than linear.
+
+It exceeds 1 because of noise.
 """
 
 SUBJECTS: dict[str, Callable[[], Controller]] = {
@@ -45,7 +50,7 @@ Curves = dict[str, dict[int, float]]
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("Growth", TEXT, figure="growth.png")
     turns = max(effort.turns // 2, 1)
     families: list[
@@ -56,7 +61,7 @@ def measure(effort: Effort) -> Part:
         ("joints", effort.joints, with_joints),
     ]
     for what, sizes, make in families:
-        # all sizes in turn: a slow moment of the machine hits them alike
+        # all sizes in turn: a slow moment of the machine affects all equally
         named = {
             f"{name}, {size}": (name, size, step)
             for size in sizes
@@ -82,23 +87,21 @@ def measure(effort: Effort) -> Part:
 
 
 def slopes(curve: Mapping[int, float]) -> tuple[float, float]:
-    """Slope of log ratio over log size: of the line through all, and between the two greatest
-    sizes.
-    """
+    """Slope of log ratio over log size: for all sizes, and between the two greatest."""
     x = np.log(list(curve))
     y = np.log(list(curve.values()))
     return float(np.polyfit(x, y, 1)[0]), float((y[-1] - y[-2]) / (x[-1] - x[-2]))
 
 
 def with_markers(count: int) -> dict[str, Callable[[], object]]:
-    """Steps with that many markers."""
+    """Return steps with this number of markers."""
     robot = viper_s650()
     camera = Camera((402.5, 402.5), (512.0, 512.0))
     q = np.array([0.1, -0.4, -0.5, -0.9, 1.3, 0.1])
     qd = np.full(6, 0.01)
     rng = np.random.default_rng(count)
     pixels = rng.uniform(-150.0, 150.0, (count, 2))
-    # beyond the border: its row is active
+    # outside the border: its row is active
     pixels[0] = 250.0, 10.0
     constraints: list[Constraint] = [FieldOfView(camera, K=0.1, switching_gain=2.0, margin=0.05)]
     return {
@@ -108,7 +111,7 @@ def with_markers(count: int) -> dict[str, Callable[[], object]]:
 
 
 def with_rows(count: int) -> dict[str, Callable[[], object]]:
-    """Commands for that many rows."""
+    """Return commands for this number of rows."""
     rng = np.random.default_rng(count)
     phi = rng.uniform(-2.0, -1.0, count)
     phi[:3] = 0.01
@@ -117,7 +120,7 @@ def with_rows(count: int) -> dict[str, Callable[[], object]]:
     J = np.eye(6) + 0.3 * rng.normal(size=(6, 6))
     b = rng.normal(size=6)
     tracking = np.linalg.solve(J, b)
-    # the first three are in the way of tracking
+    # the first three rows oppose tracking
     Lg[:3] *= np.where(Lg[:3] @ tracking < 0.0, -1.0, 1.0)[:, None]
     labels = tuple(f"row {i}" for i in range(count))
     rows = Rows(phi, Lg, np.zeros(count), np.ones(count), labels)
@@ -130,7 +133,7 @@ def with_rows(count: int) -> dict[str, Callable[[], object]]:
 
 
 def with_joints(count: int) -> dict[str, Callable[[], object]]:
-    """Steps of an arm with that many joints."""
+    """Return steps of an arm with this number of joints."""
     table = [[0.0, 0.05, 0.8 / count, (-1) ** i * np.pi / 2] for i in range(count)]
     limits = np.full(count, 3.0)
     robot = Robot.from_dh(table, q_min=-limits, q_max=limits, qd_max=limits)
@@ -156,8 +159,9 @@ def _steps(
     qd: np.ndarray,
     what: str,
 ) -> dict[str, Callable[[], object]]:
-    """State in, command out, for markers seen at these pixels at ``q``, and a goal a little
-    away.
+    """Return steps from state to command, for markers at these pixels at ``q``.
+
+    The goal is a little away from that pose.
     """
     there = robot.pose(q)
     depth = np.linspace(0.5, 0.7, len(pixels))[:, None]

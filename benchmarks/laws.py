@@ -1,5 +1,6 @@
-"""Every demand with the resolvers of the paper's law and of the hierarchical QP; every resolver
-with the barrier.
+"""Step times of all demands with two resolvers, and of all resolvers with the barrier.
+
+The two resolvers are those of the paper's law and of the hierarchical QP.
 """
 
 from __future__ import annotations
@@ -25,20 +26,23 @@ from .steps import Walk, shortened
 from .timing import UNIT, in_turn
 
 TEXT = """
-State in, command out, in the case study, at samples evenly spread over the run of the paper's law, the same for all. In
-parentheses the median in units beyond that of the paper's law, which is `switch` with `priority`, and of the
-hierarchical QP, which is `barrier` with `hierarchy`. The second table has every resolver with `barrier`.
+State in, command out, in the case study, at samples evenly spread over the run of the paper's \
+law, the same for all. In
+parentheses the median in units beyond that of the paper's law, which is `switch` with `priority`, \
+and of the
+hierarchical QP, which is `barrier` with `hierarchy`. The second table has every resolver with \
+`barrier`.
 """
 
 REFERENCES: dict[Resolver, str] = {Priority(): "switch", Hierarchy(): "barrier"}
-"""With whose demand a resolver's laws are held against."""
+"""Demand of the reference law of each resolver."""
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("Every demand with two resolvers, every resolver with one demand", TEXT)
     scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
-    # what comes first after the unit finds the caches emptied: not a reference
+    # the first subject after the unit finds empty caches: it must not be a reference
     laws = {
         f"{demand.name}, {resolver.name}": Law(demand(), resolver)
         for demand in reversed(DEMANDS)

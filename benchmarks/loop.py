@@ -1,6 +1,4 @@
-"""The closed loop: simulated steps per second, with all that is kept or scores alone, and trials
-per second.
-"""
+"""Closed loop: simulated steps per second, with log or scores only, and trials per second."""
 
 from __future__ import annotations
 
@@ -24,19 +22,24 @@ from .steps import shortened
 from .timing import unit_subject, without_old_garbage
 
 TEXT = """
-Whole simulations of the case study, for two laws also of the UR5: the check of the start, every step with everything
-that is logged, and the scores of the run afterwards. *Scores only* is the same without anything that is logged,
-compiled whole. Runs of all laws and blocks of the unit are taken in turn; within both, one step or call follows another
+Whole simulations of the case study, for two laws also of the UR5: the check of the start, every \
+step with everything
+that is logged, and the scores of the run afterwards. *Scores only* is the same without anything \
+that is logged,
+compiled whole. Runs of all laws and blocks of the unit are taken in turn; within both, one step \
+or call follows another
 at once.
 """
 
 SCENES = """
-One drawn scene of the UR5 after another, without disturbances, with all laws of the default comparison and tracking:
+One drawn scene of the UR5 after another, without disturbances, with all laws of the default \
+comparison and tracking:
 drawing, setups, runs and scores, in one process that has its code loaded.
 """
 
 TRIALS = """
-Trials of the case study with the sliding mode, each from another start, in warm worker processes: making the setup,
+Trials of the case study with the sliding mode, each from another start, in warm worker processes: \
+making the setup,
 simulating, and nothing stored. *efficiency* is the rate per core, relative to one core.
 """
 
@@ -44,7 +47,7 @@ UNIT_CALLS = 200
 
 
 def measure(effort: Effort) -> Part:
-    """Simulated steps per second."""
+    """Measure simulated steps per second."""
     part = Part("Closed loop", TEXT)
     case_study, ur5 = (
         shortened(Scenario.load(name), effort.duration) for name in (CASE_STUDY, "ur5-fov")
@@ -112,7 +115,7 @@ def measure(effort: Effort) -> Part:
 
 
 def measure_scenes(effort: Effort) -> Part:
-    """Time of a drawn scene with all laws of the default comparison."""
+    """Measure the time of a drawn scene with all laws of the default comparison."""
     part = Part("Drawn scenes", SCENES)
     campaign = Campaign.load().changed(conditions=("nominal",))
     (family,) = (family for family in campaign.families if family.name == "ur5")
@@ -128,21 +131,21 @@ def measure_scenes(effort: Effort) -> Part:
 
 
 def measure_trials(effort: Effort) -> Part:
-    """Trials per second."""
+    """Measure trials per second."""
     part = Part("Trials per second", TRIALS)
     lines = []
     cores = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
     if effort.trials < len(cores) * 2:
         cores = cores[:1]
     for count in cores:
-        # spawned, as comparisons do
+        # spawned, as in comparisons
         context = get_context("spawn")
         ready = context.Barrier(count + 1)
         with ProcessPoolExecutor(
             count, mp_context=context, initializer=_get_ready, initargs=(ready,)
         ) as pool:
             for _ in range(count):
-                # a worker is started for each task that finds none idle
+                # a worker starts for each task if no worker is idle
                 pool.submit(int)
             ready.wait(timeout=120.0)
             started = perf_counter()
@@ -158,13 +161,13 @@ def measure_trials(effort: Effort) -> Part:
 
 
 def _get_ready(ready: Barrier) -> None:
-    """Load all code in a worker, and wait for the others."""
+    """Load all code in a worker, and wait for the other workers."""
     _trial(0, 0.05)
     ready.wait(timeout=120.0)
 
 
 def _trial(number: int, duration: float) -> int:
-    """Samples of one trial."""
+    """Number of samples of one trial."""
     scenario = shortened(Scenario.load(CASE_STUDY), duration)
     setup = scenario.with_override("start_deviation", 0.01).setup(number)
     return len(simulate(setup, make_controller("sliding-mode")).t)

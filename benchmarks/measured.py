@@ -1,4 +1,4 @@
-"""What it costs that a step takes what a detector has measured."""
+"""Extra time of a step that uses measurements of a detector."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from .steps import Walk, shortened
 from .timing import UNIT, Times, in_turn
 
 TEXT = """
-State in, command out, by the sliding mode along its own run, with what a detector would have measured at each sample
+State in, command out, by the sliding mode along its own run, with what a detector would have \
+measured at each sample
 and without, in turn. *extra* is the median beyond that without, in units.
 """
 
@@ -30,7 +31,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
 
 
 class MeasuredWalk(Walk):
-    """The same steps with measured features."""
+    """Steps of a run with measured features."""
 
     def __init__(self, setup: Setup, run: Trajectory, turns: int, given: tuple[str, ...]) -> None:
         super().__init__(setup, SlidingMode(), run, turns)
@@ -46,7 +47,7 @@ class MeasuredWalk(Walk):
             self.measured[k] = {name: every[name] for name in given}
 
     def in_one(self, turn: int) -> float:
-        """Time of both [ns]."""
+        """Return the time from state to command [ns]."""
         clock = perf_counter_ns
         to_command = self.to_command
         place = self.places[turn]
@@ -58,7 +59,7 @@ class MeasuredWalk(Walk):
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("Measured features", TEXT)
     lines = []
     for name in SCENARIOS:

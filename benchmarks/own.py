@@ -1,4 +1,4 @@
-"""A constraint of one's own, given by a formula, beside a built-in one of the same shape."""
+"""Custom constraint given by a formula, compared with a built-in one of the same shape."""
 
 from __future__ import annotations
 
@@ -28,22 +28,24 @@ from .part import Effort, Part, Table, digits, microseconds
 from .timing import UNIT, Subject, each_call, in_turn
 
 TEXT = """
-The UR5 with a single constraint, once built in and then as a user would write it: a formula for the value and its
-derivatives, with a second one for the curvature or without, which is then taken from differences of the first. *rows*
-is the compiled function of the constraint's rows alone, called from compiled code again and again at one state; *whole
-step* is state in, command out, by the sliding mode. *× built-in* is the median as a multiple of the built-in one's.
+The UR5 with a single constraint, once built in and then as a user would write it: a formula for \
+the value and its
+derivatives, with a second one for the curvature or without, which is then taken from differences \
+of the first. *rows*
+is the compiled function of the constraint's rows alone, called from compiled code again and again \
+at one state; *whole
+step* is state in, command out, by the sliding mode. *× built-in* is the median as a multiple of \
+the built-in one's.
 """
 
 ROUNDS = 200
-"""Calls of rows at a time: a single one takes less than looking at the clock."""
+"""Number of calls of rows per turn: a single call is shorter than reading the clock."""
 
 Number = float
 
 
 class Disc(ImageConstraint):
-    """Markers stay out of a disc, as of :class:`vsconstraints.constraints.Occlusion` by a
-    circle.
-    """
+    """Disc that markers must avoid, like :class:`.Occlusion` with a circle."""
 
     kind = "disc"
 
@@ -55,25 +57,25 @@ class Disc(ImageConstraint):
     def formula(
         u: Number, v: Number, r: Number, a: Number, b: Number
     ) -> tuple[Number, Number, Number]:
-        """The value, positive inside, and its derivatives."""
+        """Value, positive inside, and its derivatives."""
         x = u - a
         y = v - b
         return 1.0 - (x * x + y * y) / (r * r), -2.0 * x / (r * r), -2.0 * y / (r * r)
 
 
 class CurvedDisc(Disc):
-    """The same with a formula for its curvature."""
+    """Disc with a formula for its curvature."""
 
     @staticmethod
-    def curvature_formula(  # the compiler wants numbers one by one
+    def curvature_formula(  # the compiler requires scalar arguments
         u: Number, v: Number, r: Number, a: Number, b: Number, u_dot: Number, v_dot: Number
     ) -> Number:
-        """ẏᵀHẏ."""
+        """Return ẏᵀHẏ."""
         return -2.0 / (r * r) * (u_dot * u_dot + v_dot * v_dot)
 
 
 class Ball(PointConstraint):
-    """The tip stays out of a ball, as of :class:`vsconstraints.constraints.ForbiddenSphere`."""
+    """Ball that the tip must avoid, like :class:`.ForbiddenSphere`."""
 
     kind = "ball"
 
@@ -85,7 +87,7 @@ class Ball(PointConstraint):
     def formula(
         x: Number, y: Number, z: Number, r: Number, a: Number, b: Number, c: Number
     ) -> tuple[Number, Number, Number, Number]:
-        """The value, positive inside, and its derivatives."""
+        """Value, positive inside, and its derivatives."""
         x = x - a
         y = y - b
         z = z - c
@@ -94,10 +96,10 @@ class Ball(PointConstraint):
 
 
 class CurvedBall(Ball):
-    """The same with a formula for its curvature."""
+    """Ball with a formula for its curvature."""
 
     @staticmethod
-    def curvature_formula(  # the compiler wants numbers one by one
+    def curvature_formula(  # the compiler requires scalar arguments
         x: Number,
         y: Number,
         z: Number,
@@ -109,7 +111,7 @@ class CurvedBall(Ball):
         v: Number,
         w: Number,
     ) -> Number:
-        """ẏᵀHẏ."""
+        """Return ẏᵀHẏ."""
         x = x - a
         y = y - b
         z = z - c
@@ -124,7 +126,7 @@ PLAIN = "own, without"
 
 
 def pairs() -> dict[str, dict[str, Constraint]]:
-    """Constraints by where they are, and by who gives their formula."""
+    """Return constraints by place, and by origin of their formula."""
     disc = Occlusion(Curve(Circle(30.0), (5.0, 7.0)), K=0.2, switching_gain=1.0)
     ball = ForbiddenSphere(centre=[0.3, 0.1, 0.9], radius=0.1, K=0.2, switching_gain=1.0)
     return {
@@ -134,7 +136,7 @@ def pairs() -> dict[str, dict[str, Constraint]]:
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("A constraint of one's own", TEXT)
     setup = Scenario.load("ur5-fov").setup()
     rows = repeated_rows()
@@ -179,8 +181,9 @@ def measure(effort: Effort) -> Part:
 
 
 def repeated_rows() -> Callable[[Packed], Subject] | None:
-    """Makes subjects that call the rows of a step's only constraint; None where there is no
-    compiler.
+    """Return a function that makes subjects which call the rows of a step's only constraint.
+
+    None if there is no compiler.
     """
     parts = load("parts")
     compiler = load("compiler")

@@ -1,4 +1,4 @@
-"""What a part of the benchmark is given and what it gives back."""
+"""Settings and results of a part of the benchmark."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from .timing import Times
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured.
+    """Extent of the measurement.
 
     Attributes
     ----------
     turns
-        Of each subject, one call each: see :mod:`benchmarks.timing`.
+        Calls of each subject, one per turn: see :mod:`benchmarks.timing`.
     scenarios
-        Names of those in the table of step times.
+        Names of the scenarios in the table of step times.
     duration
         Longest simulated time of a run [s].
     repeats
-        Of whole runs and processes.
+        Repetitions of whole runs and processes.
     trials
-        Simulated at a time, on each number of cores.
+        Number of trials on each number of cores.
     markers, rows, joints
         Sizes in the growth curves.
     long
-        Whether the first compilation and the default comparison are run too.
+        True if the first compilation and the default comparison are run too.
     """
 
     turns: int
@@ -96,21 +96,21 @@ class Table:
 
 @dataclass
 class Part:
-    """What a part came to.
+    """Result of a part.
 
     Attributes
     ----------
     title
-        Its heading.
+        Heading.
     text
-        How it is measured.
+        Description of the measurement.
     tables
-        Its tables.
+        Tables of results.
     numbers
-        What verdicts and later readers need, by name; times in seconds unless the name says
+        Numbers for verdicts and later readers, by name; times in seconds unless the name says
         otherwise.
     figure
-        File name of its figure; empty if it has none.
+        File name of the figure; empty if there is none.
     """
 
     title: str
@@ -120,7 +120,7 @@ class Part:
     figure: str = ""
 
     def keep(self, name: str, times: Times) -> None:
-        """Keep what is worth keeping of some times."""
+        """Keep median, ratio and spread of some times."""
         self.numbers[f"{name}: median"] = times.median
         self.numbers[f"{name}: ratio"] = times.ratio
         self.numbers[f"{name}: p99/median"] = times.spread
@@ -133,15 +133,16 @@ OTHER_FORMS = {
     "goal-governor": ("goal-governor", {}),
     "barrier-governor": ("barrier-governor", {}),
 }
-"""Laws and options that are timed beside those of the default comparison."""
+"""Laws and options that are timed besides those of the default comparison."""
 
 LONG_PLANS = {f"predictive-{horizon}": ("predictive", {"horizon": horizon}) for horizon in (30, 50)}
-"""The same, on the case study alone."""
+"""Further laws that are timed on the case study only."""
 
 
 def controllers(scenario: str = "") -> dict[str, Controller]:
-    """New controllers of the default comparison, and other forms of them that are timed on a
-    scenario, by name.
+    """Return new controllers of the default comparison and other timed forms, by name.
+
+    The other forms depend on the scenario.
     """
     forms = {**OTHER_FORMS, **(LONG_PLANS if scenario == CASE_STUDY else {})}
     others = {name: make_controller(law, options) for name, (law, options) in forms.items()}
@@ -154,27 +155,27 @@ def _default_suite() -> Suite:
 
 
 def hierarchical_qp(solver: str) -> Controller:
-    """The hierarchy with a QP solver by its name."""
+    """Return the hierarchical QP with a QP solver given by name."""
     return make_controller("hierarchical-qp", {"solver": solver})
 
 
 def microseconds(*seconds: float) -> str:
-    """Times to three digits, as ``4.21 / 5.02 / 31.0`` µs."""
+    """Format times to three digits, as ``4.21 / 5.02 / 31.0`` µs."""
     return " / ".join(digits(1e6 * value) for value in seconds)
 
 
 def digits(value: float) -> str:
-    """Three significant digits without an exponent."""
+    """Format a number to three significant digits without an exponent."""
     if not np.isfinite(value):
         return "–"
     return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
 
 
 def median_p99_max(times: Times) -> str:
-    """Of times, in µs."""
+    """Format median, p99 and maximum of times in µs."""
     return microseconds(times.median, times.p99, times.max)
 
 
 def ratios(times: Times) -> str:
-    """The same in units."""
+    """Format median, p99 and maximum of times in units."""
     return " / ".join(digits(value / times.unit) for value in (times.median, times.p99, times.max))

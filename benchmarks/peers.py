@@ -1,7 +1,6 @@
-"""Other packages' steps on a UR5. Run in a process of its own, which may have an environment of its
-own.
+"""Steps of other packages on a UR5, run in a separate process and possibly another environment.
 
-``python -m benchmarks.peers NAME TURNS URDF`` prints times [s] as JSON; without the package it ends
+``python -m benchmarks.peers NAME TURNS URDF`` prints times [s] as JSON. Without the package it ends
 with the reason.
 """
 
@@ -22,8 +21,9 @@ SAMPLING_TIME = 0.002
 
 
 def pink(urdf: str) -> dict[str, Callable[[], object]]:
-    """Differential kinematics as one QP: joint ranges and speeds, one frame task, solved by
-    daqp.
+    """Differential kinematics as one QP, solved by daqp.
+
+    It has joint ranges and speeds, and one frame task.
     """
     import pinocchio as pin
     from pink import Configuration, solve_ik
@@ -43,7 +43,7 @@ def pink(urdf: str) -> dict[str, Callable[[], object]]:
     speed = solve()
 
     def step() -> None:
-        # there and back, so that no call starts where the last one did, and none at rest
+        # alternate, so that no call starts where the last one did, and none at rest
         nonlocal sign
         sign = -sign
         configuration.update(pin.integrate(model, q, sign * 1e-3 * speed))
@@ -53,8 +53,9 @@ def pink(urdf: str) -> dict[str, Callable[[], object]]:
 
 
 def tsid(urdf: str) -> dict[str, Callable[[], object]]:
-    """Inverse dynamics as a hierarchy of two levels: joint ranges, speeds and accelerations; one
-    SE3 task; damping.
+    """Inverse dynamics as a hierarchy of two levels.
+
+    It has joint ranges, speeds and accelerations; one SE3 task; damping.
     """
     import numpy as np
     import tsid as t
@@ -96,7 +97,7 @@ def tsid(urdf: str) -> dict[str, Callable[[], object]]:
 
 def placo(urdf: str) -> dict[str, Callable[[], object]]:
     """Differential kinematics as one QP in C++: joint ranges and speeds, one frame task."""
-    # where meshes are looked for
+    # folder in which meshes are searched for
     os.environ["ROS_PACKAGE_PATH"] = str(Path(urdf).parents[4])
     import numpy as np
     import placo as p
@@ -128,11 +129,11 @@ PEERS: dict[str, tuple[str, Callable[[str], dict[str, Callable[[], object]]]]] =
     "tsid": ("tsid", tsid),
     "placo": ("placo", placo),
 }
-"""Name of the distribution and what makes the subjects of a robot's URDF."""
+"""Name of the distribution, and function that makes the subjects for a robot's URDF."""
 
 
 def _ur5(urdf: str) -> tuple[Any, Any, Any, str]:
-    """Model, configuration, a pose of the tool some centimetres away, and the tool's name."""
+    """Model, configuration, a tool pose some centimetres away, and name of the tool's frame."""
     import numpy as np
     import pinocchio as pin
 
@@ -146,7 +147,7 @@ def _ur5(urdf: str) -> tuple[Any, Any, Any, str]:
 
 
 def main(name: str, turns: int, urdf: str) -> None:
-    """Measure a peer and print what was found."""
+    """Measure a peer and print the times."""
     warnings.simplefilter("ignore")
     package, make = PEERS[name]
     try:

@@ -1,4 +1,4 @@
-"""The report: what must be shown, and a section for every part."""
+"""Benchmark report: targets, and a section for each part."""
 
 from __future__ import annotations
 
@@ -19,12 +19,18 @@ from .targets import judged
 from .timing import UNIT
 
 HOW = f"""
-Times are divided by that of the *unit*, `{UNIT}`, since machines differ. The subjects of a table and
-the unit take turns in one process: one call of the first, one of the second, and so on, then again from the first. So
-whatever else the machine does hits all alike, and every call, the unit's too, is cold: it comes after the work of
-others, as a control step does that is called every few milliseconds; the same call repeated at once takes 10 to
-20 % less. Every call is timed by itself. Each subject has one unmeasured turn first. Linear algebra libraries use one
-thread. Garbage is collected as usual, but objects that existed before are not searched. The unit is not the same
+Times are divided by that of the *unit*, `{UNIT}`, since machines differ. The subjects of a table \
+and
+the unit take turns in one process: one call of the first, one of the second, and so on, then \
+again from the first. So
+whatever else the machine does hits all alike, and every call, the unit's too, is cold: it comes \
+after the work of
+others, as a control step does that is called every few milliseconds; the same call repeated at \
+once takes 10 to
+20 % less. Every call is timed by itself. Each subject has one unmeasured turn first. Linear \
+algebra libraries use one
+thread. Garbage is collected as usual, but objects that existed before are not searched. The unit \
+is not the same
 everywhere, nor always on one machine: where a ratio decides, the time in µs stands beside it.
 """
 
@@ -55,7 +61,7 @@ def write(
         sections += [f"## {part.title}", part.text.strip(), *(_table(one) for one in part.tables)]
         try:
             draw(name, part, folder)
-        except Exception as error:  # a figure costs no table
+        except Exception as error:  # a figure that fails must not lose the tables
             sections.append(f"No figure: {plain(f'{type(error).__name__}: {error}')}")
             continue
         if part.figure:

@@ -1,6 +1,4 @@
-"""What comes before the first step: start-up, imports, the first compilation; and whole
-processes.
-"""
+"""Time before the first step: start-up, imports, first compilation; and whole processes."""
 
 from __future__ import annotations
 
@@ -19,19 +17,25 @@ import numpy as np
 from .part import Effort, Part, Table, digits
 
 TEXT = """
-Whole processes, from start to end, in turn; medians and the longest. `python -c pass` is Python alone.
+Whole processes, from start to end, in turn; medians and the longest. `python -c pass` is Python \
+alone.
 """
 
 FIRST = """
-The first step of a fresh process on the case study. *compiling*: with an empty folder for compiled code, as everybody
-meets it: a second process compiles in the meantime what may be needed next; *alone*: without that. *cached*: with the
+The first step of a fresh process on the case study. *compiling*: with an empty folder for \
+compiled code, as everybody
+meets it: a second process compiles in the meantime what may be needed next; *alone*: without \
+that. *cached*: with the
 folder filled. Times in ms; imports are those of NumPy, Pinocchio and this package.
 """
 
 DEFAULT = """
-`vsconstraints compare` without arguments: the whole process, report included, on all cores. *first ever*: with an empty
-folder for compiled code; *alone*: likewise, without a second process that compiles in the meantime; *cached*: with the
-folder that this filled. CPU times are of all processes, of *alone* beyond those of *cached* what compiling takes; those
+`vsconstraints compare` without arguments: the whole process, report included, on all cores. \
+*first ever*: with an empty
+folder for compiled code; *alone*: likewise, without a second process that compiles in the \
+meantime; *cached*: with the
+folder that this filled. CPU times are of all processes, of *alone* beyond those of *cached* what \
+compiling takes; those
 of the second process of *first ever* are not known.
 """
 
@@ -41,7 +45,7 @@ COMMAND = "import sys; from vsconstraints.cli import main; sys.argv[0] = 'vscons
 
 
 def command(*arguments: str) -> list[str]:
-    """The command line of this environment."""
+    """Return the command line of this environment."""
     script = Path(sys.executable).with_name("vsconstraints")
     return [*([str(script)] if script.exists() else [sys.executable, "-c", COMMAND]), *arguments]
 
@@ -49,7 +53,7 @@ def command(*arguments: str) -> list[str]:
 def run(
     arguments: Sequence[str], environment: dict[str, str] | None = None, folder: Path | None = None
 ) -> str:
-    """What a process printed; raises RuntimeError with its last words if it fails."""
+    """Return the output of a process; raises RuntimeError with the last of it on failure."""
     ended = subprocess.run(
         arguments,
         capture_output=True,
@@ -67,7 +71,7 @@ def run(
 
 
 def measure(effort: Effort) -> Part:
-    """Start-up."""
+    """Measure the start-up of processes."""
     part = Part("Start-up", TEXT)
     subjects = {
         "`python -c pass`": [sys.executable, "-c", "pass"],
@@ -97,7 +101,7 @@ def measure(effort: Effort) -> Part:
 
 
 def measure_first_calls(effort: Effort) -> Part:
-    """First calls, compiling and cached."""
+    """Measure first calls, compiling and cached."""
     part = Part("First call", FIRST)
     kinds: dict[str, dict[str, float]] = {}
     # a second process may still be compiling when the folder is removed
@@ -130,7 +134,7 @@ def measure_first_calls(effort: Effort) -> Part:
 
 
 def measure_default_comparison(effort: Effort) -> Part:
-    """The default comparison as a whole process."""
+    """Measure the default comparison as a whole process."""
     part = Part("Default comparison", DEFAULT)
     if not effort.long:
         part.text += "\nNot measured in the quick form.\n"
@@ -169,6 +173,6 @@ def measure_default_comparison(effort: Effort) -> Part:
 
 
 def _cpu_of_children() -> float:
-    """CPU time of ended processes that this one has waited for, and of theirs [s]."""
+    """CPU time [s] of ended child processes that were waited for, and of their children."""
     used = getrusage(RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime

@@ -27,21 +27,26 @@ from .part import (
 from .timing import UNIT, Subject, Times, in_turn
 
 TEXT = """
-State in, command out, along the controller's own run of the scenario, at samples evenly spread over it, so that rows
-act where they act in the run; of laws that look ahead at consecutive ones, since they carry on their last plan. *rows*
-is `ControlStep.evaluate` (kinematics, features, rows and task), *command* is `controller.command` of these, with the
-making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`, which does both compiled in one, in a turn
-of its own. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in units, measured in turn
-with it; *first* is the first total in µs, with the making of the `ControlStep`, in a process that has its code loaded.
-Of long runs, the first 60 s. Laws that look ahead take their turns among themselves and with the unit: they compute for
+State in, command out, along the controller's own run of the scenario, at samples evenly spread \
+over it, so that rows
+act where they act in the run; of laws that look ahead at consecutive ones, since they carry on \
+their last plan. *rows*
+is `ControlStep.evaluate` (kinematics, features, rows and task), *command* is `controller.command` \
+of these, with the
+making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`, which does both \
+compiled in one, in a turn
+of its own. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in \
+units, measured in turn
+with it; *first* is the first total in µs, with the making of the `ControlStep`, in a process that \
+has its code loaded.
+Of long runs, the first 60 s. Laws that look ahead take their turns among themselves and with the \
+unit: they compute for
 so long that the others would find the caches emptied.
 """
 
 
 class Walk:
-    """Times steps of a controller along a run of it, one at each turn; :meth:`in_one` or
-    :meth:`in_two`.
-    """
+    """Times steps of a controller along a run, one per turn: :meth:`in_one` or :meth:`in_two`."""
 
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
         self.controller = controller
@@ -49,7 +54,7 @@ class Walk:
             (float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)
         ]
         last = len(self.states) - 1
-        # a law that carries on its last plan would find that of another place
+        # a law that reuses its last plan would find the plan of another place
         consecutive = "model" in controller.uses
         self.places = (
             np.minimum(np.arange(turns), last)
@@ -65,12 +70,12 @@ class Walk:
 
     @property
     def form(self) -> str:
-        """Whether rows and task are computed by the compiled step."""
+        """Description of the compiled part of rows and task."""
         others = sorted({constraint.kind for constraint in self.control.in_numpy})
         return f"compiled, but {', '.join(others)}" if others else "compiled"
 
     def in_two(self, turn: int) -> tuple[float, float]:
-        """Times of rows and command [ns]."""
+        """Return the times of rows and of command [ns]."""
         clock = perf_counter_ns
         evaluate = self.control.evaluate
         command = self.controller.command
@@ -82,7 +87,7 @@ class Walk:
         return ready - started, clock() - ready
 
     def in_one(self, turn: int) -> float:
-        """Time of both [ns]."""
+        """Return the time from state to command [ns]."""
         clock = perf_counter_ns
         to_command = self.to_command
         t, q, qd = self.states[self.places[turn]]
@@ -92,7 +97,7 @@ class Walk:
 
 
 def measure(effort: Effort) -> Part:
-    """See the module."""
+    """Measure this part; see the module."""
     part = Part("Step time of every controller on every scenario", TEXT, figure="steps.png")
     lines = []
     for name in effort.scenarios:
@@ -112,7 +117,7 @@ def measure(effort: Effort) -> Part:
         "first",
     ]
     part.tables.append(Table(header, lines, text_columns=3))
-    # no law comes with so long a plan
+    # no shipped law has so long a plan
     other = ("unit", *(f"{CASE_STUDY}, {law}" for law in LONG_PLANS))
     spreads = {
         name.removesuffix(": p99/median"): value
@@ -128,8 +133,9 @@ def measure(effort: Effort) -> Part:
 def timed_in_turn(
     scenario: Scenario, looking_ahead: bool, turns: int, part: Part
 ) -> list[list[str]]:
-    """Lines of the table for laws that look ahead or for those that do not; their numbers are kept
-    in the part.
+    """Return table lines for laws that look ahead, or for those that do not.
+
+    Their numbers are stored in the part.
     """
     laws, others = (
         {
@@ -141,7 +147,7 @@ def timed_in_turn(
     )
     walks = {}
     halves = {}
-    # a task remembers its last sample: each walk has its own
+    # a task stores its last sample: each walk needs a separate one
     setups = {law: scenario.setup() for law in laws}
     runs = {law: simulate(setups[law], controller) for law, controller in laws.items()}
     if looking_ahead:
@@ -179,5 +185,5 @@ def timed_in_turn(
 
 
 def shortened(scenario: Scenario, duration: float) -> Scenario:
-    """The scenario with no longer a duration [s] than wanted."""
+    """Return the scenario with its duration limited [s]."""
     return scenario.with_override("duration", min(float(scenario.tables["duration"]), duration))

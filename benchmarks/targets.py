@@ -1,4 +1,4 @@
-"""What the benchmark must show, and whether it does."""
+"""Targets of the benchmark, and the verdict on each."""
 
 from __future__ import annotations
 
@@ -13,27 +13,25 @@ from .part import CASE_STUDY, Part, Table, digits, microseconds
 ALL = list(GIVEN)[-1]
 
 BUSY = 1.5
-"""p99 / median of the unit above which a machine is not idle, and tails say nothing about the
-code.
-"""
+"""p99 / median of the unit above which the machine is busy, so that tails are not significant."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """A number of a part, and what it may be at most.
+    """Upper bound on a number of a part.
 
     Attributes
     ----------
     what
-        In words.
+        Description.
     part, number
-        Where it is found.
+        Name of the part, and of the number in it.
     most
-        What it may be.
+        Upper bound.
     unit
-        Of the number; empty for ratios to the unit.
+        Unit of the number; empty for ratios to the unit.
     tail
-        Whether it says something only on an idle machine.
+        True if the number is significant only on an idle machine.
     """
 
     what: str
@@ -45,7 +43,7 @@ class Target:
 
 
 COMMAND_ALONE = 0.15
-"""Of laws that are closed forms, for rows and task that are there already."""
+"""Upper bound for laws in closed form, for rows and task that are given."""
 
 TARGETS = (
     Target(
@@ -175,7 +173,7 @@ TARGETS = (
 
 
 def judged(parts: Mapping[str, Part]) -> Table:
-    """Each target, what was measured, and whether it is met."""
+    """Return the table of targets, with the measured values and the verdicts."""
     steps = parts.get("steps")
     noise = steps.numbers.get("unit: p99/median", 0.0) if steps else 0.0
     lines = []
@@ -197,7 +195,7 @@ def judged(parts: Mapping[str, Part]) -> Table:
 
 
 def _time(part: Part | None, target: Target) -> str:
-    """The median time [µs] that a ratio is of; empty for what is no ratio to the unit."""
+    """Median time [µs] behind a ratio; empty for a number that is no ratio to the unit."""
     what, _, kind = target.number.rpartition(": ")
     return (
         microseconds(part.numbers[f"{what}: median"])

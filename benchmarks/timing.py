@@ -1,6 +1,6 @@
-"""Wall times of single calls, taken in turn, so that a busy machine hits all subjects alike.
+"""Wall times of single calls, taken in turn, so that a busy machine affects all equally.
 
-Needs NumPy alone, so that peers can be timed in an environment of their own.
+The module depends only on NumPy, so that peers can be timed in a separate environment.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 UNIT = "numpy.linalg.pinv of 8×6"
-"""What every time is divided by, in the same run."""
+"""Subject that all times of the same run are divided by."""
 
 Subject = Callable[[int], float | tuple[float, ...]]
-"""Given the number of its turn, makes one call and gives its time [ns], or the times of its
-parts.
-"""
+"""Makes one call, given the number of its turn; returns its time [ns], or times of its parts."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Times:
     Attributes
     ----------
     seconds
-        (N,) of its calls.
+        Times of its calls (N,).
     unit
         Median time of :data:`UNIT`, taken in turn with them [s].
     """
@@ -43,17 +41,17 @@ class Times:
 
     @property
     def median(self) -> float:
-        """[s]."""
+        """Median [s]."""
         return float(np.median(self.seconds))
 
     @property
     def p99(self) -> float:
-        """[s]."""
+        """99th percentile [s]."""
         return float(np.quantile(self.seconds, 0.99))
 
     @property
     def max(self) -> float:
-        """[s]."""
+        """Maximum [s]."""
         return float(self.seconds.max())
 
     @property
@@ -68,13 +66,13 @@ class Times:
 
 
 def unit_subject() -> Subject:
-    """The unit: the pseudoinverse of a fixed random matrix."""
+    """Return the unit: the pseudoinverse of a fixed random matrix."""
     A = np.random.default_rng(86).normal(size=(8, 6))
     return each_call(lambda: np.linalg.pinv(A))
 
 
 def each_call(function: Callable[[], object]) -> Subject:
-    """The subject whose calls are all alike."""
+    """Return a subject that calls the same function in each turn."""
 
     def turn(_: int) -> float:
         started = perf_counter_ns()
@@ -85,10 +83,10 @@ def each_call(function: Callable[[], object]) -> Subject:
 
 
 def in_turn(subjects: Mapping[str, Subject], turns: int) -> dict[str, Array]:
-    """Times [s] of every subject and of :data:`UNIT`, (turns,) or (turns, parts) each.
+    """Times [s] of each subject and of :data:`UNIT`, (turns,) or (turns, parts) each.
 
-    One call of each, then the next call of each: no call finds the caches as its own last one has
-    left them, as it would where it is repeated at once. A turn of each goes before, unmeasured.
+    Each turn calls every subject once. A call thus does not find the caches as its own last call
+    left them, as it would if it were repeated at once. One unmeasured turn goes first.
     """
     everything = {UNIT: unit_subject(), **subjects}
     for subject in everything.values():
@@ -102,7 +100,7 @@ def in_turn(subjects: Mapping[str, Subject], turns: int) -> dict[str, Array]:
 
 
 def compare(subjects: Mapping[str, Callable[[], object]], turns: int) -> dict[str, Times]:
-    """:func:`in_turn` for functions without arguments; the unit is among the answers."""
+    """Apply :func:`in_turn` to functions without arguments; the unit is among the results."""
     times = in_turn({name: each_call(function) for name, function in subjects.items()}, turns)
     unit = float(np.median(times[UNIT]))
     return {name: Times(seconds, unit) for name, seconds in times.items()}
@@ -110,7 +108,7 @@ def compare(subjects: Mapping[str, Callable[[], object]], turns: int) -> dict[st
 
 @contextmanager
 def without_old_garbage() -> Iterator[None]:
-    """Garbage is collected as ever, but not looked for among what was imported and made before."""
+    """Collect garbage as usual, but do not search objects that existed before."""
     gc.collect()
     gc.freeze()
     try:

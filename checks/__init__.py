@@ -1,3 +1,1 @@
-"""Checks of the project that take longer than tests: each is a command, ``python -m
-checks.NAME``.
-"""
+"""Checks of the project that take longer than tests, each a command: ``python -m checks.NAME``."""

@@ -1,14 +1,13 @@
-"""What following the advice costs in scenes that it knows nothing of: ``python -m checks.advice
-[STUDY]``.
+"""Cost of following the advice in unknown scenes: ``python -m checks.advice [STUDY]``.
 
-Each family is left out in turn, and advice is taken from the others for each of its scenes and
-conditions. Regret is the success, in points, that this loses against the one law that succeeds most
-often in that family and condition, which nobody knows beforehand. Beside it stand the regret of
-advice by other rules, of always taking the law that succeeds most often in the other families, and
-of a law drawn at random; how often advice names a law without a model, and how often it calls a
-scene unlike anything in the study. The exit code is 1 if advice may lose more than half a point
-(:data:`ALLOWED`) against always the same law, with 95 % confidence: naming laws that require less
-costs success.
+Each family is left out in turn, and advice is derived from the others for each of its scenes and
+conditions. Regret is the loss of success, in points, relative to the law that succeeds most often
+in that family and condition, which nobody knows beforehand. For comparison there are the regret of
+advice by other rules, of always the same law (the one that succeeds most often in the other
+families), and of a random law. Two more numbers state how often advice names a law without a model,
+and how often it calls a scene unlike anything in the study. The exit code is 1 if advice may lose
+more than half a point (:data:`ALLOWED`) relative to always the same law, with 95 % confidence:
+naming laws that require less costs success.
 """
 
 from __future__ import annotations
@@ -32,13 +31,11 @@ ADVICE = "advice"
 ALWAYS = "always the same law"
 RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}
 BY = ["family", "condition"]
-ALLOWED = 0.005  #: Success that advice may lose against always the same law.
+ALLOWED = 0.005  #: Loss of success that is accepted for advice, relative to always the same law.
 
 
 def followed(study: Study, family: str) -> list[dict[str, Any]]:
-    """Success of the laws that are taken, and of all laws, in each scene and condition of a
-    family.
-    """
+    """Success of the chosen laws, and of all laws, in each scene and condition of a family."""
     own = study.runs[study.runs["family"] == family]
     rest = study.runs[study.runs["family"] != family]
     others = replace(study, runs=rest)

@@ -1,8 +1,8 @@
-"""``python -m checks.bands``: how wide the band is in which laws hold φ, against the sampling time.
+"""Width of the band of φ against the sampling time: ``python -m checks.bands``.
 
-Theory says which power of T_s the band grows with: the first for a switch and for implicit laws
-that know no drift, the second for those that learn it. It is asked of the first example while a
-marker slides. The exit code is 1 if a law does otherwise.
+Theory predicts the power of T_s with which the band grows: the first for a switch and for implicit
+laws that do not know the drift, the second for laws that estimate it. The check measures it on the
+first example while a marker slides. The exit code is 1 if a law deviates from theory.
 """
 
 from __future__ import annotations
@@ -27,18 +27,16 @@ LAWS: dict[str, tuple[Mapping[str, float], float]] = {
     "super-twisting": ({}, 2.0),
     "implicit-super-twisting": ({}, 2.0),
 }
-"""Laws with their options, and the power of T_s."""
+"""Laws with their options, and the expected power of T_s."""
 
 NEAR = 0.05
-"""|φ| at most while the marker slides."""
+"""Greatest |φ| while the marker slides."""
 
 SETTLED = 0.4
-"""How long after contact the band is that of a law that has learnt what it can, and how long before
-it is lost [s].
-"""
+"""Time after contact from which a law has converged, and time before the contact ends [s]."""
 
 DOUBT = 0.3
-"""By which an order may differ from that of theory, which is of a period that goes to zero."""
+"""Accepted deviation of the order from theory, which holds for a period that goes to zero."""
 
 
 def run_of(law: Controller, period: float) -> tuple[Array, Array]:
@@ -50,8 +48,9 @@ def run_of(law: Controller, period: float) -> tuple[Array, Array]:
 
 
 def sliding() -> list[tuple[float, float]]:
-    """From when to when the marker slides along the image's border [s], by the barrier, which all
-    other laws follow.
+    """Intervals in which the marker slides along the image's border [s].
+
+    They are those of the barrier, which all other laws follow.
     """
     t, phi = run_of(HierarchicalQP(), PERIODS[-1])
     near = np.concatenate(([False], np.abs(phi) <= NEAR, [False]))
@@ -64,7 +63,7 @@ def sliding() -> list[tuple[float, float]]:
 
 
 def bands(name: str, periods: Sequence[float] = PERIODS) -> list[float]:
-    """The greatest |φ| of a law while the marker slides, for each period."""
+    """Greatest |φ| of a law while the marker slides, for each period."""
     found = []
     spans = sliding()
     for period in periods:
@@ -76,12 +75,12 @@ def bands(name: str, periods: Sequence[float] = PERIODS) -> list[float]:
 
 
 def order(found: Sequence[float], periods: Sequence[float] = PERIODS) -> float:
-    """The power of the sampling time with which bands grow."""
+    """Power of the sampling time with which bands grow."""
     return float(np.polyfit(np.log(periods), np.log(found), 1)[0])
 
 
 def main() -> int:
-    """Print a line for each law; 1 if an order is not that of theory."""
+    """Print a line for each law; return 1 if an order deviates from theory."""
     wrong = 0
     print(
         f"band of φ at T_s = {', '.join(f'{1e3 * period:g}' for period in PERIODS)} ms; power of "

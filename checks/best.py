@@ -1,13 +1,11 @@
-"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``: what can be
-done at all.
+"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``.
 
-Says of scenes of test set v1 whether they are *reachable* (a motion is known that satisfies all
-rows and settles at the goal), *separated* (it is proved that there is none) or *unknown*, and the
-best known motion, by when it settles. These are motions of laws and, beginning with them, of
-optimal control (``pip install 'vsconstraints[best,evidence]'``), which are judged by the package's
-own rows, close together. Scenes that are in the table are not done again, unless ``--again`` says
-so of the unknown ones. ``--verify`` judges all motions in the table once more, which needs no
-solver.
+Classifies scenes of test set v1 as *reachable* (a motion is known that satisfies all rows and
+settles at the goal), *separated* (it is proved that no such motion exists) or *unknown*, and finds
+the best known motion, by its settling time. Motions are those of laws and, starting from them, of
+optimal control (``pip install 'vsconstraints[best,evidence]'``). They are judged by the package's
+own rows, at close intervals. Scenes in the table are not repeated, except unknown ones with
+``--again``. ``--verify`` judges all motions in the table once more, without a solver.
 """
 
 from __future__ import annotations
@@ -41,9 +39,9 @@ from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
 
-TABLE = SHIPPED / "testset-v1-best.parquet"  #: that comes with the package
+TABLE = SHIPPED / "testset-v1-best.parquet"  #: Table that is shipped with the package.
 LAWS = "predictive,robust-hierarchical-qp,hierarchical-qp,cbf-filter"
-#: as in the default comparison
+#: Options as in the default comparison.
 OPTIONS: Mapping[str, Mapping[str, Any]] = {"hierarchical-qp": {"rows": "barrier"}}
 
 REACHABLE = "reachable"
@@ -55,43 +53,44 @@ COLUMNS = (
     Column("half", "text", category=True),
     Column("scene", "whole"),
     Column("outcome", "text", category=True),
-    # "law NAME", "optimal control" or "proof: …", of the best motion
+    # "law NAME", "optimal control" or "proof: …", for the best motion
     Column("known_by", "text", category=True),
     Column("best_time_s", "number"),
-    Column("law", "text", category=True),  # that settles soonest of those that succeed
+    Column("law", "text", category=True),  # successful law that settles first
     Column("law_time_s", "number"),
-    Column("law_space", "number"),  # the greatest utilization of the laws that succeed
+    Column("law_space", "number"),  # greatest utilization of the successful laws
     Column("optimal_time_s", "number"),
-    # what limits |q̈| of optimal control, or why there is none
+    # limit on |q̈| in optimal control, or reason for its absence
     Column("acceleration", "text", category=True),
-    # that the slowest joint by itself needs, with the limits of actuators
+    # least time of the slowest joint alone, with the limits of actuators
     Column("least_time_s", "number"),
     Column("solve_s", "number"),
-    Column("motion", "text"),  # of optimal control
+    Column("motion", "text"),  # motion of optimal control
 )
 
-PARTS = 20  #: a motion is judged as often in each interval, and at least once in so many seconds
+PARTS = 20  #: Number of checked states in each interval, and longest time between two [s].
 PERIOD = 1e-3
-DIGITS = 4  #: of accelerations, in the table
-#: that rows are kept at first between nodes, by their units
+DIGITS = 4  #: Decimal digits of accelerations in the table.
+#: Initial margin of rows between nodes, by unit.
 MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}
-#: how often a motion is sought, with a larger margin where it turns out to be outside between its
-#: nodes
+#: Number of attempts; each has a larger margin if the last motion was outside between nodes.
 ROUNDS = 3
-SLACK = 0.75  #: half the diagonal of a pixel, and the depth that counts as none [px]
-STARTS = 2  #: valid motions from different guesses, of which the best one counts
+#: Half the diagonal of a pixel, and greatest depth of a violation that is neglected [px].
+SLACK = 0.75
+STARTS = 2  #: Number of valid motions from different guesses, of which the best one counts.
 
 
 class Motion(NamedTuple):
-    """Accelerations (K, n), each held for an interval (K,) [s], from a setup's start; then the arm
-    stands still.
+    """Accelerations (K, n), each held for an interval (K,) [s], from a setup's start.
+
+    Afterwards the arm stands still.
     """
 
     intervals: Array
     qdd: Array
 
     def states(self, q0: Array, qd0: Array, until: float = 0.0) -> tuple[Array, Array, Array]:
-        """Times (S,), q and q̇ (S, n), close together; as far as ``until`` [s] at least."""
+        """Times (S,), q and q̇ (S, n) at close intervals, at least up to ``until`` [s]."""
         h = np.append(self.intervals, max(until - self.intervals.sum(), 0.0))
         qdd = np.vstack((self.qdd, 0.0 * q0))
         begin = 0.0
@@ -112,22 +111,23 @@ class Motion(NamedTuple):
         return np.concatenate(t), *(np.concatenate(each) for each in zip(*states, strict=True))
 
     def text(self) -> str:
-        """As JSON, from which it is read bit by bit once it is :meth:`rounded`."""
+        """Return the motion as JSON; after :meth:`rounded` it can be read without loss."""
         return json.dumps([self.intervals.tolist(), self.qdd.tolist()], separators=(",", ":"))
 
     @classmethod
     def read(cls, text: str) -> Motion:
-        """From :meth:`text`."""
+        """Read the motion from :meth:`text`."""
         return cls(*(np.array(part) for part in json.loads(text)))
 
     def rounded(self) -> Motion:
-        """To the digits of the table."""
+        """Round the motion to the digits of the table."""
         return Motion(self.intervals.round(DIGITS + 4), self.qdd.round(DIGITS) + 0.0)
 
 
 class Judgement(NamedTuple):
-    """How deep a motion is outside each row (m,), as a fraction of L, and when it has settled [s],
-    NaN if not.
+    """Violation depth of a motion in each row (m,), as a fraction of L, and settling time [s].
+
+    The settling time is NaN if the motion does not settle.
     """
 
     depth: Array
@@ -135,13 +135,14 @@ class Judgement(NamedTuple):
 
     @property
     def valid(self) -> bool:
-        """Whether all rows are satisfied, by the strict standard, and the goal is reached."""
+        """True if all rows are satisfied, by the strict standard, and the goal is reached."""
         return bool((self.depth <= NEGLIGIBLE).all() and np.isfinite(self.settled))
 
 
 def judged(setup: Setup, motion: Motion) -> Judgement:
-    """The motion by the package's own rows and scores; a marker behind the camera is as deep
-    outside as can be.
+    """Judge a motion by the package's own rows and scores.
+
+    A marker behind the camera has an infinite depth.
     """
     constraints = setup.constraints
     goal = setup.task.goals[0]
@@ -173,14 +174,14 @@ def judged(setup: Setup, motion: Motion) -> Judgement:
 
 
 def separated(setup: Setup) -> str:
-    """Why no motion can solve a scene: the marker that rows close off from its goal in the image;
-    empty if none is.
+    """Reason why no motion can solve a scene; empty if there is no proof.
 
-    A marker's path in the image is continuous, whatever moves. A pixel counts as allowed if any
-    point of its square may be, so that the path leads through allowed pixels that touch each other.
-    Closed off is a marker of which no pixel at a pose within the goal's tolerances is connected to
-    the first one. Rows that move, and tasks in several goals or with distortion, prove nothing
-    here; nor does a field of view alone, nor an obstacle that nothing keeps it near.
+    The reason is a marker that rows separate from its goal in the image. A marker's path in the
+    image is continuous, whatever moves. A pixel counts as allowed if any point of its square may be
+    allowed, so that the path leads through allowed pixels that touch each other. A marker is
+    separated if no pixel at a pose within the goal's tolerances is connected to its first pixel.
+    Moving rows, and tasks with several goals or with distortion, prove nothing here; nor does a
+    field of view alone, or an obstacle without a field of view.
     """
     scene = setup.scene
     goal = setup.task.goals[0]
@@ -217,11 +218,10 @@ def separated(setup: Setup) -> str:
 
 
 def _perhaps_allowed(constraint: ImageConstraint, u: Array, v: Array) -> BoolArray:
-    """(b, a) whether a pixel around (u, v) may have an allowed point, of u (a,) and v (b,), by the
-    mean value theorem.
+    """Mask (b, a) of pixels around (u, v) that may have an allowed point; u (a,), v (b,).
 
-    The gradient is longest at a corner of the pixel if its length is convex, as that of circles and
-    hyperellipses is.
+    It uses the mean value theorem. The gradient is longest at a corner of the pixel if its length
+    is convex, as for circles and hyperellipses.
     """
     corners = np.stack(
         np.meshgrid(np.append(u, u[-1] + 1.0) - 0.5, np.append(v, v[-1] + 1.0) - 0.5), axis=-1
@@ -233,7 +233,7 @@ def _perhaps_allowed(constraint: ImageConstraint, u: Array, v: Array) -> BoolArr
 
 
 class Known(NamedTuple):
-    """A run of a law and what it scored."""
+    """Run of a law and its scores."""
 
     law: str
     record: RunRecord
@@ -241,26 +241,26 @@ class Known(NamedTuple):
 
     @property
     def success(self) -> bool:
-        """By the strict standard."""
+        """True if the run succeeds by the strict standard."""
         return self.result["status"] == "converged" and not self.result["violated"]
 
     @property
     def until(self) -> float:
-        """When it has settled, or ends [s]."""
+        """Settling time, or end of the run [s]."""
         late = np.flatnonzero(~self.record.settled)
         t = self.record.trajectory.t
         return float(t[min(late[-1] + 1, len(t) - 1)] if len(late) else t[-1])
 
     @property
     def largest(self) -> Array:
-        """(n,) the largest |q̈| of each joint until then."""
+        """Largest |q̈| of each joint until then (n,)."""
         path = self.record.trajectory
         most: Array = np.abs(path.qdd_command[path.t <= self.until]).max(axis=0)
         return most
 
 
 def runs_of(bench: Bench, laws: Sequence[str]) -> list[Known]:
-    """All laws on a scene: those that succeed first, the soonest settled first of all."""
+    """Run all laws on a scene; return successful ones first, by settling time."""
     baseline = bench.run(ControllerSpec(BASELINE))
     runs = []
     for law in laws:
@@ -277,9 +277,7 @@ def runs_of(bench: Bench, laws: Sequence[str]) -> list[Known]:
 
 
 class Found(NamedTuple):
-    """A valid motion, when it settles [s], and what limits |q̈|; none, NaN, and why there is
-    none.
-    """
+    """Valid motion, its settling time [s], and the limit on |q̈|; or None, NaN, and the reason."""
 
     motion: Motion | None
     settled: float
@@ -287,10 +285,10 @@ class Found(NamedTuple):
 
 
 class Planner:
-    """Optimal control of one scene after the other; programs are kept for those that are alike."""
+    """Optimal control of one scene after another; programs are reused for similar scenes."""
 
     def __init__(self, seconds: float, compiled: bool = False) -> None:
-        from . import optimal  # CasADi is needed here only
+        from . import optimal  # only optimal control needs CasADi
 
         self.optimal = optimal
         self.seconds = seconds
@@ -298,10 +296,11 @@ class Planner:
         self.programs: dict[str, Any] = {}
 
     def best(self, setup: Setup, limited: Setup | None, runs: Sequence[Known]) -> Found:
-        """The best of the first :data:`STARTS` valid motions that are found from different guesses.
+        """Return the best of the first :data:`STARTS` valid motions from different guesses.
 
-        |q̈| is limited by the actuators, as in the condition ``limited``. Where a family has none, or no law succeeds
-        and nothing is found, it is limited by the largest of each joint in the best run.
+        |q̈| is limited by the actuators, as in the condition ``limited``. If a family has no such
+        limits, or no law succeeds and no motion is found, the largest |q̈| of each joint in the
+        best run is the limit.
         """
         try:
             scene = self.optimal.written(setup)
@@ -338,9 +337,7 @@ class Planner:
     def refined(
         self, program: Any, setup: Setup, scene: Any, limit: Array, guess: Any, until: float
     ) -> tuple[Motion | None, float]:
-        """A valid motion, with larger margins where one turns out to be outside between its
-        nodes.
-        """
+        """Find a valid motion; margins grow if a motion is outside between its nodes."""
         constraints = setup.constraints
         length = setup.constraints.characteristic_length
         margin = np.array([MARGIN.get(unit, 0.0) for unit in constraints.units])
@@ -362,7 +359,7 @@ class Planner:
 
 
 def room(setup: Setup) -> Array:
-    """(m,) clearance of each row at the start, at rest."""
+    """Clearance of each row at the start, at rest (m,)."""
     pixels, points = setup.scene.glance(setup.q0)
     trace = Trace(
         np.zeros(1),
@@ -376,9 +373,7 @@ def room(setup: Setup) -> Array:
 
 
 def guesses(kind: Any, setup: Setup, runs: Sequence[Known]) -> list[Any]:
-    """Where optimal control begins: the best run, the straight line to its end, and the other
-    runs.
-    """
+    """Initial guesses of optimal control: best run, straight line to its end, other runs."""
     begin = []
     for run in runs:
         path = run.record.trajectory
@@ -394,7 +389,7 @@ def guesses(kind: Any, setup: Setup, runs: Sequence[Known]) -> list[Any]:
 def line_of(
     scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], planner: Planner | None
 ) -> dict[str, Any]:
-    """The table's line of a scene, with its setups by condition."""
+    """Return the table's line of a scene, from its setups by condition."""
     runs = runs_of(Bench(scene, NOMINAL), laws)
     good = [run for run in runs if run.success]
     began = perf_counter()
@@ -426,8 +421,9 @@ def line_of(
 
 
 def read(table: Path, test_set: TestSet) -> list[dict[str, Any]]:
-    """The lines of a table, numbers that do not exist as NaN; ConfigurationError if it is not of
-    this test set.
+    """Read the lines of a table; missing numbers are NaN.
+
+    Raises ConfigurationError if the table belongs to another test set.
     """
     if (known := parquet.facts_of(table).get("sha256")) != test_set.sha256:
         raise ConfigurationError(
@@ -440,7 +436,7 @@ def read(table: Path, test_set: TestSet) -> list[dict[str, Any]]:
 
 
 def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str]:
-    """Which motions of the table are not what it says of them, judged once more."""
+    """Judge all motions of a table once more; yield deviations from the table."""
     families = {family.name: family for family in test_set.families}
     for line in lines:
         if line["motion"]:
@@ -460,9 +456,7 @@ def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str
 
 
 def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """How many scenes there are of each outcome, and the best motions beside the best laws and the
-    slowest joints.
-    """
+    """Yield a table: scenes by outcome, and best motions relative to laws and slowest joints."""
     names = (REACHABLE, SEPARATED, UNKNOWN)
     yield (
         f"| family | scenes | {' | '.join(names)} | solved | sooner | to best law | to least "
@@ -485,9 +479,7 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print what the module's docstring says; the exit code is 1 if a motion of the table is not
-    what it says.
-    """
+    """Print the results described by the module; return 1 if a motion deviates from the table."""
     parser = argparse.ArgumentParser(prog="python -m checks.best", description=__doc__)
     parser.add_argument("--scenes", type=int, default=10, help="of each family, from the first one")
     parser.add_argument(
@@ -559,7 +551,7 @@ def named_scene(text: str, test_set: TestSet) -> tuple[int, Family]:
 
 
 def key(line: Mapping[str, Any]) -> tuple[str, str, int]:
-    """Which scene a line of the table is of."""
+    """Return the scene of a line of the table, as its key."""
     return line["family"], line["half"], line["scene"]
 
 

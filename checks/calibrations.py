@@ -1,11 +1,9 @@
-"""``python -m checks.calibrations [--files N] [--seed S]``: calibration files as nobody would write
-them.
+"""``python -m checks.calibrations [--files N] [--seed S]``: damaged calibration files.
 
-Files of OpenCV and ROS with a few things changed, most of them for the worse, are read as scenarios
-have them read. Each has to give a camera, or an error of this package that shows nothing of what
-other files may hold; within a time limit, and without anything being run, imported or opened
-besides. What does otherwise is printed with the file's number, and the exit code is 1. The same
-seed gives the same files.
+Files of OpenCV and ROS with a few changes, most of them harmful, are read as in scenarios. Each
+must give a camera, or an error of this package that reveals nothing of the content of other files.
+Reading must stay within a time limit, and must not run, import or open anything else. Failures are
+printed with the file's number; then the exit code is 1. The same seed gives the same files.
 """
 
 from __future__ import annotations
@@ -27,13 +25,13 @@ from vsconstraints import Camera
 from vsconstraints.errors import CalibrationWarning, VsconstraintsError
 
 LIMIT = 5.0
-"""Seconds that reading a file may take; usual is a millisecond."""
+"""Time limit of reading a file [s]; a millisecond is usual."""
 
 SECRET = "correct horse battery staple"
-"""Stands in every file where no calibration has anything, and must be in no message."""
+"""Text in each file at a place without calibration data; no message may contain it."""
 
 LONGEST = 600
-"""Characters of a message, its path included."""
+"""Greatest length of a message, including its path."""
 
 FORBIDDEN = (
     "import",
@@ -58,7 +56,7 @@ FILES = (
     + MATRIX.format(3, 3, ENTRIES).replace("  data", "  dt: d\n  data")
     + "distortion_coefficients: !!opencv-matrix\n"
     + MATRIX.format(1, 5, LENS).replace("  data", "  dt: d\n  data"),
-    # as ROS does, in a file and on a terminal
+    # as ROS writes it, to a file and to a terminal
     f"{HEAD}camera_name: "
     f"{SECRET}\ncamera_matrix:\n{MATRIX.format(3, 3, ENTRIES)}distortion_model: plumb_bob\n"
     f"distortion_coefficients:\n{MATRIX.format(1, 5, LENS)}",
@@ -66,7 +64,7 @@ FILES = (
     f"640\ndistortion_model: plumb_bob\n"
     f"D: [{LENS}]\nK: [{ENTRIES}]\nbinning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: "
     f"0\n  height: 0\n---\n",
-    # as OpenCV does in XML, and as Kalibr does
+    # as OpenCV writes it in XML, and as Kalibr does
     f'<?xml version="1.0"?>\n<opencv_storage>\n<calibration_time>"{SECRET}"</calibration_time>\n'
     "<image_width>640</image_width>\n<image_height>480</image_height>\n"
     '<camera_matrix type_id="opencv-matrix">\n<rows>3</rows>\n<cols>3</cols>\n<dt>d</dt>\n'
@@ -76,7 +74,7 @@ FILES = (
     f"<data>{LENS.replace(',', '')}</data></distortion_coefficients>\n</opencv_storage>\n",
     f"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [{LENS}]\n  distortion_model: radtan\n"
     f"  intrinsics: [603.2, 601.8, 322.4, 236.1]\n  resolution: [640, 480]\n  rostopic: {SECRET}\n",
-    # something else altogether
+    # files of other programs
     f"user: admin\npassword: {SECRET}\n",
     f"[mysqld]\npassword = {SECRET}\n\tsocket=/run/x: y\n",
 )
@@ -87,27 +85,34 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 
 VALUES = (
-    "", "~", "null", "true", "yes", "0", "-1", "640", "480.5", "1e400", "-1e400", "1.0e+400", "5e-324", "1e308",
-    ".inf", "-.Inf", ".nan", "inf", "nan", "0x10", "0o7", "1_000", "1:30:00", "2026-13-45", "2026-11-22",
-    "2026-11-22T25:61:61Z", "9" * 5000, "x" * 100_000, "words", "'", '"', "|", ">", "%", "@", "`", "&a", "*a",
-    "!!int x", "!!float y", "!!binary z", "!!timestamp 1", "!!set {a}", "!!omap [a: 1]", "!!null x", "!", "!<>",
+    "", "~", "null", "true", "yes", "0", "-1", "640", "480.5", "1e400", "-1e400", "1.0e+400",
+    "5e-324", "1e308",
+    ".inf", "-.Inf", ".nan", "inf", "nan", "0x10", "0o7", "1_000", "1:30:00", "2026-13-45",
+    "2026-11-22",
+    "2026-11-22T25:61:61Z", "9" * 5000, "x" * 100_000, "words", "'", '"', "|", ">", "%", "@", "`",
+    "&a", "*a",
+    "!!int x", "!!float y", "!!binary z", "!!timestamp 1", "!!set {a}", "!!omap [a: 1]", "!!null x",
+    "!", "!<>",
     "!!python/object/apply:os.system ['touch "
     "owned']", "!!python/name:os.system", "!!python/module:antigravity",
     "!!python/object/new:subprocess.Popen [['touch', "
     "'owned']]", "{<<: [x]}", "? [a]\n: b", "{[a]: b}", "{{a: b}: c}",
-    "[]", "[[]]", "{}", "[1, [2, 3]]", "[640, 480]", "{rows: 3, cols: 3, data: x}", "{rows: 1e9, cols: 1e9, data: []}",
+    "[]", "[[]]", "{}", "[1, [2, 3]]", "[640, 480]", "{rows: 3, cols: 3, data: x}",
+    "{rows: 1e9, cols: 1e9, data: []}",
     "{rows: -1, cols: -9, data: [1, 2, 3, 4, 5, 6, 7, 8, "
     "9]}", "[" * 500 + "]" * 500, "[" * 100_000, "{a: " * 5000,
-    "- " * 5000, "\n ? " * 3000, "[" + "1, " * 50_000 + "1]", "fisheye", "equidistant", "rational_polynomial", "\x00",
+    "- " * 5000, "\n ? " * 3000, "[" + "1, " * 50_000 + "1]", "fisheye", "equidistant",
+    "rational_polynomial", "\x00",
     "<!DOCTYPE a [<!ENTITY b SYSTEM "
     "'file:///etc/passwd'>]>", "&b;", "<", "<_/>", "<a>" * 1000, "none",
-    "opencv_fisheye", "\x85", "\u2028", "\ud800", "\ufeff", "\t", "---", "...", "%YAML:1.0", "%TAG ! x",
+    "opencv_fisheye", "\x85", "\u2028", "\ud800", "\ufeff", "\t", "---", "...", "%YAML:1.0",
+    "%TAG ! x",
 )  # fmt: skip
-"""What takes the place of a value, or stands in between."""
+"""Replacements of a value, or insertions."""
 
 
 def mutated(seed: int, number: int) -> bytes:
-    """A file with one to four things changed; the same for the same numbers."""
+    """Return a file with one to four changes; the same for the same numbers."""
     chance = random.Random(f"{seed} {number}")
     text = chance.choice(FILES[:5] * 5 + FILES)
     for _ in range(chance.choice((1, 1, 1, 2, 4))):
@@ -151,7 +156,7 @@ def _bytes(data: bytes, chance: random.Random) -> bytes:
 
 
 class Watch:
-    """Notes what is done while a file is read, by an audit hook, which no process gets rid of."""
+    """Notes events while a file is read, by an audit hook, which cannot be removed."""
 
     def __init__(self) -> None:
         self.allowed: Path | None = None
@@ -167,7 +172,7 @@ class Watch:
 
 
 def judge(path: Path, watch: Watch) -> tuple[str, str]:
-    """Read a file: how that ended, and what is wrong with it, if anything is."""
+    """Read a file; return the outcome, and the failure, if any."""
     begun = perf_counter()
     watch.allowed = path
     outcome = "read"
@@ -180,7 +185,7 @@ def judge(path: Path, watch: Watch) -> tuple[str, str]:
         said = str(error)
         if SECRET[:12] in said or len(said) > LONGEST:
             wrong = f"says too much: {said!r:.500}"
-    except Exception as error:  # which is what is looked for
+    except Exception as error:  # any other error is a finding
         outcome = "raised"
         wrong = f"{type(error).__name__}: {error!s:.500}"
     watch.allowed = None
@@ -193,13 +198,13 @@ def judge(path: Path, watch: Watch) -> tuple[str, str]:
 
 
 def findings(seed: int, numbers: range, folder: Path) -> tuple[list[str], Counter[str]]:
-    """Read these files: what should not have happened, and how often reading ended how."""
+    """Read these files; return failures, and the number of files by outcome."""
     watch = Watch()
     found = []
     outcomes = Counter[str]()
     path = folder / "camera.yaml"
     path.write_bytes(FILES[0].encode())
-    Camera.from_calibration(path)  # imports what reading needs
+    Camera.from_calibration(path)  # imports the modules that reading needs
     for number in numbers:
         path.write_bytes(mutated(seed, number))
         with np.errstate(all="ignore"):
@@ -210,7 +215,7 @@ def findings(seed: int, numbers: range, folder: Path) -> tuple[list[str], Counte
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Read all files, print what was found; 1 if something was."""
+    """Read all files and print failures; return 1 if there are any."""
     parser = argparse.ArgumentParser(
         prog="python -m checks.calibrations", description="Read any calibration file."
     )

@@ -1,10 +1,8 @@
-"""Which conclusions hold, counted again: ``python -m checks.conclusions FOLDER`` reads a report's
-claims and runs.
+"""``python -m checks.conclusions FOLDER``: repeats the statistics of a report's conclusions.
 
-From the runs alone, with pandas, SciPy and statsmodels and nothing of this package: McNemar's test
-with continuity correction, the sign test, Bonferroni's correction. Every outcome has to be the
-same, and every reversal that is said to be found with 80 % power is, in simulated scenes. The
-command prints both.
+It uses only the runs, with pandas, SciPy and statsmodels and without this package: McNemar's test
+with continuity correction, the sign test, Bonferroni's correction. All outcomes must agree, and the
+stated power of 80 % for reversals must be confirmed in simulated scenes. The command prints both.
 """
 
 from __future__ import annotations
@@ -25,12 +23,14 @@ from statsmodels.stats.multitest import multipletests
 FEWEST = 6
 RATES = ("success", "violation")
 MEDIANS = {"utilization": 1, "acceleration_variation": -1}
-"""What is counted; of medians, whether more is better."""
+"""Measures that are tested; for medians, +1 if more is better, −1 if less is."""
 
 
 class Told(NamedTuple):
-    """Of two laws 1 where the first is better, −1 where the second is, 0 where no test tells; of so
-    many scenes.
+    """Outcome of a test of two laws, and the number of scenes.
+
+    ``way`` is 1 if the first law is better, −1 if the second is, 0 if the difference is not
+    significant.
     """
 
     way: int
@@ -39,7 +39,7 @@ class Told(NamedTuple):
 
 
 def verdicts(runs: pd.DataFrame, measure: str) -> dict[tuple[str, str], Told]:
-    """What tests say of every two laws in the runs of one condition."""
+    """Test all pairs of laws in the runs of one condition."""
     left = runs["violated"].fillna("") != ""
     good = (runs["status"] == "converged") & ~left
     if measure in RATES:
@@ -75,7 +75,7 @@ def verdicts(runs: pd.DataFrame, measure: str) -> dict[tuple[str, str], Told]:
 
 
 def going(runs: pd.DataFrame, first: str, other: str) -> pd.DataFrame:
-    """Runs of laws that came to anything in both conditions, and of families that both have."""
+    """Select laws with completed runs in both conditions, and families with both conditions."""
     runs = runs[(runs["controller"] != "tracking") & runs["condition"].isin([first, other])]
     came = (
         runs[~runs["status"].isin(["failed", "aborted"])]
@@ -90,9 +90,7 @@ def going(runs: pd.DataFrame, first: str, other: str) -> pd.DataFrame:
 
 
 def power(scenes: int, differing: float, difference: float, pairs: int) -> float:
-    """How often a difference of two rates is found, corrected for so many pairs of laws;
-    simulated.
-    """
+    """Power to find a difference of two rates, corrected for this number of pairs; simulated."""
     share = max(differing, difference)
     chances = [(share + difference) / 2, (share - difference) / 2, 1.0 - share]
     wins, losses, _ = np.random.default_rng(0).multinomial(scenes, chances, 50_000).T
@@ -101,7 +99,7 @@ def power(scenes: int, differing: float, difference: float, pairs: int) -> float
 
 
 def differing(runs: pd.DataFrame, claims: Mapping[str, Any], first: str = "nominal") -> list[str]:
-    """What runs do not say as the claims do, one sentence each."""
+    """Return deviations of the runs from the claims, one sentence each."""
     wrong = []
     runs = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
     powers = {(one["condition"], one["measure"]): one for one in claims.get("power", [])}
@@ -151,7 +149,7 @@ def differing(runs: pd.DataFrame, claims: Mapping[str, Any], first: str = "nomin
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print what differs; 1 if anything does."""
+    """Print deviations; return 1 if there are any."""
     folder = Path(arguments[0])
     claims = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     wrong = differing(pd.read_parquet(folder / "runs"), claims)

@@ -1,6 +1,4 @@
-"""What can be wrong with stored results: changes of their files in place, by chance and by somebody
-who means harm.
-"""
+"""Damage to stored results: random and deliberate changes of their files in place."""
 
 from __future__ import annotations
 
@@ -20,19 +18,20 @@ import numpy as np
 from vsconstraints.comparisons.evidence import TABLES, parquet
 
 PLANTED = "planted:Planted"
-"""Code that runs if anything imports it: the folder in which it is stands in every place that names
-one.
-"""
+"""Code that runs if it is imported; its folder stands in every place that names one."""
 
 ODD: tuple[Any, ...] = (
-    None, True, -1, 0, 2, 0.5, -1e300, 10**400, float("nan"), float("inf"), "", "x", PLANTED, "os:system", "../../../x",
-    "/etc/passwd", "/dev/zero", "![x](http://127.0.0.1:9/x)", "<img src=http://127.0.0.1:9/x>", "a\nb", "\x00",
-    "\ud800", "x" * 5000, [], [[]], [PLANTED], ["a"] * 3, {}, {"type": PLANTED}, {"a": {"b": 1}}, {"type": "x"},
+    None, True, -1, 0, 2, 0.5, -1e300, 10**400, float("nan"), float("inf"), "", "x", PLANTED,
+    "os:system", "../../../x",
+    "/etc/passwd", "/dev/zero", "![x](http://127.0.0.1:9/x)", "<img src=http://127.0.0.1:9/x>",
+    "a\nb", "\x00",
+    "\ud800", "x" * 5000, [], [[]], [PLANTED], ["a"] * 3, {}, {"type": PLANTED}, {"a": {"b": 1}},
+    {"type": "x"},
 )  # fmt: skip
-"""Values that are put where another belongs."""
+"""Values that replace valid ones."""
 
 Change = Callable[[Path, random.Random], None]
-"""Changes a file, or what lies beside it, in place."""
+"""Changes a file, or its folder, in place."""
 
 
 def _bit(path: Path, chance: random.Random) -> None:
@@ -104,7 +103,7 @@ def _places(data: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def _contents(path: Path, chance: random.Random) -> None:
-    """Something in a table or an archive, by its own format, if it has one; else a line."""
+    """Change a table or an archive in its own format if possible, else a line of text."""
     if path.suffix == ".parquet":
         _table(path, chance)
     elif path.suffix == ".npz":
@@ -163,7 +162,7 @@ def _archive(path: Path, chance: random.Random) -> None:
     elif what == 1:
         arrays[name] = arrays[name][:-1] if arrays[name].ndim else np.array(str(chance.choice(ODD)))
     elif what == 2:
-        arrays[name] = np.array([os.system, 1], dtype=object)  # which only a pickle can hold
+        arrays[name] = np.array([os.system, 1], dtype=object)  # only a pickle can hold this
     elif what == 3:
         facts = json.loads(str(arrays["facts"]))
         facts[chance.choice(list(facts))] = chance.choice(ODD)
@@ -176,7 +175,8 @@ def _archive(path: Path, chance: random.Random) -> None:
     np.savez_compressed(file, allow_pickle=True, **arrays)
     path.write_bytes(file.getvalue())
     if what == 5 and chance.random() < 0.5:
-        with zipfile.ZipFile(path, "a") as archive:  # a header that says more than there is
+        # a header that declares more data than there is
+        with zipfile.ZipFile(path, "a") as archive:
             header = (
                 b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': "
                 b"(1000000000000,), }"
@@ -195,7 +195,7 @@ PLAIN: tuple[Callable[[Path, random.Random], None], ...] = (
     _exchange,
     _double,
 )
-"""What happens to files by chance."""
+"""Random changes of files."""
 
 MEANT: tuple[Change, ...] = (_manifest, _manifest, _contents, _contents, _link)
-"""What takes somebody who knows what they hold."""
+"""Deliberate changes by a person who knows the content."""

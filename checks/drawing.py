@@ -1,10 +1,9 @@
-"""How long a report takes: ``python -m checks.drawing FOLDER`` draws a stored comparison again, in
-one process.
+"""Time of a report: ``python -m checks.drawing FOLDER`` draws a stored comparison in one process.
 
-Times are of the processor, so that waiting for other work on the machine does not count: figures of
-scenarios with how many were drawn, the whole comparison's, and both forms of the text. Figures and
-report are those of ``vsconstraints report FOLDER``; with ``--all`` every scenario is drawn, not the
-most telling alone.
+Times are processor times, so that other work on the machine does not count. They cover figures of
+scenarios (with the number of drawn ones), figures of the whole comparison, and both forms of the
+text. Figures and report are those of ``vsconstraints report FOLDER``; with ``--all`` all scenarios
+are drawn, not only the most informative ones.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ from vsconstraints.reports.results import Results
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """How long it took [s], and what it returned."""
+    """Call a function; return its processor time [s] and its result."""
     began = process_time()
     answer = call()
     return process_time() - began, answer
 
 
 def main(arguments: list[str]) -> int:
-    """Print the times; 2 if no folder is named."""
+    """Print the times; return 2 if no folder is named."""
     folders = [Path(one) for one in arguments if one != "--all"]
     if len(folders) != 1:
         print(__doc__, file=sys.stderr)
@@ -45,7 +44,7 @@ def main(arguments: list[str]) -> int:
     reading, results = timed(lambda: Results(StoredComparison.load(folder)))
     jobs = scenario_jobs(results, None if "--all" in arguments else shown_scenarios(results))
     (folder / "figures").mkdir(exist_ok=True)
-    first, _ = timed(lambda: draw_scenario(jobs[0]))  # with the imports
+    first, _ = timed(lambda: draw_scenario(jobs[0]))  # includes the imports
     times = []
     figures = 0
     for job in jobs:
@@ -55,7 +54,7 @@ def main(arguments: list[str]) -> int:
     with TemporaryDirectory() as made:
         whole, _ = timed(lambda: draw_overview(results, Path(made)))
     text = (folder / "report.md").read_text(encoding="utf-8")
-    html_page(text)  # with the imports
+    html_page(text)  # includes the imports
     page, _ = timed(lambda: html_page(text))
     total = sum(seconds for seconds, _ in times)
     print(f"reading                      {reading:6.2f} s")

@@ -1,12 +1,12 @@
-r"""``python -m checks.final_errors [--table TABLE] [--of FOLDER]``: success and final errors that
-are kept.
+r"""``python -m checks.final_errors [--table TABLE] [--of FOLDER]``: success and final errors.
 
-Prints two tables in Markdown for each condition. The first one has success by the strict standard
-and at 1 % of L, with 95 % intervals; bold is significantly the best, ≈ the best or not
-significantly worse. The second one says how often laws succeed and also end within 5 mm and 5 mrad,
-and the median and the 95 % quantile of the final errors of their successes.
+Prints two tables in Markdown for each condition, from a stored table. The first has success by the
+strict standard and at 1 % of L, with 95 % intervals; bold marks the law that is significantly the
+best, ≈ the best or not significantly worse. The second has the share of runs that succeed and also
+end within 5 mm and 5 mrad, and the median and the 95 % quantile of the final errors of successful
+runs.
 
-The default table is of disturbed scenes of test set v1. With ``--of`` a table is made anew, of the
+The default table has disturbed scenes of test set v1. With ``--of`` a new table is made from the
 folder of a campaign:
 
     vsconstraints testset run --laws comparisons/verdict.toml --scenes 12 \
@@ -35,7 +35,7 @@ from vsconstraints.reports.evidence.ranking import Ranking, ranked
 from vsconstraints.simulation.setup import Tolerances
 
 COMPARISONS = Path(__file__).parents[1] / "comparisons"
-TABLE = COMPARISONS / "final-errors.parquet"  #: of disturbed scenes of test set v1
+TABLE = COMPARISONS / "final-errors.parquet"  #: Table of disturbed scenes of test set v1.
 WITH_MASS = COMPARISONS / "arms-with-mass.parquet"
 SCENE = ["family", "scene"]
 POSITION = "final_translation_error_m"
@@ -62,16 +62,15 @@ def keep(folder: Path, table: Path, scenes: int) -> None:
 
 
 def places(runs: Any, column: str = "success") -> Ranking:
-    """The laws of one condition, the most successful first; ``column`` is the success that
-    counts.
-    """
+    """Rank the laws of one condition by success; ``column`` selects the kind of success."""
     condition = runs["condition"].iloc[0]
     return ranked(runs.pivot(index=SCENE, columns="controller", values=column), condition)
 
 
 def summary(runs: Any) -> Any:
-    """A DataFrame with one line for each law, the most successful first; shares in per cent, errors
-    in mm and mrad.
+    """DataFrame with one line for each law, the most successful first.
+
+    Shares are in per cent, errors in mm and mrad.
     """
     strict = Tolerances()
     near = (runs[POSITION] <= strict.translation_m) & (runs[ORIENTATION] <= strict.rotation_rad)
@@ -92,7 +91,7 @@ def summary(runs: Any) -> Any:
 
 
 def table_of_places(runs: Any) -> Iterator[str]:
-    """The lines of the first table."""
+    """Yield the lines of the first table."""
     strict = places(runs)
     tolerant = places(runs, "tolerant_success")
     yield "| law | success [%] | at 1 % of L [%] |"
@@ -102,7 +101,7 @@ def table_of_places(runs: Any) -> Iterator[str]:
 
 
 def table_of_errors(lines: Any) -> Iterator[str]:
-    """The lines of the second table, of a :func:`summary`."""
+    """Yield the lines of the second table, from a :func:`summary`."""
     yield "| law | success [%] | and within 5 mm and 5 mrad [%] | final error [mm] | [mrad] |"
     yield "|---|---:|---:|---:|---:|"
     for law, own in lines.iterrows():

@@ -1,13 +1,12 @@
-"""``python -m checks.fuzz [--calls N] [--seed S] [--inputs FIRST:LAST]``: laws that are asked
-anything.
+"""``python -m checks.fuzz [--calls N] [--seed S] [--inputs FIRST:LAST]``: laws with any input.
 
 Every registered controller, compiled and not, is given random, extreme, degenerate and malformed
-input, and has to end within a time limit: with a finite command of a known status, or with an error
-of this package. What does otherwise is printed with the input's number, and the exit code is 1. The
-same seed gives the same inputs.
+input. It must end within a time limit: with a finite command of a known status, or with an error of
+this package. Failures are printed with the input's number; then the exit code is 1. The same seed
+gives the same inputs.
 
-A process of its own asks, since nothing else ends a loop within a library; this one watches it, and
-goes on behind what does not end.
+The calls run in a separate process, because otherwise an endless loop within a library could not be
+ended. This process watches it, and continues after an input that does not end.
 """
 
 from __future__ import annotations
@@ -34,38 +33,36 @@ from vsconstraints.rows import Command, Status
 from .inputs import OPTIONS, ROWS, TASK, WRONG_OPTIONS, Input, make_input
 
 EACH = 4
-"""Laws that are asked the same."""
+"""Number of laws that are called with the same input."""
 
 DEFINITION = 0.3
-"""Share of the calls that go to the form that is not compiled."""
+"""Share of the calls to the form that is not compiled."""
 
 LIMIT = 20.0
-"""Seconds that the calls on one input may take; usual are milliseconds, on a machine that does
-nothing else.
-"""
+"""Time limit of the calls on one input [s]; milliseconds are usual on an idle machine."""
 
 PERIOD = 0.01
-"""Sampling period that laws are told [s]."""
+"""Sampling period of the laws [s]."""
 
 PATIENCE = 600.0
-"""Seconds until the first answer: compiling every demand and resolver takes a while."""
+"""Time limit of the first answer [s]: compiling all demands and resolvers takes long."""
 
 LAWS = tuple(name for name in CONTROLLERS if "model" not in make_controller(name).uses)
-"""Laws that answer rows and a task alone."""
+"""Laws that need only rows and a task."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a law should not have done.
+    """Failure of a law.
 
     Attributes
     ----------
     number
-        Of the input.
+        Number of the input.
     law, form
-        Who was asked, and which of its forms.
+        Law, and its form.
     what
-        What it did.
+        Description of the failure.
     """
 
     number: int
@@ -75,7 +72,7 @@ class Finding:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Ask, print what was found; 1 if something was."""
+    """Call laws and print failures; return 1 if there are any."""
     parser = argparse.ArgumentParser(prog="python -m checks.fuzz", description="Ask laws anything.")
     parser.add_argument(
         "--calls", type=int, default=1_000_000, help="how many calls of laws (default: 1000000)"
@@ -107,8 +104,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding], Counter[str]]:
-    """Ask in a process of its own, and in another one where that ended; findings, and how often
-    calls ended how.
+    """Call laws in a separate process, restarted if it ends early.
+
+    Returns failures, and the number of calls by outcome.
     """
     found: list[Finding] = []
     outcomes: Counter[str] = Counter()
@@ -116,7 +114,7 @@ def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding]
     at = numbers.start
     while at < numbers.stop:
         receiver, sender = context.Pipe(duplex=False)
-        # a worker that is killed must not take a lock with it: this one has none
+        # a worker that is killed must not hold a lock: this array has none
         now = context.RawArray("q", [at - 1])
         worker = context.Process(
             target=ask, args=(seed, range(at, numbers.stop), sender, now), daemon=True
@@ -138,9 +136,7 @@ def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding]
 def watch(
     worker: Any, receiver: Connection, now: Any, limit: float
 ) -> tuple[str, list[Finding | Counter[str]]]:
-    """Wait until the process ends, or does not get on; why it ended early, and what it had to
-    say.
-    """
+    """Wait until the process ends or hangs; return why it ended early, and its messages."""
     answers: list[Finding | Counter[str]] = []
     before = int(now[0])
     since = perf_counter()
@@ -167,7 +163,7 @@ def watch(
 
 
 def ask(seed: int, numbers: range, sender: Connection, now: Any) -> None:
-    """Ask about these inputs; each time, ``now`` tells which one it is."""
+    """Call laws with these inputs; ``now`` holds the number of the present one."""
     warnings.simplefilter("error", RuntimeWarning)
     warm_up()
     outcomes: Counter[str] = Counter()
@@ -183,7 +179,7 @@ def ask(seed: int, numbers: range, sender: Connection, now: Any) -> None:
 
 
 def warm_up() -> None:
-    """Compile, which may take longer than the limit allows."""
+    """Compile all laws, which may exceed the time limit."""
     sound = make_input(np.random.default_rng(0))
     while not sound.sound:
         sound = make_input(np.random.default_rng(1))
@@ -194,14 +190,14 @@ def warm_up() -> None:
 
 
 def ready(name: str, options: dict[str, Any]) -> Controller:
-    """The law of that name, told a sampling period."""
+    """Return the law of a given name, with a sampling period."""
     law = make_controller(name, options)
     restart(law, PERIOD)
     return law
 
 
 def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding]:
-    """Ask some laws about one input: what should not have happened."""
+    """Call some laws with one input; yield failures."""
     rng = np.random.default_rng((seed, number))
     with np.errstate(over="ignore", under="ignore"):
         question = make_input(rng)
@@ -217,7 +213,7 @@ def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding
         else:
             try:
                 asked = ready(name, options)
-            except VsconstraintsError:  # a parameter outside what its demand takes
+            except VsconstraintsError:  # a parameter outside the range of its demand
                 outcome = "options refused"
                 what = ""
             else:
@@ -228,7 +224,7 @@ def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding
 
 
 def refuses(name: str, options: dict[str, Any], rng: np.random.Generator) -> tuple[str, str]:
-    """Give one option a wrong value: how that ended, and what is wrong with it."""
+    """Give one option a wrong value; return the outcome, and the failure, if any."""
     option = str(rng.choice(list(inspect.signature(CONTROLLERS[name]).parameters)))
     value = WRONG_OPTIONS[int(rng.integers(len(WRONG_OPTIONS)))]
     try:
@@ -236,13 +232,13 @@ def refuses(name: str, options: dict[str, Any], rng: np.random.Generator) -> tup
     except VsconstraintsError as error:
         text = str(error)
         return "options refused", f"{option} = {value!r}: {text}" if "np.float64" in text else ""
-    except Exception as error:  # which is what is looked for
+    except Exception as error:  # any other error is a finding
         return "raised", f"{option} = {value!r}: {type(error).__name__}: {error}"
     return "options accepted", ""
 
 
 def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
-    """Ask a law: how that ended, and what is wrong with it, if anything is."""
+    """Call a law; return the outcome, and the failure, if any."""
     before = [getattr(question.rows, name, None) for name in ROWS] + [
         getattr(question.task, name, None) for name in TASK
     ]
@@ -255,7 +251,7 @@ def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
         command: object = call(question.rows, question.task)
     except VsconstraintsError as error:
         return "refused", f"refused, though sound: {error}" if question.sound else ""
-    except Exception as error:  # which is what is looked for
+    except Exception as error:  # any other error is a finding
         return "raised", f"{type(error).__name__}: {error}"
     if question.sound is False:
         return "answered", "answered, though the input is none"
@@ -267,7 +263,7 @@ def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
 
 
 def judge(command: object, question: Input) -> str:
-    """What is wrong with a command; empty if nothing is."""
+    """Describe the errors of a command; empty if it is correct."""
     if not isinstance(command, Command):
         return f"{command!r} is no command"
     n = question.task.J.shape[1]

@@ -1,9 +1,8 @@
-"""Images held against what is rendered, and loops that are closed by them: ``python -m
-checks.images [SCENE …]``.
+"""Accuracy of detection and of image-based loops: ``python -m checks.images [SCENE …]``.
 
-First, tags are rendered from many poses, and what both detectors find is compared with where they
-are. Then every law of the default comparison runs scenes of a UR5 by images, position-based and
-image-based, and ends at the goal. It needs the extra ``images``.
+First, tags are rendered from many poses, and the positions found by both detectors are compared
+with the true ones. Then all laws of the default comparison run scenes of a UR5 with images,
+position-based and image-based, and must end at the goal. It needs the extra ``images``.
 """
 
 from __future__ import annotations
@@ -33,25 +32,27 @@ POSES = 60
 
 MOST_OFFSET = 0.02
 MOST_DEVIATION = 0.1
-"""Of the corners that AprilTag's detector finds, at noise 2 [px]."""
+"""Bounds on errors of corners found by AprilTag's detector, at noise 2 [px]."""
 
 MOST_TRANSLATION = 1e-3
 MOST_ROTATION = 2e-3
 MOST_PIXELS = 1.0
-"""How far a run may end from its goal: the first two if it is position-based, the last if it is
-image-based.
+"""Greatest distance of a run's end from its goal.
+
+The first two apply to position-based runs, the last to image-based ones.
 """
 
 END = 0.5
-"""Root mean squares are taken over this time at the end [s]."""
+"""Time at the end over which root mean squares are computed [s]."""
 
 MOST_TIME = 2.0
-"""How long a run may take, by the time that is simulated."""
+"""Greatest processor time of a run, relative to simulated time."""
 
 
 class Found(NamedTuple):
-    """Offsets (N, 2) of corners [px], errors (P, 2) of the board's pose [m, rad], tags missed,
-    times an image [s].
+    """Results of a detector: offsets (N, 2) of corners [px], errors (P, 2) of the pose [m, rad].
+
+    Also the number of missed tags, and times per image [s].
     """
 
     offsets: Array
@@ -62,8 +63,9 @@ class Found(NamedTuple):
 
 
 def found(detector: str, settings: ImageSettings, poses: int = POSES) -> Found:
-    """What a detector finds of four tags of 5 cm, 0.3 to 0.6 m away, through 640 × 480 px with F =
-    600 px.
+    """Run a detector on four tags of 5 cm, 0.3 to 0.6 m away.
+
+    The camera has 640 × 480 px and F = 600 px.
     """
     markers = 0.07 * np.array(
         [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
@@ -97,7 +99,7 @@ def found(detector: str, settings: ImageSettings, poses: int = POSES) -> Found:
 
 
 def detection(tell: Callable[[str], None], poses: int = POSES) -> bool:
-    """Tell what both detectors find; whether AprilTag's is as accurate as it should be."""
+    """Print results of both detectors; return True if AprilTag's is accurate enough."""
     good = True
     for detector in DETECTORS:
         one = found(detector, ImageSettings(noise=2.0), poses)
@@ -117,7 +119,7 @@ def detection(tell: Callable[[str], None], poses: int = POSES) -> bool:
 
 
 def closed_loop(scene: str, law: Any, **overrides: object) -> tuple[bool, str]:
-    """Whether a run by images ends at its goal in time, and what there is to say of it."""
+    """Run a loop with images; return True if it ends at its goal in time, and a description."""
     scenario = Scenario.load(scene)
     for key, value in {"sensor": "images", **overrides}.items():
         scenario = scenario.with_override(key.replace("__", "."), value)
@@ -146,15 +148,15 @@ def closed_loop(scene: str, law: Any, **overrides: object) -> tuple[bool, str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print what both parts find; 1 if anything is worse than it should be."""
+    """Print the results of both parts; return 1 if any is worse than required."""
     good = detection(lambda line: print(line, flush=True))
     laws = Suite.load().controllers
-    # what is compiled when it is first used does not count
+    # compiling at first use does not count
     closed_loop(SCENES[0], laws[0].make(), duration=0.1)
     for scene in arguments or SCENES:
         for law in laws:
             reached, line = closed_loop(scene, law.make())
-            # alone, tracking is not told of the field of view
+            # the unconstrained baseline does not know the field of view
             good = good and (reached or law.name == "tracking")
             print(f"{scene}: {law.name}: {line}", flush=True)
     print("as accurate as it should be" if good else "not as accurate as it should be")

@@ -1,6 +1,4 @@
-"""Rows, tasks and options as nobody would write them: random, extreme, degenerate, and
-malformed.
-"""
+"""Unusual rows, tasks and options: random, extreme, degenerate, and malformed."""
 
 from __future__ import annotations
 
@@ -19,15 +17,15 @@ ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
 TASK = ("J", "b", "error", "error_rate")
 
 MALFORMED = 0.2
-"""Share of the inputs in which something has a wrong type or shape, or is not finite."""
+"""Share of the inputs with a wrong type or shape, or with a number that is not finite."""
 
 LAID_OUT = 0.2
-"""Share of the inputs whose arrays lie in memory in an unusual way."""
+"""Share of the inputs whose arrays have an unusual memory layout."""
 
 
 @dataclass(frozen=True)
 class Input:
-    """What a law is asked, and whether it has to answer: None where it may also refuse."""
+    """Input of a law; ``sound`` if the law must answer, None if it may also refuse."""
 
     rows: Any
     task: Any
@@ -35,7 +33,7 @@ class Input:
 
 
 def make_input(rng: np.random.Generator) -> Input:
-    """One input; the same for the same state of the generator."""
+    """Return one input; the same for the same state of the generator."""
     rows, task = problem(rng)
     kind = rng.random()
     if kind < MALFORMED:
@@ -50,7 +48,7 @@ def make_input(rng: np.random.Generator) -> Input:
 
 
 def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
-    """Finite rows and a task: from usual ones to those at the ends of floating point."""
+    """Return finite rows and a task, from usual ones to the limits of floating point."""
     n = int(rng.choice((1, 2, 3, 6, 6, 6, 7, 7, 12, 30)))
     m = int(
         rng.choice(
@@ -76,7 +74,7 @@ def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
 
 
 def degenerate(rng: np.random.Generator, A: Array) -> Array:
-    """Some rows zero, repeated, opposite, nearly so, or combinations of others."""
+    """Make some rows zero, repeated, opposite, nearly so, or combinations of others."""
     if len(A) == 0 or rng.random() < 0.4:
         return A
     for i in range(len(A)):
@@ -99,8 +97,9 @@ def degenerate(rng: np.random.Generator, A: Array) -> Array:
 
 
 def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task]:
-    """The same in units that differ a little, a lot, or as much as floating point allows; still
-    finite.
+    """Change units by a little, a lot, or to the limits of floating point.
+
+    All numbers stay finite.
     """
     decades = float(rng.choice((3.0, 6.0, 12.0, 150.0, 308.0)))
     whole = rng.random() < 0.3
@@ -133,7 +132,7 @@ def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task
 
 
 def laid_out(rng: np.random.Generator, array: Array) -> Array:
-    """The same numbers, which lie otherwise in memory."""
+    """Return the same numbers in another memory layout."""
     kind = int(rng.integers(6))
     if kind == 0:
         frozen = array.copy()
@@ -154,16 +153,16 @@ def laid_out(rng: np.random.Generator, array: Array) -> Array:
     return array
 
 
-# --- what is refused ---
+# --- malformed input ---
 
 
 def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
-    """One thing wrong in it; sometimes a second."""
+    """Return an input with one error, sometimes two."""
     sound: bool | None = False
     for _ in range(1 + (rng.random() < 0.2)):
         name = str(rng.choice((*ROWS, *TASK)))
         if name in TASK:
-            # nor those that do not use e and ė at these
+            # laws that do not use e and ė need not check them
             changed, sound = wrong(
                 rng, getattr(task, name), None if name.startswith("error") else sound
             )
@@ -173,7 +172,7 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
             sound = None if not rows.scale.size else sound
             rows = replace(rows, scale=changed)
         else:
-            # laws that do not use σ, σ̇ and K need not look at them
+            # laws that do not use σ, σ̇ and K need not check them
             changed, sound = wrong(rng, getattr(rows, name), None if name in OPTIONAL else sound)
             rows = replace(rows, **{name: changed})
     kind = rng.random()
@@ -224,17 +223,17 @@ WRONG: tuple[Callable[[Array], Any], ...] = (
 
 
 def wrong(rng: np.random.Generator, array: Any, sound: bool | None) -> tuple[Any, bool | None]:
-    """Something else in the place of an array, and whether a law still has to answer."""
+    """Replace an array; also return if a law must still answer."""
     if not (type(array) is np.ndarray and array.dtype == np.float64 and array.ndim):
         return array, sound
     kind = rng.random()
     if kind < 0.4 and array.size:
         return not_finite(rng, array), sound
     if kind < 0.5 and array.ndim == 2:
-        # where it is square a transposed matrix is another one
+        # the transpose of a square matrix is another valid matrix
         return array.T, None
     if kind < 0.55:
-        # these numba may take for plain arrays, after another one that was not quite plain
+        # numba may accept these as plain arrays, after a call with another unusual array
         return (
             array.view(np.matrix) if rng.random() < 0.5 and array.size else array.astype(">f8")
         ), None
@@ -242,7 +241,7 @@ def wrong(rng: np.random.Generator, array: Any, sound: bool | None) -> tuple[Any
 
 
 def not_finite(rng: np.random.Generator, array: Array) -> Array:
-    """One number, or all of them, not finite."""
+    """Make one number, or all of them, not finite."""
     changed = array.copy()
     if changed.size:
         value = float(rng.choice((np.nan, np.inf, -np.inf)))
@@ -258,13 +257,13 @@ SOLVERS = tuple(
 
 
 def power(rng: np.random.Generator, usual: float, decades: float) -> float:
-    """Near a usual value, or some decades away."""
+    """Return a number near a usual value, or some decades away."""
     far: float = rng.uniform(-decades, decades) if rng.random() < 0.2 else rng.uniform(-1.0, 1.0)
     return float(usual * 10.0**far)
 
 
 def field(rng: np.random.Generator) -> dict[str, Any]:
-    """Options of a potential field."""
+    """Draw options of a potential field."""
     return {
         "blend": str(rng.choice(("additive", "priority"))),
         "region": power(rng, 0.2, 300.0),
@@ -274,7 +273,7 @@ def field(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
-    """Options of the hierarchical QP."""
+    """Draw options of the hierarchical QP."""
     options: dict[str, Any] = {
         "rows": str(rng.choice(("barrier", "active"))),
         "alpha": power(rng, 20.0, 100.0),
@@ -290,7 +289,7 @@ def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def pair(rng: np.random.Generator) -> dict[str, Any]:
-    """Any demand with any resolver, and parameters of the demand."""
+    """Draw any demand with any resolver, and parameters of the demand."""
     demand = DEMANDS[int(rng.integers(len(DEMANDS)))]
     resolver = RESOLVERS[int(rng.integers(len(RESOLVERS)))]
     usual = {name: float(np.sqrt(low * high)) for name, (low, high) in demand.ranges.items()}
@@ -305,7 +304,7 @@ OPTIONS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
     "hierarchical-qp": hierarchy,
     "law": pair,
 }
-"""Options by the name of the controller; others are made with what they have by themselves."""
+"""Options by the name of the controller; others have their default options."""
 
 WRONG_OPTIONS = (
     None,

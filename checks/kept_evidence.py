@@ -1,9 +1,10 @@
-"""``python -m checks.kept_evidence [--out FOLDER] [--no-figures]``: the report of the kept study.
+"""``python -m checks.kept_evidence [--out FOLDER] [--no-figures]``: report of the kept study.
 
-``vsconstraints testset run --laws comparisons/verdict.toml`` makes all runs and this report; the
-package keeps one line of each run only. This makes the report from these lines. What they do not
-say of the runs that the report names as examples, reasons and rows, is made again. Settings come
-from the manifest in the folder, which has to be of the same laws and scenes.
+``vsconstraints testset run --laws comparisons/verdict.toml`` executes all runs and makes this
+report, while the package keeps only one line of each run. This command makes the report from these
+lines. Reasons and rows of the runs that the report names as examples are not in these lines; these
+runs are repeated. Settings come from the manifest in the folder, which must have the same laws and
+scenes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from vsconstraints.scenarios.families.frozen import TestSet
 
 FOLDER = Path(__file__).parents[1] / "reports" / "evidence"
 RUN = [column.name for column in KEYS]
-#: Of a manifest: what a command that makes runs says of them.
+#: Entries of a manifest that a command which executes runs writes about them.
 OF_RUNS = (
     "wall_time_s",
     "process_time_s",
@@ -46,7 +47,7 @@ OF_RUNS = (
 
 
 def runs_of(study: Study) -> Any:
-    """The lines of a study, with the columns of evidence that the report reads."""
+    """Return the lines of a study, with the columns of evidence that the report reads."""
     runs = study.runs.copy()
     fraction = runs["violation_fraction"].fillna(0.0)
     tolerant = runs["violated"].where(fraction > TOLERANT, "")
@@ -62,7 +63,7 @@ def runs_of(study: Study) -> Any:
 
 
 def made_again(study: Study, keys: Iterable[tuple[Any, ...]]) -> Part:
-    """Runs of a study, named by their :data:`RUN`, made once more."""
+    """Repeat runs of a study, named by their :data:`RUN`."""
     test_set = TestSet.load()
     families = {family.name: family for family in test_set.families}
     parts = []
@@ -76,16 +77,16 @@ def made_again(study: Study, keys: Iterable[tuple[Any, ...]]) -> Part:
 
 @dataclass(frozen=True)
 class Lines(Evidence):
-    """Evidence whose runs are the lines of the study that comes with the package."""
+    """Evidence whose runs are the lines of the study shipped with the package."""
 
     @cached_property
     def study(self) -> Study:
-        """The study that comes with the package."""
+        """Study shipped with the package."""
         return Study.load(SHIPPED)
 
     @cached_property
     def runs(self) -> Any:
-        """See :attr:`.Evidence.runs`."""
+        """Runs as in :attr:`.Evidence.runs`."""
         runs = runs_of(self.study)
         order = {name: number for number, name in enumerate(self.controllers)}
         return runs.sort_values(
@@ -94,20 +95,21 @@ class Lines(Evidence):
 
 
 class KeptEvidence(Lines):
-    """The same with the reasons and rows of the runs that the report names as examples, which are
-    made again.
+    """Evidence with reasons and rows of the runs that the report names as examples.
+
+    These runs are repeated.
     """
 
     @cached_property
     def examples(self) -> Part:
-        """The runs that the report names, made again."""
+        """Repeat the runs that the report names."""
         lines = Dataset(Lines(self.folder, self.manifest), figures=False)
         named = [run for own in example_failures(lines).values() for run in own.values()]
         return made_again(self.study, dict.fromkeys(tuple(run[RUN]) for run in named))
 
     @cached_property
     def runs(self) -> Any:
-        """See :attr:`.Evidence.runs`."""
+        """Runs as in :attr:`.Evidence.runs`, with the reasons of examples."""
         runs = super().runs.set_index(RUN)
         again = self.examples.runs.to_pandas().set_index(RUN)
         again = again[again.index.isin(runs.index)]
@@ -116,13 +118,13 @@ class KeptEvidence(Lines):
 
     @cached_property
     def rows(self) -> Any:
-        """See :attr:`.Evidence.rows`."""
+        """Rows as in :attr:`.Evidence.rows`, for examples only."""
         rows = self.examples.rows.to_pandas()
         return rows[rows["controller"] != BASELINE]
 
     @cached_property
     def scenes(self) -> Any:
-        """See :attr:`.Evidence.scenes`."""
+        """Scenes as in :attr:`.Evidence.scenes`."""
         numbers = self.study.runs.groupby("family", sort=False)["scene"].unique()
         lines = []
         for family in TestSet.load().families:
@@ -134,7 +136,7 @@ class KeptEvidence(Lines):
 
 
 def demand_same(manifest: dict[str, Any], study: Study) -> None:
-    """Raise ConfigurationError unless a manifest is of a study's laws and scenes."""
+    """Raise ConfigurationError unless a manifest has a study's laws and scenes."""
     configuration = manifest.get("configuration", {})
     laws = {
         name: ControllerSpec.from_table(name, own)

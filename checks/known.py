@@ -1,14 +1,16 @@
-"""``python -m checks.known [--scenes N]``: what laws would gain by knowing disturbances, and what a
-dead time costs.
+"""``python -m checks.known [--scenes N]``: gain by known disturbances, cost of dead time.
 
-On held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is
-known: it is taken out, everything else is the same, the tolerances of goals too. Where all are
-known, nothing but the law is left: no law that must find them out can be expected to do better, so
-that this is the bound for disturbed scenes. Then scenes without disturbances in which images, or
-commands, are late by a dead time, of which a law is told or not (its options ``dead_time`` and
-``command_delay``), also where nothing is late; images may say when they were taken (dated). Last,
-predictive laws with plans of 10, 20 and 30 blocks. Success in per cent; differences are paired,
-with McNemar's test, and are those from the first condition, of the law that is not told.
+It uses held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is
+known: it is removed, and everything else stays the same, including the tolerances of goals. If all
+are known, only the law itself is left: no law that must estimate the disturbances can be expected
+to do better, so this is the bound for disturbed scenes.
+
+Then scenes without disturbances in which images, or commands, are delayed by a dead time. A law
+knows it or not (its options ``dead_time`` and ``command_delay``), also if there is no delay; images
+may have a time stamp (dated). Last, predictive laws with plans of 10, 20 and 30 blocks.
+
+Success is in per cent. Differences are paired, with McNemar's test, relative to the first condition
+and the law that does not know the dead time.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from vsconstraints.scenarios.families.frozen import TestSet
 
 Tables = dict[str, Any]
 
-DEAD_TIME = 0.035  #: [s]
+DEAD_TIME = 0.035  #: Dead time [s].
 OBSERVER = {"observer": 0.1}
 PREDICTIVE = "predictive", "robust-predictive"
 LAWS: Mapping[str, Mapping[str, Any]] = {
@@ -45,7 +47,7 @@ LAWS: Mapping[str, Mapping[str, Any]] = {
 
 
 def told(**options: float) -> Mapping[str, Mapping[str, Any]]:
-    """All laws, and those without an observer with these options, too."""
+    """Return all laws, and those without an observer also with these options."""
     return LAWS | {
         f"{name}, told": {"type": name, **LAWS[name], **options}
         for name in LAWS
@@ -57,15 +59,17 @@ DISTURBANCES: Mapping[str, tuple[str, ...]] = {
     "noise": ("pixel_noise",),
     "delay": ("delay",),
     "camera": (
-        "focal_factor", "principal_point_error", "mount_translation_error", "mount_rotation_error", "depth_factor",
+        "focal_factor", "principal_point_error", "mount_translation_error", "mount_rotation_error",
+        "depth_factor",
     ),
     "actuators": ("time_constant", "acceleration_noise"),
 }  # fmt: skip
 
 
 def without(*names: str) -> Callable[[Tables], Tables]:
-    """Takes disturbances out of a scenario's tables; ``"motion"`` stands for what the control takes
-    for static.
+    """Return a function that removes disturbances from a scenario's tables.
+
+    ``"motion"`` stands for motion that the control takes for static.
     """
     gone = {key for name in names for key in DISTURBANCES.get(name, ())}
 
@@ -84,7 +88,7 @@ def _with_known_motion(data: Any) -> Any:
 
 
 def late(key: str, **others: Any) -> Callable[[Tables], Tables]:
-    """Makes images (``"delay"``) or commands (``"command_delay"``) late by the dead time."""
+    """Return a function that delays images (``"delay"``) or commands by the dead time."""
 
     def change(tables: Tables) -> Tables:
         by: float = ceil(DEAD_TIME / tables["sampling_time"]) if key == "delay" else DEAD_TIME
@@ -93,7 +97,7 @@ def late(key: str, **others: Any) -> Callable[[Tables], Tables]:
     return change
 
 
-#: By name: the condition that is changed, and how.
+#: By name, the condition that is changed, and the change.
 KNOWN = {
     "disturbed": ("disturbed", without()),
     **{f"{name} known": ("disturbed", without(name)) for name in (*DISTURBANCES, "motion")},
@@ -104,7 +108,7 @@ NOMINAL = {"nominal": ("nominal", lambda tables: tables)}
 
 @dataclass(frozen=True)
 class Changed:
-    """A family whose scenes have other conditions."""
+    """Family whose scenes have other conditions."""
 
     family: Family
     study: str
@@ -113,7 +117,7 @@ class Changed:
     folder = property(lambda self: self.family.folder)
 
     def set_up(self, number: int, half: str, seed: int) -> tuple[Drawn, Mapping[str, Any]]:
-        """As that of the family."""
+        """Set up a scene of the family with the conditions of the study."""
         scene = self.family.scene(number, half, seed)
         changes = STUDIES[self.study][0]
         return replace(
@@ -151,7 +155,7 @@ def _runs(task: Batch) -> Any:
 
 
 def measured(study: str, scenes: int) -> Any:
-    """All runs of a study, with their success."""
+    """Return all runs of a study, with their success."""
     conditions, laws = STUDIES[study]
     entries = (
         ControllerSpec(BASELINE),

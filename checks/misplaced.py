@@ -1,11 +1,10 @@
-"""``python -m checks.misplaced [--scenes N] [--offset M]``: predictive laws with a misplaced
-target.
+"""``python -m checks.misplaced [--scenes N] [--offset M]``: predictive laws, misplaced target.
 
-Disturbances of the test set leave the target's pose and the arm's kinematics as they are, and a
-predictive law gets both exactly. Here its model has the target, and with it the goal, beside where
-it is, in a direction that is drawn for each scene; rows and task in the loop are measured as
-before. Other laws get no model, so that nothing changes for them. Runs are on the first held-out
-scenes of test set v1 on arms; success is strict, in per cent.
+Disturbances of the test set do not change the target's pose and the arm's kinematics, and a
+predictive law knows both exactly. Here its model has the target, and with it the goal, at an offset
+from the true place, in a direction that is drawn for each scene. Rows and task in the loop are
+measured as before. Other laws have no model, so that nothing changes for them. Runs are on the
+first held-out scenes of test set v1 on arms; success is strict, in per cent.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ WITHOUT_ARM = "free-camera"
 
 
 class MisplacedTarget(Model):
-    """A model in which the target is displaced by ``offset`` (3,) [m] in its own frame."""
+    """Model in which the target is displaced by ``offset`` (3,) [m] in its own frame."""
 
     def __init__(self, of: Model, offset: Array) -> None:
         super().__init__(of._of, of._estimate, of._gradient_error)
@@ -62,17 +61,17 @@ class MisplacedTarget(Model):
 
 
 class Misplaced(PredictiveControl):
-    """:class:`.PredictiveControl` that is given such a model."""
+    """:class:`.PredictiveControl` with such a model."""
 
     offset = np.zeros(3)
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """See :meth:`.PredictiveControl.reset`."""
+        """Reset the law; see :meth:`.PredictiveControl.reset`."""
         super().reset(period, None if model is None else MisplacedTarget(model, self.offset))
 
 
 def laws(offset: Array) -> dict[str, Controller]:
-    """Predictive laws, with the target where it is and beside it; and a law without a model."""
+    """Predictive laws with the true and with the displaced target, and a law without a model."""
     robust = RobustPredictive()
     misplaced = Misplaced()
     robust_misplaced = RobustPredictive()
@@ -89,23 +88,21 @@ def laws(offset: Array) -> dict[str, Controller]:
 
 
 def success(setup: Setup, law: Controller) -> bool:
-    """Return whether a run reaches the goal and violates no row, by the strict standard."""
+    """Return True if a run reaches the goal and violates no row, by the strict standard."""
     record = RunRecord.of(setup, simulate(setup, law), "")
     result = score(record, record).result
     return result["status"] == "converged" and not result["violated"]
 
 
 def direction(scene: Drawn) -> Array:
-    """A unit vector (3,), drawn for each scene."""
+    """Draw a unit vector (3,) for a scene."""
     drawn = np.random.default_rng(scene.number).standard_normal(3)
     unit: Array = drawn / np.linalg.norm(drawn)
     return unit
 
 
 def measured(scenes: int, distance: float) -> Any:
-    """A DataFrame with one line for each run: family, scene, condition, law, and whether it is a
-    success.
-    """
+    """DataFrame with one line for each run: family, scene, condition, law, and success."""
     test_set = TestSet.load()
     lines = []
     for family in test_set.families:
@@ -127,7 +124,7 @@ def measured(scenes: int, distance: float) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print success of each law in each condition, and in how many scenes."""
+    """Print the success of each law in each condition, and the number of scenes."""
     parser = ArgumentParser(prog="python -m checks.misplaced", description=__doc__)
     parser.add_argument("--scenes", type=int, default=10, help="of each family")
     parser.add_argument("--offset", type=float, default=0.04, help="of the target [m]")

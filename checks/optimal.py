@@ -1,11 +1,10 @@
-"""Optimal control of a scene by CasADi and IPOPT: the soonest motion to the goal that satisfies all
-rows.
+"""Time-optimal control of a scene by CasADi and IPOPT, subject to all rows.
 
 States are q and q̇; accelerations are constant in each of :data:`INTERVALS` equal intervals, whose
-length is free. Rows are written here once more, as symbols, from a setup's numbers; nothing but
-these is shared with the package, whose own rows judge the motion afterwards. Between its nodes each
-interval is looked at in its middle only, so that rows take a margin. After the goal is reached, a
-moving target is followed until the end of the run; elsewhere the arm stands still.
+length is free. Rows are implemented here a second time, as symbols, from a setup's numbers; the
+package shares nothing else, and its own rows judge the motion afterwards. Between its nodes, each
+interval is checked only in its middle, so that rows have a margin. After the goal is reached, a
+moving target is followed until the end of the run; otherwise the arm stands still.
 """
 
 from __future__ import annotations
@@ -31,15 +30,15 @@ from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
 from vsconstraints.vision.motion import Motion
 
-INTERVALS = 40  #: until the goal is reached, and from then on where the target moves
+#: Number of intervals until the goal is reached, and afterwards if the target moves.
+INTERVALS = 40
 FOLLOWING = 16
-INSIDE = 0.95  #: share of the goal's tolerances within which motions end
-#: what the mean of (q̈/limit)² costs, in shares of a second: of what takes equally long, the
-#: calmest
+INSIDE = 0.95  #: Share of the goal's tolerances within which motions end.
+#: Cost of the mean of (q̈/limit)², in seconds: selects the calmest of equally fast motions.
 CALM = 1e-3
-#: five times as fast, after 20 s
+#: five times as fast, after 20 s of compilation
 COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O1"]}}
-DEPTH = 0.05  #: least distance of a marker before the camera [m]
+DEPTH = 0.05  #: Smallest depth of a marker in front of the camera [m].
 OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
@@ -54,13 +53,11 @@ OPTIONS = {
 
 
 class NotCovered(Exception):
-    """A scene has something that is not written here."""
+    """A scene has a part that is not implemented here."""
 
 
 class Guess(NamedTuple):
-    """Where optimal control begins: times (S,) [s], q and q̇ (S, n), and when the goal is reached
-    [s].
-    """
+    """Initial guess: times (S,) [s], q and q̇ (S, n), and time at which the goal is reached [s]."""
 
     t: Array
     q: Array
@@ -68,8 +65,9 @@ class Guess(NamedTuple):
     T: float
 
     def states(self, after: int, end: float) -> tuple[Array, Array, Array]:
-        """Where the arm is at all nodes, q̇, and q̈ between them; ``after`` intervals follow the
-        goal, to the end.
+        """Return q and q̇ at all nodes, and q̈ between them.
+
+        ``after`` intervals follow the goal, until ``end``.
         """
         T = min(self.T, 0.8 * end) if after else self.T
         nodes = np.concatenate(
@@ -90,16 +88,14 @@ class Plan(NamedTuple):
 
 
 class Numbers:
-    """Numbers of a scene as symbols, so that a program that was made for one scene serves others
-    like it.
-    """
+    """Numbers of a scene as symbols, so that a program for one scene also serves similar ones."""
 
     def __init__(self) -> None:
         self.symbols: list[Any] = []
         self.values: list[Array] = []
 
     def __call__(self, value: Any) -> Any:
-        """The symbol of a number, a vector or a matrix."""
+        """Return the symbol of a number, a vector or a matrix."""
         array = np.asarray(value, dtype=np.float64)
         symbol = ca.SX.sym(f"p{len(self.symbols)}", *(array.shape or (1,)))
         self.symbols.append(ca.vec(symbol))
@@ -107,13 +103,14 @@ class Numbers:
         return symbol
 
     def pose(self, pose: Pose) -> tuple[Any, Any]:
-        """Symbols of R and t."""
+        """Return symbols of R and t."""
         return self(pose.R), self(pose.t)
 
 
 def placements(robot: Robot, q: Any) -> list[tuple[Any, Any]]:
-    """R and t of each joint's frame in the base frame, the base first, from the placements of the
-    robot's model.
+    """R and t of each joint's frame in the base frame, the base first.
+
+    They are computed from the placements of the robot's model.
     """
     model = robot.model
     placed = [(ca.SX.eye(3), ca.SX.zeros(3))]
@@ -141,7 +138,7 @@ def placements(robot: Robot, q: Any) -> list[tuple[Any, Any]]:
 
 
 def moved(motion: Motion | None, t: Any, number: Numbers) -> Any:
-    """Displacement at time t of what moves, 0 of what does not."""
+    """Displacement of a moving object at time t; 0 without motion."""
     if motion is None:
         return 0.0
     rate = number(motion.rate)
@@ -152,11 +149,10 @@ def moved(motion: Motion | None, t: Any, number: Numbers) -> Any:
 
 
 class Written(NamedTuple):
-    """A setup in symbols: rows, in their natural units, and what is left of the goal, in squared
-    tolerances.
+    """Setup in symbols: rows in their natural units, and squared goal errors in tolerances.
 
-    ``which`` are the rows' places among the setup's; ``rows`` and ``goal`` functions of q, t and
-    the ``numbers``. Those with the same ``likeness`` differ in their numbers alone.
+    ``which`` are the rows' places among the setup's. ``rows`` and ``goal`` are functions of q, t
+    and the ``numbers``. Setups with the same ``likeness`` differ only in their numbers.
     """
 
     likeness: str
@@ -167,7 +163,7 @@ class Written(NamedTuple):
 
 
 def written(setup: Setup) -> Written:
-    """Rows and goal of a setup with one goal, in symbols; raises NotCovered."""
+    """Return rows and goal of a setup with one goal, in symbols; raises NotCovered."""
     scene = setup.scene
     number = Numbers()
     camera = scene.camera
@@ -250,7 +246,7 @@ def written(setup: Setup) -> Written:
             ca.sumsqr((p - goal_t) / number(tolerance[0])),
             ca.sumsqr(turn / number(tolerance[1])),
         ]
-        left.append(2.0 - ca.trace(E))  # not half a turn away
+        left.append(2.0 - ca.trace(E))  # excludes a rotation error of half a turn
     else:
         wanted = number(goal.pixels.T)
         left = [
@@ -266,7 +262,7 @@ def written(setup: Setup) -> Written:
 
 
 def boxes(setup: Setup, margin: Array) -> Array:
-    """(4, n) least and greatest q and q̇ that rows of joints leave, less a margin (m,)."""
+    """Bounds (4, n) on q and q̇ by the rows of joints, less a margin (m,)."""
     box = np.tile([[-np.inf], [np.inf]] * 2, setup.scene.robot.n)
     first = 0
     for constraint, count, _ in setup.constraints.blocks():
@@ -287,7 +283,7 @@ def boxes(setup: Setup, margin: Array) -> Array:
 
 
 class Program:
-    """The optimal control of scenes that are alike: one of a family, with the numbers of others."""
+    """Optimal control program of similar scenes, such as those of a family."""
 
     def __init__(
         self, scene: Written, n: int, follows: bool, seconds: float, compiled: bool
@@ -340,9 +336,10 @@ class Program:
     def __call__(
         self, setup: Setup, scene: Written, limit: Array, margin: Array, guess: Guess
     ) -> Plan | None:
-        """A motion that begins where the setup does; None if IPOPT says that it found none.
+        """Return a motion from the setup's start; None if IPOPT reports failure.
 
-        ``limit`` (n,) of |q̈|, ``margin`` (m,) of each of the setup's rows in its natural unit.
+        ``limit`` (n,) bounds |q̈|; ``margin`` (m,) is that of each of the setup's rows, in its
+        natural unit.
         """
         n = self.n
         K = self.K

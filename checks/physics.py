@@ -1,5 +1,4 @@
-"""The arm with mass, held against MuJoCo: ``python -m checks.physics`` prints how far the two are
-apart.
+"""Arm with mass compared with MuJoCo: ``python -m checks.physics`` prints the differences.
 
 The closed loop runs twice with the same law, controller, friction and gears, once on the plant of
 this package and once on MuJoCo's, and joint paths are compared. It needs the extra ``physics``.
@@ -36,24 +35,26 @@ PLANTS["the same, with Stribeck's rise"] = PLANTS["position loop, friction, dela
     "friction": {"viscous": 0.3, "coulomb": 0.5, "static": 0.8}
 }
 SWINGING = {("panda-fov", name) for name in PLANTS if not name.startswith("computed torque")}
-"""Scenes and plants of which nothing can be said: with the gains of the scene and a loop that slow
-even tracking alone swings more and more, and of two paths that diverge rounding decides how far
-they are apart.
+"""Scenes and plants that cannot be compared.
+
+With the gains of the scene and a loop that slow, even tracking without rows oscillates more and
+more, and rounding determines the difference of two diverging paths.
 """
 
 TOLD = {"the same, with Stribeck's rise"}
-"""Plants that are told and not judged: friction that falls with speed drives slips, of which
-rounding decides when they begin. In the case study the two are 1.5e-3 rad apart with ten substeps
-and 2.9e-3 with twenty, so that it is no error of integration; without the rise they are 2.4e-7
-apart.
+"""Plants that are printed but not judged.
+
+With friction that falls with speed, rounding determines when slips begin. In the case study the two
+are 1.5e-3 rad apart with ten substeps and 2.9e-3 with twenty, so this is no error of integration;
+without the rise of friction they are 2.4e-7 apart.
 """
 
 MOST = 1e-3
-"""Greatest difference of a joint's path that is accepted [rad]."""
+"""Greatest accepted difference of a joint's path [rad]."""
 
 
 def difference(scene: str, settings: dict[str, object], duration: float | None = None) -> float:
-    """Greatest difference of a joint [rad] between the two, over the whole run."""
+    """Greatest difference of a joint [rad] between the two plants, over the whole run."""
     scenario = Scenario.load(scene)
     if duration is not None:
         scenario = scenario.with_override("duration", duration)
@@ -74,7 +75,7 @@ def difference(scene: str, settings: dict[str, object], duration: float | None =
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print one line per scene and plant; 1 if any is farther apart than accepted."""
+    """Print one line per scene and plant; return 1 if a difference is greater than accepted."""
     worst = 0.0
     for scene in arguments or SCENES:
         for name, settings in PLANTS.items():

@@ -1,10 +1,9 @@
-"""``python -m checks.plausible [SCENES]``: how often a right measurement is doubted, and how soon a
-wrong one.
+"""``python -m checks.plausible [SCENES]``: false alarms of plausibility checks, and their delay.
 
-Scenes of every family are run with the noise, delays and calibration errors that it has, and their
-measured images are held against the kinematics as on an arm: see :class:`.Plausible`, whose
-defaults are what the printed numbers allow. Then the same images are shown mirrored, permuted,
-frozen and so on. The exit code is 1 if a right image is doubted.
+Scenes of every family are run with their noise, delays and calibration errors, and their measured
+images are compared with the kinematics as on an arm: see :class:`.Plausible`, whose defaults follow
+from the printed numbers. Then the same images are shown mirrored, permuted, frozen and so on. The
+exit code is 1 if a correct image is rejected.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ from vsconstraints.vision.measurement import INNOVATIONS, Measurement, Plausible
 from vsconstraints.vision.scene import Scene
 
 CONDITIONS = dict.fromkeys((name for name in families() if "ladder" not in name), "disturbed")
-"""Families, and the condition whose sensors are wrong as those of a cell are."""
+"""Families, and the condition with realistic sensor errors."""
 
 EVERY = 10
-"""Samples between two that are looked at."""
+"""Interval of examined samples."""
 
 FAULTS: dict[str, Callable[[Array, Array, Camera], Array]] = {
     "right": lambda seen, first, camera: seen,
@@ -41,14 +40,14 @@ FAULTS: dict[str, Callable[[Array, Array, Camera], Array]] = {
     "frozen": lambda seen, first, camera: first,
     "depth in millimetres": lambda seen, first, camera: seen,
 }
-"""What becomes of right pixels (M, 2), the first of which were others."""
+"""Faults of correct pixels (M, 2), given also the first pixels."""
 
 DEPTH_FACTORS = {"depth in millimetres": 1000.0}
-"""What becomes of right depths."""
+"""Faults of correct depths."""
 
 
 def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
-    """(N, 8) of every ``EVERY``-th sample for each fault: as :func:`.innovation` has them."""
+    """Innovations (N, 8) of every ``EVERY``-th sample for each fault; see :func:`.innovation`."""
     sensor = setup.sensor()
     disturbances = setup.disturbances
     Ts = setup.Ts
@@ -86,7 +85,7 @@ def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
         )
         for name, wrong in FAULTS.items():
             shown = wrong(np.where(inside[:, None], seen, np.nan), first, camera)
-            steps[name].packed.step.slip[:] = np.nan  # speeds are right
+            steps[name].packed.step.slip[:] = np.nan  # speeds are correct
             try:
                 given = Measurement(shown, DEPTH_FACTORS.get(name, 1.0) * depth, taken, pose)
                 steps[name].evaluate_measured(t, q, qd, given.checked(len(shown), t))
@@ -97,7 +96,7 @@ def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print the greatest innovations of right images, then when wrong ones are doubted."""
+    """Print greatest innovations of correct images, then the delay until faults are noticed."""
     scenes = int(arguments[0]) if arguments else 20
     doubted = runs = samples = 0
     print(f"family, condition: {', '.join(INNOVATIONS)}: greatest (the 99.9 % quantile)")

@@ -1,9 +1,9 @@
-"""``python -m checks.ranks``: what another rank tolerance changes in the paper's scenes.
+"""``python -m checks.ranks``: effect of the rank tolerance on the paper's scenes.
 
 Footnote 3 of the paper sets "very small" singular values to zero and gives no number. Each scene is
 simulated with the default tolerance of the resolver ``priority`` and with larger ones. The exit
-code is 1 if commands are not the same to the bit up to the tolerance ``UNCHANGED``. What larger
-ones do on redundant arms: ``comparisons/rank-tolerance.toml``.
+code is 1 if commands are not bitwise equal up to the tolerance ``UNCHANGED``. For larger tolerances
+on redundant arms see ``comparisons/rank-tolerance.toml``.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ SCENES = (
     "experiment-2-ibvs-gradient-error",
 )
 TOLERANCES = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1)
-UNCHANGED = 1e-4  #: Up to this tolerance the paper's scenes are the same.
+UNCHANGED = 1e-4  #: Tolerance up to which the paper's scenes do not change.
 
 
 def run(scene: str, **options: float) -> Trajectory:
-    """A run of the paper's law."""
+    """Run the paper's law on a scene."""
     return simulate(Scenario.load(scene).setup(), SlidingMode(**options))
 
 

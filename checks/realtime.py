@@ -1,9 +1,8 @@
-"""A loop of 1 kHz on this machine: ``python -m checks.realtime [SECONDS]`` prints how punctual it
-is.
+"""Punctuality of a 1 kHz loop on this machine: ``python -m checks.realtime [SECONDS]``.
 
-The compiled step and a law run in the supervised loop, against a stand-in that answers at once,
-without and with SCHED_FIFO, and against the fake arm ``loopback://``. Nothing is asserted: that
-depends on the machine, and on what else runs there.
+The compiled step and a law run in the supervised loop, against a driver that answers at once,
+without and with SCHED_FIFO, and against the fake arm ``loopback://``. Nothing is asserted, because
+the result depends on the machine and its load.
 """
 
 from __future__ import annotations
@@ -35,38 +34,38 @@ from vsconstraints.simulation import Setup
 
 SCENE = "ur5-fov"
 PATIENT = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0)
-"""Here lateness is measured, and ends nothing."""
+"""Delays are measured here, and do not end the run."""
 
 
 class Immediate(Driver):
-    """Is where it was sent."""
+    """Arm that reaches each setpoint at once."""
 
     real = False
 
     def connect(self) -> None:
-        """Stand at the start."""
+        """Do nothing: the arm stands at the start."""
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
         self._state = Joints(0.0, setup.q0.copy(), np.zeros_like(setup.q0))
 
     def read(self) -> Joints:
-        """Where it was sent."""
+        """Return the last setpoint."""
         return self._state
 
     def send(self, q: Array, qd: Array) -> None:
-        """Be there."""
+        """Take the setpoint."""
         self._state = Joints(self._state.t + self.period, q, qd)
 
     def halt(self, deceleration: float) -> None:
-        """It stands already."""
+        """Do nothing: the arm stands already."""
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 def measured(setup: Setup, address: str, fifo: bool) -> tuple[Punctuality, list[str]]:
-    """How punctual a run was, and what the system permitted."""
+    """Return the punctuality of a run, and the permissions of the system."""
     driver = driver_for(address, setup) if address else Immediate(Address("immediate"), setup)
     with real_time(fifo) as permitted:
         _, log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=PATIENT))

@@ -1,7 +1,7 @@
-"""How large replays are, and how long they take to make: ``python -m checks.replays [SCENARIO …]``.
+"""Size of replays and time to make them: ``python -m checks.replays [SCENARIO …]``.
 
-Tracking alone and the sliding mode are replayed in every scenario that comes with the package, or
-in those that are named. It needs the extra ``replay``.
+The unconstrained baseline and the sliding mode are replayed in all shipped scenarios, or in the
+named ones. It needs the extra ``replay``.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ LAWS = ("tracking", "sliding-mode")
 
 MOST_BYTES = 4e6
 MOST_TIME = 5.0
-"""Of a page; the second is time of a processor [s]."""
+"""Bounds on a page: size, and processor time [s]."""
 
 
 def check(scenarios: Sequence[str] = (), tell: Callable[[str], None] = print) -> bool:
-    """Tell size and times of each page; whether none is too large and none takes too long."""
+    """Print size and times of each page; return True if all are within the bounds."""
     good = True
     for name in scenarios or shipped_scenarios():
         runs = [select_run(f"{name}:{law}") for law in LAWS]

@@ -1,10 +1,10 @@
-"""``python -m checks.statistics [--repetitions N] [--seed S]``: whether intervals cover, and
-verdicts are right.
+"""``python -m checks.statistics [--repetitions N] [--seed S]``: coverage and false verdicts.
 
-Worlds whose truth is known are drawn again and again: of the intervals at 95 % it is counted how
-many hold the truth, and of the verdicts how many are right; of all pairs of several laws, how often
-any verdict is false (family-wise error) and how often all intervals hold at once (simultaneous
-coverage). The same seed gives the same numbers. The exit code is 1 if a demand is not met.
+Worlds whose truth is known are drawn repeatedly. For 95 % intervals, the check counts how many
+cover the truth, and for verdicts how many are right. For all pairs of several laws, it counts how
+often any verdict is false (family-wise error) and how often all intervals cover at once
+(simultaneous coverage). The same seed gives the same numbers. The exit code is 1 if a requirement
+is not met.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from vsconstraints.comparisons.statistics import (
 )
 
 EXACT = 0.94
-"""What exact intervals may be found to do, which hold the truth in 95 % or more: of four thousand
-repetitions, three standard deviations are 1 %.
+"""Least accepted coverage of exact intervals, which cover the truth in 95 % or more.
+
+With four thousand repetitions, three standard deviations are 1 %.
 """
 
 Generator = np.random.Generator
@@ -42,18 +43,18 @@ Interval = tuple[float, float]
 
 
 class Case(NamedTuple):
-    """An interval whose truth is known.
+    """Interval whose truth is known.
 
     Attributes
     ----------
     what
-        What it is of.
+        Name of the estimated quantity.
     truth
-        The value that it should hold.
+        True value.
     interval
-        One interval of data that are drawn.
+        Draws data and returns one interval.
     least, most
-        How often it should hold it.
+        Bounds on the coverage.
     """
 
     what: str
@@ -64,18 +65,18 @@ class Case(NamedTuple):
 
 
 class Question(NamedTuple):
-    """Two laws, and the right verdicts.
+    """Two laws, and the right verdict.
 
     Attributes
     ----------
     what
-        What is asked.
+        Description.
     metric
-        What they are compared by.
+        Metric of the comparison.
     worse
-        How much greater the costs of the second one are, as a factor.
+        Factor by which the costs of the second law are greater.
     right
-        The verdict of the first against the second.
+        Verdict of the first law against the second.
     noise
         Standard deviation of each law's logarithm of costs around the scene's.
     """
@@ -89,7 +90,7 @@ class Question(NamedTuple):
 
 @lru_cache(maxsize=100_000)
 def rate_ends(count: int, of: int) -> Interval:
-    """Of a rate."""
+    """Interval of a rate."""
     found = rate_of(count, of)
     return found.low, found.high
 
@@ -98,8 +99,9 @@ ends = lru_cache(maxsize=100_000)(difference_interval)
 
 
 def of_rate(p: float, n: int, most: float = 1.0) -> Case:
-    """Clopper and Pearson's is exact: it holds the truth at least as often as it says, more often
-    if n p is small.
+    """Clopper-Pearson interval of a rate.
+
+    It is exact: its coverage is at least the nominal one, and greater if n p is small.
     """
     return Case(
         f"rate {p:g}, n = {n}", p, lambda rng: rate_ends(int(rng.binomial(n, p)), n), EXACT, most
@@ -107,7 +109,7 @@ def of_rate(p: float, n: int, most: float = 1.0) -> Case:
 
 
 def of_difference(only_a: float, only_b: float, n: int) -> Case:
-    """Of two rates on the same scenes."""
+    """Interval of the difference of two rates on the same scenes."""
 
     def interval(rng: Generator) -> Interval:
         a, b, _ = rng.multinomial(n, [only_a, only_b, 1.0 - only_a - only_b])
@@ -119,15 +121,16 @@ def of_difference(only_a: float, only_b: float, n: int) -> Case:
 
 
 def skewed(rng: Generator, n: int) -> tuple[Any, Any]:
-    """Costs of two laws on n scenes: their difference has the median −0.1 and is lognormal around
-    it.
+    """Costs of two laws on n scenes.
+
+    Their difference has the median −0.1, with a lognormal distribution around it.
     """
     b = rng.lognormal(sigma=1.0, size=n)
     return b - 0.1 * rng.lognormal(sigma=1.0, size=n) + 1.0, b + 1.0
 
 
 def of_median(n: int) -> Case:
-    """Of skewed paired differences."""
+    """Interval of the median of skewed paired differences."""
     return Case(
         f"median of skewed differences, n = {n}",
         -0.1,
@@ -138,7 +141,7 @@ def of_median(n: int) -> Case:
 
 
 def of_ratio(n: int) -> Case:
-    """Of log-ratios that have Gumbel's distribution and the median ln 1.1."""
+    """Interval of the median of log-ratios with a Gumbel distribution and the median ln 1.1."""
 
     def interval(rng: Generator) -> Interval:
         b = rng.lognormal(sigma=2.0, size=n)
@@ -149,7 +152,7 @@ def of_ratio(n: int) -> Case:
 
 
 def of_settling(n: int) -> Case:
-    """Of a median of times in whole sampling periods, a third of which are equal to it."""
+    """Interval of a median of times in whole sampling periods; a third of the times equal it."""
     share = (0.3, 0.35, 0.2, 0.15)
     return Case(
         f"median with ties, n = {n}",
@@ -172,9 +175,7 @@ CASES = (
 )
 
 Truth = Callable[[int, int], float]
-"""The true difference of two laws: of rates, or the median where they differ; NaN where they never
-do.
-"""
+"""True difference of two laws: of rates, or the median where they differ; NaN if they never do."""
 
 
 class World(NamedTuple):
@@ -183,13 +184,13 @@ class World(NamedTuple):
     Attributes
     ----------
     what
-        What it is.
+        Name.
     metric
-        What laws are compared by.
+        Metric of the comparison.
     draw
-        (scenes, laws) values; of success, whether there is one.
+        Draws values (scenes, laws); for success, booleans.
     truth
-        Of each two laws.
+        True difference of two laws.
     """
 
     what: str
@@ -199,21 +200,25 @@ class World(NamedTuple):
 
 
 def behind(rng: Generator, scenes: int, laws: int) -> Any:
-    """All laws are above the first one in half of the scenes, and below it in the others, but
-    farther above.
+    """Values of laws that exceed the first law's by a skewed amount.
+
+    In half of the scenes they are above the first one, in the others below it, but by less.
     """
     apart = rng.lognormal(sigma=1.0, size=(scenes, laws)) - 1.0
     return 0.1 + rng.lognormal(size=(scenes, 1)) * np.exp(np.where(np.arange(laws) > 0, apart, 0.0))
 
 
 def slow(rng: Generator, scenes: int, laws: int) -> Any:
-    """Every second law takes three times as long in 48 % of the scenes, and never less."""
+    """Values where every second law takes three times as long in 48 % of the scenes, never less."""
     hit = (rng.random((scenes, laws)) < 0.48) & (np.arange(laws) % 2 == 1)
     return rng.lognormal(size=(scenes, 1)) * np.where(hit, 3.0, 1.0)
 
 
 def succeeding(rates: Callable[[Any], Any]) -> Callable[[Generator, int, int], Any]:
-    """Successes with these rates; what makes a scene hard is half the same for all laws."""
+    """Return a function that draws successes with these rates.
+
+    Half of a scene's difficulty is common to all laws.
+    """
 
     def draw(rng: Generator, scenes: int, laws: int) -> Any:
         trouble = rng.standard_normal((scenes, 1)) + rng.standard_normal((scenes, laws))
@@ -223,9 +228,11 @@ def succeeding(rates: Callable[[Any], Any]) -> Callable[[Generator, int, int], A
 
 
 WORLDS = (
-    World("no difference, symmetric", "jerk_rms", lambda rng, n, k: 9.0 + rng.standard_normal((n, k))),
+    World("no difference, symmetric", "jerk_rms", lambda rng, n,
+          k: 9.0 + rng.standard_normal((n, k))),
     World("no difference, skewed", "jerk_rms", behind),
-    World("no difference, ties", "jerk_rms", lambda rng, n, k: rng.integers(0, 3, (n, k)).astype(float)),
+    World("no difference, ties", "jerk_rms", lambda rng, n,
+          k: rng.integers(0, 3, (n, k)).astype(float)),
     World("no difference, success", "success", succeeding(lambda law: 0.7 + 0.0 * law)),
     World("differences, symmetric", "jerk_rms",
           lambda rng, n, k: 9.0 + rng.standard_normal((n, k)) + 0.5 * (np.arange(k) // 2),
@@ -253,7 +260,7 @@ QUESTIONS = (
 
 
 def coverage(case: Case, repetitions: int, seed: int) -> Rate:
-    """How often an interval holds the truth."""
+    """Share of intervals that cover the truth."""
     held = 0
     for rng in np.random.default_rng([seed, len(case.what)]).spawn(repetitions):
         low, high = case.interval(rng)
@@ -262,8 +269,9 @@ def coverage(case: Case, repetitions: int, seed: int) -> Rate:
 
 
 def runs(question: Question, repetition: int, rng: Generator, scenes: int = 1000) -> Any:
-    """Runs of two laws on the same scenes, whose costs differ by far more than the laws do; a few
-    fail or violate.
+    """Draw runs of two laws on the same scenes; a few fail or violate.
+
+    Costs differ between scenes by far more than between laws.
     """
     scene = rng.lognormal(sigma=1.0, size=scenes)
     return pandas.concat(
@@ -288,7 +296,7 @@ def runs(question: Question, repetition: int, rng: Generator, scenes: int = 1000
 
 
 def answered(question: Question, repetitions: int, seed: int) -> Rate:
-    """How often the verdict is right."""
+    """Share of right verdicts."""
     streams = np.random.default_rng([seed, len(question.what)]).spawn(repetitions)
     drawn = pandas.concat(
         [runs(question, repetition, rng) for repetition, rng in enumerate(streams)]
@@ -298,7 +306,7 @@ def answered(question: Question, repetitions: int, seed: int) -> Rate:
 
 
 def table(world: World, laws: int, repetition: int, rng: Generator, scenes: int) -> Any:
-    """Runs of several laws; each repetition is a condition of its own."""
+    """Runs of several laws; each repetition is a separate condition."""
     values = world.draw(rng, scenes, laws)
     success = values if world.metric == "success" else np.ones_like(values, dtype=bool)
     law, scene = np.meshgrid(np.arange(laws), np.arange(scenes))
@@ -315,7 +323,7 @@ def table(world: World, laws: int, repetition: int, rng: Generator, scenes: int)
 def families(
     world: World, laws: int, repetitions: int, seed: int, scenes: int = SCENES
 ) -> tuple[Rate, Rate]:
-    """How often any verdict is false, and how often all intervals hold the truth at once."""
+    """Share of repetitions with any false verdict, and share in which all intervals cover."""
     streams = np.random.default_rng([seed, laws, len(world.what)]).spawn(repetitions)
     drawn = pandas.concat(
         [table(world, laws, each, rng, scenes) for each, rng in enumerate(streams)]
@@ -337,11 +345,11 @@ def families(
 def like_families(
     laws: int, repetitions: int, seed: int, groups: int = 7, scenes: int = 100
 ) -> tuple[Rate, Rate]:
-    """Laws that are alike over all families, but differ in each: how often any seems to be behind
-    the best one.
+    """Share of repetitions in which a law seems worse than the best one, although all are equal.
 
-    Logits of families vary by 1, those of a law in a family by 0.7. The second rate is how often
-    the interval of the first law's success holds the truth.
+    The laws are equal over all families, but differ in each. Logits of families vary by 1, those of
+    a law in a family by 0.7. The second rate is the coverage of the interval of the first law's
+    success.
     """
     middle = 1.0
     truth = float(
@@ -368,14 +376,12 @@ def like_families(
 
 
 def promised(repetitions: int) -> float:
-    """The share of false findings that may be found where 0.05 are promised: three standard
-    deviations more.
-    """
+    """Accepted share of false findings for a nominal 0.05: three standard deviations more."""
     return 0.05 + 3.0 * math.sqrt(0.05 * 0.95 / repetitions)
 
 
 def told(what: str, found: Rate, least: float, most: float = 1.0) -> bool:
-    """Print what was found; whether it is as demanded."""
+    """Print a rate; return True if it meets the requirement."""
     ok = least <= found.share <= most
     demand = (
         f"{100 * least:.3g} to {100 * most:.3g} %"
@@ -387,7 +393,7 @@ def told(what: str, found: Rate, least: float, most: float = 1.0) -> bool:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print every coverage and every share of right verdicts; 1 if a demand is not met."""
+    """Print all coverages and shares of right verdicts; return 1 if a requirement is not met."""
     parser = argparse.ArgumentParser(prog="python -m checks.statistics", description=__doc__)
     parser.add_argument("--repetitions", type=int, default=4000)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,14 +1,14 @@
-"""``python -m checks.stored [--mutations N] [--seed S] [--only FIRST:LAST]``: stored results with
-something changed.
+"""``python -m checks.stored [--mutations N] [--seed S] [--only FIRST:LAST]``: damaged results.
 
-A comparison and a campaign are made once. Each time a thing or two is changed in a copy of one of
-them, at random: a bit, a file's end, a file as a whole, a value in the manifest or in a table, a
-text that names code, a path, an address. In half of the copies only that is done, and whoever reads
-it has to refuse it or to find the very numbers that were stored. In the others the checksums are
-made anew or removed, as by somebody who means harm, and reading has to end with an error of this
-package, or as it likes, but without running code, without writing outside the folder, and without a
-connection. What does otherwise is printed with its number, and the exit code is 1. The same seed
-changes the same.
+A comparison and a campaign are made once. Each time one or two changes are made at random in a copy
+of one of them: a bit, a file's end, a whole file, a value in the manifest or in a table, a text
+that names code, a path, an address.
+
+In half of the copies nothing else is done, and readers must refuse the copy or find exactly the
+stored numbers. In the others the checksums are renewed or removed, as by an attacker. Reading must
+then end with an error of this package, or in any other way without running code, writing outside
+the folder, or opening a connection. Failures are printed with their number; then the exit code is
+1. The same seed gives the same changes.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from vsconstraints.reports.replay.runs import select_run
 from .damage import MEANT, PLAIN
 
 LIMIT = 120
-"""Seconds that the readers of one copy may take; usual are some hundredths."""
+"""Time limit of the readers of one copy [s]; some hundredths are usual."""
 
 PLANT = """
 import os
@@ -71,7 +71,7 @@ scenes = 2
 
 
 class Here:
-    """Workers that are this process."""
+    """Worker pool that runs in this process."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
@@ -79,24 +79,25 @@ class Here:
     def run(
         self, calls: Mapping[Any, tuple[Any, ...]], *_: object, **__: object
     ) -> Iterator[tuple[Any, Any]]:
-        """What each call comes to."""
+        """Yield the result of each call."""
         return ((key, self.function(*arguments)) for key, arguments in calls.items())
 
 
 @dataclass
 class Watch:
-    """What a process did while it was watched, by the interpreter's own hook: each is a finding."""
+    """Actions of a process while it is watched by an audit hook; each is a finding."""
 
     inside: str = ""
     did: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        sys.addaudithook(self._heard)  # for good: there is no way to remove one
+        sys.addaudithook(self._heard)  # permanent: audit hooks cannot be removed
 
     @contextmanager
     def over(self, inside: Path) -> Iterator[list[str]]:
-        """Note what is written elsewhere than in a folder, imported from a plant, connected to or
-        started meanwhile.
+        """Note forbidden actions during the block.
+
+        These are writes outside a folder, imports of planted code, connections, and new processes.
         """
         self.inside = os.path.realpath(inside)
         self.did = []
@@ -137,7 +138,7 @@ class Watch:
             if isinstance(path, (str, bytes, os.PathLike))
             else str(path)
         )
-        # what Python and its libraries keep for themselves
+        # caches of Python and its libraries
         own = "cache" in whole or whole.endswith("matplotlib")
         if not own and not whole.startswith((self.inside + os.sep, "/dev/null")):
             self.did.append(f"{event} {whole}")
@@ -145,19 +146,19 @@ class Watch:
 
 @dataclass(frozen=True)
 class Made:
-    """Results that are as they were stored, and what reading them gives.
+    """Unchanged results, and the numbers that readers find in them.
 
     Attributes
     ----------
     folder
-        Where they are.
+        Folder of the results.
     files
-        What they consist of.
+        Returns the files of a folder.
     numbers
-        Hashes of all numbers and texts that readers take from a folder, those of each trajectory
-        that is there apart.
+        Returns hashes of all numbers and texts that readers take from a folder, separately for each
+        stored trajectory.
     read
-        What readers do with a folder, by what it is called, and in one of how many copies.
+        Readers by name, each with the number of copies of which it reads one.
     """
 
     folder: Path
@@ -167,7 +168,7 @@ class Made:
 
 
 def comparison(root: Path) -> Made:
-    """A comparison of two laws in one scene, each in two trials."""
+    """Make a comparison of two laws in one scene, each in two trials."""
     settings = ["scenario.duration=0.05", "scenario.start_deviation=0.01", "trials=2"]
     suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings)
     compare(suite, root / "comparison", workers=0)
@@ -201,7 +202,7 @@ def comparison(root: Path) -> Made:
 
 
 def campaign(root: Path) -> Made:
-    """A campaign of a law in two scenes, some of its trajectories kept."""
+    """Make a campaign of one law in two scenes, with some trajectories stored."""
     (root / "quick.toml").write_text(FAMILY)
     (root / "small.toml").write_text(CAMPAIGN)
     here = Plan(keep="first", workers=lambda function: nullcontext(Here(function)))
@@ -235,8 +236,9 @@ def _hash(data: Any) -> str:
 
 
 def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
-    """Change a thing or two in a folder; what, and whether a reader has to see it or to find the
-    numbers unchanged.
+    """Make one or two changes in a folder.
+
+    Returns a description, and True if a reader must notice it or find unchanged numbers.
     """
     by_chance = chance.random() < 0.5
     what = []
@@ -246,7 +248,7 @@ def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
         path = chance.choice(files)
         done = chance.choice(PLAIN if by_chance or chance.random() < 0.3 else MEANT)
         what.append(f"{done.__name__[1:]} of {path.relative_to(folder)}")
-        with suppress(Exception):  # what the first left need not be readable any more
+        with suppress(Exception):  # after the first change the file may be unreadable
             done(path, chance)
     if by_chance:
         return what[0], True
@@ -258,7 +260,7 @@ def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
 
 
 class Fuzz:
-    """Results to be changed, in a folder of their own, and what was found."""
+    """Results to be changed, in a separate folder, and the outcomes."""
 
     def __init__(
         self, root: Path, kinds: Sequence[Callable[[Path], Made]] = (comparison, campaign)
@@ -273,7 +275,7 @@ class Fuzz:
         os.environ["VSCONSTRAINTS_PLANTED"] = str(self.marker)
 
     def findings(self, seed: int, number: int) -> Iterator[str]:
-        """Change a copy, and read it; what should not have happened."""
+        """Change a copy and read it; yield failures."""
         chance = random.Random(f"{seed} {number}")
         which = chance.randrange(len(self.made))
         made = self.made[which]
@@ -303,7 +305,7 @@ class Fuzz:
     def _read(
         self, read: Callable[[Path], object], folder: Path, expected: dict[str, str] | None
     ) -> str:
-        """What a reader should not have done."""
+        """Run a reader; describe its failure, if any."""
         signal.alarm(LIMIT)
         try:
             with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
@@ -312,7 +314,7 @@ class Fuzz:
             self.outcomes["refused"] += 1
             text = str(error)
             return f"an error of several lines: {text!r}" if "\n" in text else ""
-        except Exception as error:  # which is what is looked for
+        except Exception as error:  # any other error is a finding
             self.outcomes["raised"] += 1
             return f"{type(error).__name__}: {error}"
         finally:
@@ -333,7 +335,7 @@ def _listing(root: Path, but: Path) -> Iterator[tuple[str, tuple[int, int]]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Change and read, print what was found; 1 if something was."""
+    """Change and read all copies, print failures; return 1 if there are any."""
     parser = argparse.ArgumentParser(
         prog="python -m checks.stored", description="Read stored results that were changed."
     )

@@ -1,12 +1,11 @@
-"""``python -m checks.structure [FOLDER]``: how much code each room holds, what it stands on, and
-what is allowed.
+"""``python -m checks.structure [FOLDER]``: size and dependencies of the package's folders.
 
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room
-that it imports. An import counts wherever it stands, at the top of a file, inside a function or for
-type checkers only; importing a module imports the packages that it lies in. The exit code is 1 if
-there are more floors or parameters than allowed, anything is imported in a circle, or something is
-defined that nothing refers to. Lines have no limit: a limit makes code denser, not simpler. Pages
-and words of README and docs are counted, too.
+that it imports. An import counts anywhere, at the top of a file, inside a function or for type
+checkers only; importing a module imports the packages that contain it. The exit code is 1 if there
+are more floors or parameters than allowed, if imports form a circle, or if a definition has no
+reference. Lines have no limit: a limit makes code denser, not simpler. Pages and words of README
+and docs are counted, too.
 """
 
 from __future__ import annotations
@@ -40,16 +39,16 @@ ROOMS = [
     "arms",
     "cli",
 ]
-"""Rooms in the order in which they stand on each other."""
+"""Rooms in the order of their dependencies."""
 
 MAX_FLOORS = 14
 MAX_PARAMETERS = 8
 LONG_FILE = 300
-"""A file of more lines is listed, but allowed."""
+"""Files with more lines are listed, but allowed."""
 
 
 class Lines(NamedTuple):
-    """How many lines are code, docstrings and comments, and blank."""
+    """Numbers of lines: code, docstrings and comments, and blank."""
 
     code: int
     docs: int
@@ -57,7 +56,7 @@ class Lines(NamedTuple):
 
     @classmethod
     def of(cls, text: str, tree: ast.Module) -> Lines:
-        """Count those of one file; comments that stand alone count as docs."""
+        """Count the lines of one file; comments on separate lines count as docs."""
         strings = {line for first, last in docstrings(tree) for line in range(first, last + 1)}
         numbered = list(enumerate(text.splitlines(), start=1))
         blank = sum(not line.strip() and number not in strings for number, line in numbered)
@@ -78,8 +77,9 @@ class Module(NamedTuple):
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, int]]:
-    """First and last line of every string that is a statement: of modules, classes, functions, and
-    after values.
+    """Yield first and last line of all strings that are statements.
+
+    These are docstrings of modules, classes and functions, and strings after values.
     """
     for node in ast.walk(tree):
         if (
@@ -91,7 +91,7 @@ def docstrings(tree: ast.Module) -> Iterator[tuple[int, int]]:
 
 
 def read(root: Path) -> dict[str, Module]:
-    """Every module below a folder, by its dotted name."""
+    """Read all modules below a folder, by dotted name."""
     modules = {}
     for file in sorted(root.rglob("*.py")):
         text = file.read_text(encoding="utf-8")
@@ -103,8 +103,9 @@ def read(root: Path) -> dict[str, Module]:
 
 
 def imports(module: Module, names: set[str]) -> set[str]:
-    """Modules of the package that a module imports, with the packages around them that it is not
-    itself in.
+    """Return modules of the package that a module imports, with the packages that contain them.
+
+    Packages that contain the module itself are left out.
     """
     package = module.name if module.file.name == "__init__.py" else module.name.rpartition(".")[0]
     targets = set()
@@ -129,7 +130,7 @@ def imports(module: Module, names: set[str]) -> set[str]:
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
-    """Groups of names, sorted, in which each is reached from each other."""
+    """Return groups of names, sorted, in which each name is reached from each other."""
 
     def reached(start: str) -> set[str]:
         seen: set[str] = set()
@@ -149,7 +150,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 
 
 def floors(graph: dict[str, set[str]]) -> dict[str, int]:
-    """The floor of each name, from 1; names in a circle share one."""
+    """Return the floor of each name, from 1; names in a circle share one."""
     together = {name: frozenset(group) for group in circles(graph) for name in group}
     known: dict[str, int] = {}
 
@@ -165,16 +166,15 @@ def floors(graph: dict[str, set[str]]) -> dict[str, int]:
 
 
 def room_of(name: str) -> str:
-    """The room that a module is in: the second part of its name, empty for the package itself."""
+    """Return the room of a module: the second part of its name, empty for the package itself."""
     return [*name.split("."), ""][1]
 
 
 def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
-    """Functions with more parameters than allowed, positional or by keyword; those of commands are
-    options.
+    """Return functions with more parameters than allowed, positional or by keyword.
 
-    ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are what the list in
-    ``cli/__init__.py`` names.
+    ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are excluded, because their
+    parameters are options; the list in ``cli/__init__.py`` names them.
     """
     found = []
     commands = set()
@@ -201,11 +201,10 @@ def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
 
 
 def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
-    """Functions and classes whose names stand nowhere but where they are defined, but for those
-    that decorators keep.
+    """Return functions and classes whose names appear only in their definition.
 
-    Names count in the package and its data files, and in documents, examples and commands beside
-    it; tests do not.
+    Definitions with decorators are excluded. Names count in the package and its data files, and in
+    documents, examples and commands beside it; tests do not count.
     """
     texts = [path for path in root.rglob("*") if path.suffix in (".py", ".md", ".html", ".toml")]
     for name in ("docs", "examples", "benchmarks", "checks", "notebooks", "README.md"):
@@ -220,7 +219,7 @@ def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
     )
     defined: dict[str, list[str]] = {}
     for module in modules.values():
-        if module.name.endswith("numba_internals"):  # numba calls them
+        if module.name.endswith("numba_internals"):  # called by numba
             continue
         for node in ast.walk(module.tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not re.fullmatch(
@@ -237,7 +236,7 @@ def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
 
 
 def main(arguments: list[str]) -> int:
-    """Print what the module's docstring says."""
+    """Print the results described by the module."""
     root = Path(arguments[0]) if arguments else Path(__file__).parents[1] / "src"
     modules = read(root)
     if not modules:

@@ -1,1 +1,1 @@
-"""Whether the tests notice wrong code: ``python -m checks.mutation`` (see ``__main__``)."""
+"""Check that tests notice wrong code: ``python -m checks.mutation`` (see ``__main__``)."""

@@ -1,20 +1,19 @@
-"""``python -m checks.mutation [--sample N]``: puts small mistakes into the code, one at a time, and
-runs quick tests.
+"""``python -m checks.mutation [--sample N]``: mutation tests with the quick tests.
 
-Mistakes that no test notices are listed. Exit code 1 if fewer than 95 % of a group's are noticed
-(of a sample: if that many are not probable any more), or if a named one is not. Compiled functions
-run as Python here.
+Small mistakes are put into the code, one at a time. Mistakes that no test notices are listed. The
+exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample: if a share of 95 %
+is improbable), or if a named one is not. Compiled functions run as Python here.
 
-Named are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test that
-notices it. ``--named`` runs these alone, each against its test; ``--renew N`` chooses N of them
-anew, evenly from all files.
+Named mistakes are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test
+that notices it. ``--named`` runs only these, each against its test; ``--renew N`` chooses N new
+ones, evenly from all files.
 """
 
 from __future__ import annotations
 
 import os
 
-# before NumPy is imported: matrices are small, and forks must not meet threads
+# before NumPy is imported: matrices are small, and a fork with threads is unsafe
 os.environ.update(
     VSCONSTRAINTS_COMPILE="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg"
 )
@@ -41,15 +40,13 @@ HERE = Path(__file__).parent
 NOTICED = HERE / "noticed.tsv"
 SPARE = 1.25
 QUICKEST = 60
-"""Of mutants that are named anew, so many times more are judged, by so many of the quickest tests
-that reach each.
-"""
+"""With ``--renew``, factor of judged mutants, and number of quickest tests for each."""
 
 Key = tuple[str, str, str]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Judge mutants and print what was found."""
+    """Judge mutants and print the results."""
     parser = argparse.ArgumentParser(
         prog="python -m checks.mutation", description="Do tests notice wrong code?"
     )
@@ -156,7 +153,7 @@ def _tables(name: str) -> list[dict[str, str]]:
 
 
 def _noticed() -> dict[Key, str]:
-    """The test that notices each named mutant."""
+    """Return the test that notices each named mutant."""
     with NOTICED.open(encoding="utf-8", newline="") as file:
         return {
             (line["file"], line["old"], line["new"]): line["test"]
@@ -165,7 +162,7 @@ def _noticed() -> dict[Key, str]:
 
 
 def _write(verdicts: Sequence[Verdict], reasoned: Sequence[Mutant], count: int) -> int:
-    """Write those that a test noticed, those with reasons first; 0 if they are enough."""
+    """Write the noticed mutants, those with reasons first; return 0 if there are enough."""
     first = {mutant.key for mutant in reasoned}
     noticed = {
         verdict.mutant.key: verdict.by
@@ -185,7 +182,7 @@ def _write(verdicts: Sequence[Verdict], reasoned: Sequence[Mutant], count: int) 
 
 
 def _evenly(mutants: Sequence[Mutant], count: int, seed: str) -> list[Mutant]:
-    """So many, by turns from all files, and a third of them from compiled code."""
+    """Select mutants evenly from all files, 40 % of them from compiled code."""
     by_file: dict[str, list[Mutant]] = defaultdict(list)
     for mutant in random.Random(seed).sample(mutants, len(mutants)):
         by_file[mutant.file].append(mutant)
@@ -201,7 +198,7 @@ def _evenly(mutants: Sequence[Mutant], count: int, seed: str) -> list[Mutant]:
 
 
 def _changed(revision: str) -> dict[str, set[int]]:
-    """Lines that differ from a commit, by file."""
+    """Return lines that differ from a commit, by file."""
     words = ["git", "diff", "-U0", "--no-renames", revision, "--", "src"]
     lines: dict[str, set[int]] = defaultdict(set)
     file = ""
@@ -220,8 +217,9 @@ def _changed(revision: str) -> dict[str, set[int]]:
 def _scores(
     verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[str, str, str]], whole: bool
 ) -> bool:
-    """Print the score of each file and group; whether they suffice: of all groups, or of a sample
-    as a whole.
+    """Print the score of each file and group; return True if the scores suffice.
+
+    All groups must suffice, or a sample as a whole.
     """
     judged = Counter(verdict.mutant.file for verdict in verdicts)
     noticed = Counter(verdict.mutant.file for verdict in verdicts if verdict.noticed)

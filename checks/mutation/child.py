@@ -1,6 +1,4 @@
-"""What happens in a forked process: tests run on the tree as it is, or on a tree with one file that
-is another.
-"""
+"""Work of a forked process: run tests on the tree, or on the tree with one file changed."""
 
 from __future__ import annotations
 
@@ -29,28 +27,29 @@ from .mutants import Mutant
 from .targets import COMPARED, QUICK
 
 ENTERED = "__entered__"
-"""What functions call that are watched, with their file and first line."""
+"""Function that watched functions call, with their file and first line."""
 
 IMPORTS = 300
-"""Seconds that reading the tests' files may take on a busy machine."""
+"""Time limit of importing the test files on a busy machine [s]."""
 
 MEMORY = 8 * 2**30
-"""Bytes a process may take: a mistake in a size must not take the machine's."""
+"""Memory limit of a process [bytes]: a wrong size must not exhaust the machine."""
 
-QUIET = ("-o", "addopts=", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", "--no-header", "--no-summary", "--tb=no",
+QUIET = ("-o", "addopts=", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", "--no-header",
+         "--no-summary", "--tb=no",
          "--assert=plain")  # fmt: skip
 
 
 @dataclass
 class Reached:
-    """What one test does.
+    """Duration and coverage of one test.
 
     Attributes
     ----------
     seconds
-        How long it takes.
+        Duration.
     functions
-        File and first line of every function it enters, of the files that are watched.
+        File and first line of each function that the test enters, in the watched files.
     """
 
     seconds: float = 0.0
@@ -58,8 +57,9 @@ class Reached:
 
 
 def fork(work: Callable[[], int], output: Path) -> int:
-    """Process id of a child that does this work and nothing else; what it prints is written to a
-    file.
+    """Fork a child that only does this work; return its process id.
+
+    Its output is written to a file.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -82,8 +82,9 @@ def fork(work: Callable[[], int], output: Path) -> int:
 
 
 def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
-    """Run tests and write down what each of them reaches; tests that fail, or are not quick, are
-    left out.
+    """Run tests and write the functions that each of them enters.
+
+    Tests that fail, or are not quick, are left out.
     """
     watched = _Watch()
     entered: Any = watched.entered
@@ -100,10 +101,10 @@ def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
 
 
 def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path) -> int:
-    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is
-    written down.
+    """Run tests, in this order, on a mutant; return 0 if none fails.
 
-    ``limits`` [s] are those of the tests: the process is ended by SIGALRM where one takes longer.
+    The name of the test that fails is written to ``result``. ``limits`` [s] are those of the tests:
+    SIGALRM ends the process if one takes longer.
     """
     sys.meta_path.insert(0, _Changed({str(root / mutant.file): mutant.source}))
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
@@ -161,7 +162,7 @@ class _Chosen:
 
 
 def _telling(file: Path) -> ast.Module:
-    """A file's code, in which every function says first that it is entered."""
+    """Parse a file, and let each function first report that it is entered."""
     module = ast.parse(file.read_text(encoding="utf-8"))
     for node in ast.walk(module):
         if isinstance(node, ast.FunctionDef):
@@ -173,7 +174,7 @@ def _telling(file: Path) -> ast.Module:
 
 
 class _Changed(importlib.abc.MetaPathFinder):
-    """Gives the modules of some files another source."""
+    """Loads the modules of some files from other sources."""
 
     def __init__(self, sources: Mapping[str, str | ast.Module]) -> None:
         self.sources = sources

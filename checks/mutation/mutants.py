@@ -1,4 +1,4 @@
-"""Small mistakes, put into a source file one at a time."""
+"""Mutants: source files with one small mistake each."""
 
 from __future__ import annotations
 
@@ -11,52 +11,56 @@ from pathlib import Path
 BOUNDARY = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
 NEGATION = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
             ast.In: "not in", ast.NotIn: "in", ast.Is: "is not", ast.IsNot: "is"}  # fmt: skip
-SYMBOL = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.In: "in",
-          ast.NotIn: "not in", ast.Is: "is", ast.IsNot: "is not", ast.Add: "+", ast.Sub: "-", ast.Mult: "*",
-          ast.Div: "/", ast.Pow: "**", ast.BitAnd: "&", ast.BitOr: "|", ast.And: "and", ast.Or: "or"}  # fmt: skip
-OPPOSITE = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.BitAnd: "|", ast.BitOr: "&",
+SYMBOL = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
+          ast.In: "in",
+          ast.NotIn: "not in", ast.Is: "is", ast.IsNot: "is not", ast.Add: "+", ast.Sub: "-",
+          ast.Mult: "*",
+          ast.Div: "/", ast.Pow: "**", ast.BitAnd: "&", ast.BitOr: "|", ast.And: "and",
+          ast.Or: "or"}  # fmt: skip
+OPPOSITE = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.BitAnd: "|",
+            ast.BitOr: "&",
             ast.And: "or", ast.Or: "and"}  # fmt: skip
-PAIRS = (("min", "max"), ("any", "all"), ("minimum", "maximum"), ("argmin", "argmax"), ("floor", "ceil"),
+PAIRS = (("min", "max"), ("any", "all"), ("minimum", "maximum"), ("argmin", "argmax"),
+         ("floor", "ceil"),
          ("sin", "cos"), ("zeros", "ones"), ("median", "mean"))  # fmt: skip
 SWAPPED = {one: other for pair in PAIRS for one, other in (pair, pair[::-1])}
 LEFT_OUT = ("abs", "sqrt")
-"""Functions whose argument takes their place."""
+"""Functions that are replaced by their argument."""
 
 WORDS = ("text", "texts", "title", "why", "shown", "beyond", "broken")
-"""Names of what is only said: statements that assign or append to them are left alone, as where
-texts are assigned.
+"""Names of texts: statements that assign or append to them are not mutated.
+
+Assignments of texts are not mutated either.
 """
 
 KEYWORDS = ("strict", "repr", "init")
-"""Arguments that guard against slips or are for the eye."""
+"""Arguments that guard against slips or only concern the output."""
 
 GUARD = 1e-8
-"""Numbers smaller than this guard against rounding: they are changed by :data:`GUARDED`, others by
-2.
-"""
+"""Smaller numbers are tolerances, changed by the factor :data:`GUARDED`; others by 2."""
 GUARDED = 1e4
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A file with one mistake in it.
+    """File with one mistake.
 
     Attributes
     ----------
     file
-        Its path in the repository.
+        Path in the repository.
     function
-        First line of the function (decorators included) in which the mistake is; 0 outside of
+        First line of the function (decorators included) that contains the mistake; 0 outside of
         functions.
     line
-        Where the mistake is.
+        Line of the mistake.
     old, new
-        That line before and after, and what follows it if the change spans several lines, without
+        That line before and after, with the following lines if the change spans several, without
         indentation.
     source
         The whole file with the mistake.
     why
-        Of a mistake that was named: what it stands for.
+        Reason, for a named mistake.
     """
 
     file: str
@@ -69,7 +73,7 @@ class Mutant:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What says which mutant it is, wherever its line is."""
+        """Identification of the mutant, independent of its line number."""
         return self.file, self.old, self.new
 
     def __str__(self) -> str:
@@ -79,7 +83,7 @@ class Mutant:
 
 
 def mutants_of(root: Path, file: str) -> list[Mutant]:
-    """Every mutant of a file, in the order of its lines."""
+    """Return all mutants of a file, in the order of its lines."""
     source = (root / file).read_text(encoding="utf-8")
     made = _Mutations(source)
     changes = sorted(set(made.changes(ast.parse(source), 0)))
@@ -87,8 +91,9 @@ def mutants_of(root: Path, file: str) -> list[Mutant]:
 
 
 def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
-    """The mutant in which ``new`` stands for ``old``; raises ValueError unless that is in the file
-    exactly once.
+    """Return the mutant in which ``new`` replaces ``old``.
+
+    Raises ValueError unless ``old`` is in the file exactly once.
     """
     source = (root / file).read_text(encoding="utf-8")
     if source.count(old) != 1:
@@ -108,7 +113,7 @@ def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
 
 
 def sampled(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
-    """So many of them, the same for the same seed, in their order."""
+    """Draw some of the mutants, the same for the same seed, in their order."""
     if count >= len(mutants):
         return mutants
     chosen = random.Random(seed).sample(range(len(mutants)), count)
@@ -134,13 +139,11 @@ def _first_line(function: ast.FunctionDef) -> int:
 
 
 Change = tuple[int, int, str, int]
-"""Bytes from … to …, what takes their place, and the first line of the function."""
+"""First and last byte, their replacement, and first line of the function."""
 
 
 class _Mutations:
-    """Walks a file and says what may be changed. Texts, annotations and what decorators say are
-    left alone.
-    """
+    """Finds changes of a file. Texts, annotations and arguments of decorators are left alone."""
 
     def __init__(self, source: str) -> None:
         self.text = source.encode()
@@ -156,7 +159,7 @@ class _Mutations:
         ] + node.end_col_offset
 
     def changes(self, node: ast.AST, function: int) -> Iterator[Change]:
-        """Of this node and all below it."""
+        """Yield changes of this node and all nodes below it."""
         if isinstance(node, ast.JoinedStr) or _only_said(node):
             return
         if isinstance(node, ast.FunctionDef):
@@ -197,7 +200,7 @@ class _Mutations:
                 )
 
     def of(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
-        """Of this node alone."""
+        """Yield changes of this node only."""
         if isinstance(node, ast.Constant):
             yield from ((*self.span(node), new) for new in _other_constants(node.value))
         elif isinstance(node, ast.Compare):
@@ -238,7 +241,7 @@ class _Mutations:
         return start, start + len(symbol), new
 
     def negated(self, condition: ast.expr) -> Iterator[tuple[int, int, str]]:
-        """Comparisons and logic are changed by themselves."""
+        """Negate a condition; comparisons and logic have separate changes."""
         if not isinstance(condition, (ast.Compare, ast.BoolOp, ast.UnaryOp, ast.Constant)):
             start, end = self.span(condition)
             yield start, end, f"not ({self.text[start:end].decode()})"

@@ -1,6 +1,4 @@
-"""Runs mutants: third-party packages are imported once, every mutant is judged in a process forked
-from here.
-"""
+"""Runner of mutants: packages are imported once, and a forked process judges each mutant."""
 
 from __future__ import annotations
 
@@ -26,31 +24,33 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COPIED = ("src", "tests", "examples", "comparisons", "README.md", "pyproject.toml")
 
-THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp", "osqp", "proxsuite",
-               "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel", "typer", "rich.console", "rich.table",
+THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp",
+               "osqp", "proxsuite",
+               "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel", "typer", "rich.console",
+               "rich.table",
                "rich.progress", "numpy.testing", "pandas", "scipy.stats", "statsmodels.api",
                "scikit_posthocs")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
 SLACK = 20.0
 FACTOR = 10.0
-"""Each test of a mutant may take so many seconds, and so much longer than without a mistake."""
+"""Time limit of each test of a mutant: additional seconds, and factor on its usual time."""
 
 State = Literal["killed", "timed out", "survived", "not reached"]
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a mutant.
+    """Outcome for a mutant.
 
     Attributes
     ----------
     mutant
-        Which.
+        Mutant.
     state
         ``not reached`` if no test enters the function.
     by
-        The test that failed.
+        Name of the test that failed.
     """
 
     mutant: Mutant
@@ -59,30 +59,30 @@ class Verdict:
 
     @property
     def noticed(self) -> bool:
-        """Whether a test failed, or never came to its end."""
+        """True if a test failed, or exceeded its time limit."""
         return self.state in ("killed", "timed out")
 
 
 class Runner:
-    """A copy of the tree, what its tests reach, and processes that judge mutants in it.
+    """Copy of the tree, coverage of its tests, and processes that judge mutants in it.
 
     Parameters
     ----------
     folder
-        An empty folder for the copy: the tree itself is never touched.
+        Empty folder for the copy: the tree itself is never changed.
     tests
-        Test files whose tests are asked.
+        Test files to run.
     files
-        Files that mutants are of.
+        Files that have mutants.
     jobs
-        How many mutants at a time.
+        Number of mutants at a time.
     root
         The tree; it holds ``src`` and ``tests``.
     known
-        The one test of each mutant that is asked, by the mutant's key; otherwise all that reach it
-        are.
+        The one test to run for each mutant, by the mutant's key; by default all tests that reach it
+        run.
     most
-        Only so many tests of those that reach a mutant, the quickest; all if None.
+        Greatest number of tests for a mutant, the quickest that reach it; all if None.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Runner:
             self.reached = {test: Reached(QUICK) for test in known.values()}
 
     def _keep_runs(self, root: Path) -> None:
-        """Simulate what the tests of claims judge, once and compiled."""
+        """Simulate the runs that tests of claims judge, once and compiled."""
         folder = self.folder / "runs"
         script = root / "tests" / "test_reproduction.py"
         if not script.exists():
@@ -153,11 +153,10 @@ class Runner:
         return reached
 
     def tests_for(self, mutant: Mutant) -> list[str]:
-        """Tests that enter the function, the quickest first; then the others of their files, which
-        may share results.
+        """Tests that enter the mutated function, the quickest first; then others of their files.
 
-        Outside of functions: of the tests that enter any function of the file, and of all where
-        there is none.
+        The others are included because they may share results. Outside of functions, the tests are
+        those that enter any function of the file, or all tests if there are none.
         """
         if self.known is not None:
             return [self.known[mutant.key]] if mutant.key in self.known else []
@@ -181,7 +180,7 @@ class Runner:
         return list(dict.fromkeys([*quickest, *others]))
 
     def judge(self, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
-        """What becomes of mutants, in the order in which that is known."""
+        """Judge mutants; yield verdicts in the order in which they are known."""
         waiting = list(enumerate(mutants))[::-1]
         running: dict[int, tuple[Mutant, Path]] = {}
         try:

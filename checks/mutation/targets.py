@@ -1,4 +1,4 @@
-"""What must be right, as files and folders, and the quick tests that are asked whether it is."""
+"""Files and folders under mutation test, and the quick tests that must notice mistakes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ LEAST = 0.95
 """Share of the mutants of each group that tests must notice."""
 
 DOUBT = 0.05
-"""Of a sample: it tells against that share where such a sample, or a worse one, is less probable
-than this with it.
-"""
+"""Significance level at which a sample contradicts that share."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
@@ -61,14 +59,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")
-"""Folders of which mutants are named, but no share is asked for."""
+"""Folders that have named mutants, but no required share."""
 
 COMPILER = ("checksums", "compiler", "numba_internals", "parts", "scratch", "__init__")
-"""Files of compiled code that say how functions are compiled, which does not happen here."""
+"""Files on the compilation of functions, which does not happen here."""
 
 
 def files_of(root: Path, names: Sequence[str]) -> list[str]:
-    """Files, and those of folders one by one."""
+    """Return files, and the files in folders."""
     found = []
     for name in names:
         there = root / name
@@ -78,7 +76,7 @@ def files_of(root: Path, names: Sequence[str]) -> list[str]:
 
 
 def files_named(root: Path) -> list[str]:
-    """Every file of which mutants are named."""
+    """Return all files that have named mutants."""
     return list(
         dict.fromkeys(
             files_of(root, [*(name for names in GROUPS.values() for name in names), *NAMED_TOO])
@@ -87,8 +85,9 @@ def files_named(root: Path) -> list[str]:
 
 
 def suffices(noticed: int, of: int) -> bool:
-    """Whether a sample of mutants may be one of which tests notice the least share: exact binomial
-    test, one-sided.
+    """True unless a sample of mutants contradicts the least share.
+
+    It is an exact binomial test, one-sided.
     """
     return of == 0 or bool(binomtest(noticed, of, LEAST, alternative="less").pvalue >= DOUBT)
 
@@ -157,9 +156,10 @@ TESTS = (
 )
 
 QUICK = 1.0
-"""Seconds that a test may take without the compiler; longer ones are left out."""
+"""Time limit of a test without the compiler [s]; longer ones are left out."""
 
 COMPARED = "real"
-"""A fixture that simulates a whole comparison, in processes of its own and so without any mistake:
-its tests are left out.
+"""Fixture that simulates a whole comparison in other processes, without the mistake.
+
+Its tests are left out.
 """

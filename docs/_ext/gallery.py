@@ -1,8 +1,7 @@
-"""``{gallery}``: every scenario that comes with the package, with a picture that is drawn when the
-page is read.
+"""``{gallery}``: all shipped scenarios, each with a picture drawn when the page is read.
 
-With the extra ``replay`` the scenarios that the option ``replays`` names get a replay of some laws,
-too.
+With the extra ``replay``, the scenarios named by the option ``replays`` also have a replay of some
+laws.
 """
 
 from __future__ import annotations
@@ -21,21 +20,20 @@ from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 
 LAWS = ("tracking", "sliding-mode")
-"""What a replay shows."""
+"""Laws in a replay."""
 
 TEXT = """\
 ## {title}
 
 `{name}`: {description}
 
-![Start and goals of {name}: what the camera sees, the arm, and the rows that are near](_gallery/{name}.png)
+![Start and goals of {name}: what the camera sees, the arm, and the rows that are \
+near](_gallery/{name}.png)
 """
 
 
 class Gallery(SphinxDirective):
-    """One section for each scenario: title, what happens in it, picture, and a replay if there is
-    one.
-    """
+    """One section for each scenario: title, description, picture, and a replay if there is one."""
 
     option_spec = {"replays": directives.unchanged}  # noqa: RUF012 - as Sphinx wants it
 
@@ -59,7 +57,7 @@ class Gallery(SphinxDirective):
 
 
 def write_replay(scenario: Scenario, path: Path) -> None:
-    """Simulate a scenario with the laws, and write what a browser shows of it."""
+    """Simulate a scenario with the laws, and write the replay for a browser."""
     from vsconstraints.reports.replay import ReplayRun, write_replay
 
     setup = scenario.setup()

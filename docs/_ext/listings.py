@@ -25,7 +25,7 @@ from vsconstraints.controllers import CONTROLLERS, Law
 
 
 def imported(name: str) -> Any:
-    """What ``module:name`` names."""
+    """Import the object ``module:name``."""
     module, _, attribute = name.partition(":")
     return getattr(importlib.import_module(module), attribute)
 
@@ -33,7 +33,7 @@ def imported(name: str) -> Any:
 def table(
     headings: Iterable[str], lines: Iterable[Iterable[nodes.Node]], widths: list[int]
 ) -> nodes.table:
-    """A table of nodes."""
+    """Build a table of nodes."""
     group = nodes.tgroup("", *(nodes.colspec(colwidth=width) for width in widths), cols=len(widths))
     group += nodes.thead("", _row(nodes.paragraph("", heading) for heading in headings))
     group += nodes.tbody("", *(_row(line) for line in lines))
@@ -49,7 +49,7 @@ def _code(text: str) -> nodes.paragraph:
 
 
 def prose(text: str) -> nodes.paragraph:
-    """Text in which double backticks mean code, and roles are left out."""
+    """Build a paragraph in which double backticks mean code, and roles are left out."""
     paragraph = nodes.paragraph()
     text = re.sub(
         r":\w+:`~?([^`]*)`",
@@ -62,12 +62,12 @@ def prose(text: str) -> nodes.paragraph:
 
 
 class Registry(SphinxDirective):
-    """Lists a dictionary of names."""
+    """Directive that lists a dictionary of names."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """One line for each name."""
+        """Write one line for each name."""
         lines = []
         for name, thing in imported(self.arguments[0]).items():
             text = (
@@ -84,12 +84,12 @@ def _first_line(thing: object) -> str:
 
 
 class Options(SphinxDirective):
-    """Lists the options of a class."""
+    """Directive that lists the options of a class."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """One line for each option."""
+        """Write one line for each option."""
         made = imported(self.arguments[0])
         described = {**meanings(made), **parameters(inspect.getdoc(made) or "")}
         lines = []
@@ -100,10 +100,10 @@ class Options(SphinxDirective):
 
 
 class Commands(SphinxDirective):
-    """Lists the commands of the command line, with their arguments and options."""
+    """Directive that lists the commands of the command line, with arguments and options."""
 
     def run(self) -> list[nodes.Node]:
-        """One table for each command."""
+        """Write one table for each command."""
         found: list[nodes.Node] = []
         for name, command in typer.main.get_command(app).commands.items():
             section = nodes.section("", ids=[nodes.make_id(f"command-{name}")], names=[])
@@ -128,15 +128,16 @@ class Commands(SphinxDirective):
 
 
 def parameters(doc: str) -> dict[str, str]:
-    """The descriptions in the section Parameters of a docstring in numpy's form."""
+    """Return the descriptions in the section Parameters of a numpy docstring."""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", doc, flags=re.S | re.M)
     found = re.findall(r"^(\w.*)\n((?:[ \t]+.*\n?|\n)+)", section[1] if section else "", flags=re.M)
     return {name.strip(): text for names, text in found for name in names.split(",")}
 
 
 def meanings(made: Any) -> dict[str, str]:
-    """What the options of a dataclass, or of the demand and the resolver of a law, mean, as their
-    fields say.
+    """Return the meanings of options, from the metadata of their fields.
+
+    The options are those of a dataclass, or of the demand and the resolver of a law.
     """
     law = made() if made in CONTROLLERS.values() else None
     parts = [law.demand, law.resolver] if isinstance(law, Law) else [made]

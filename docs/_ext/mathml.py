@@ -1,6 +1,4 @@
-"""Formulas as MathML, which browsers draw themselves, with a font of these pages: no script, no
-network.
-"""
+"""Formulas as MathML, which browsers render without script and network, with a local font."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ def inline(translator: HTML5Translator, node: nodes.math) -> None:
 
 
 def block(translator: HTML5Translator, node: nodes.math_block) -> None:
-    """Write a formula on lines of its own, with its number if it has one."""
+    """Write a displayed formula, with its number if it has one."""
     translator.body.append(translator.starttag(node, "div", CLASS="math"))
     translator.body.append(convert(node.astext(), display="block"))
     if node.get("number"):

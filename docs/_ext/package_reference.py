@@ -1,7 +1,7 @@
-"""``.. package:: vsconstraints.constraints``: the reference of a package's modules, complete by
-construction.
+"""``.. package:: vsconstraints.constraints``: complete reference of a package's modules.
 
-References in docstrings are led to where an object is defined, whatever public name they use.
+References in docstrings lead to the place where an object is defined, whatever public name they
+use.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from sphinx.util.nodes import make_refnode
 
 
 def modules(name: str) -> list[str]:
-    """A module and, if it is a package, the public modules in it."""
+    """Return a module and, if it is a package, the public modules in it."""
     paths = getattr(importlib.import_module(name), "__path__", ())
     inside = [module.name for module in pkgutil.walk_packages(paths, f"{name}.")]
     return [name, *(module for module in inside if not module.rpartition(".")[2].startswith("_"))]
 
 
 class Package(SphinxDirective):
-    """Documents every module of the packages and modules named, one section each."""
+    """Directive that documents all modules of the named packages and modules, one section each."""
 
     required_arguments = 1
     optional_arguments = 30
 
     def run(self) -> list[nodes.Node]:
-        """Write one automodule for each."""
+        """Write one automodule for each module."""
         lines = []
         for name in (module for package in self.arguments for module in modules(package)):
             short = name.removeprefix("vsconstraints.")
@@ -49,7 +49,7 @@ class Package(SphinxDirective):
 
 def _annotation(entries: str) -> re.Pattern[str]:
     parts = re.split(r"(\w+)", f"ndarray[tuple[Any, ...], dtype[{entries}]]")
-    # names may stand there twice, and with their modules: which of them is shown is decided later
+    # names may occur twice, and with their modules: which form is shown is decided later
     return re.compile(
         "".join(
             rf"(?:{part})?~?(?:\w+\.)?{part}" if part.isalpha() else re.escape(part)
@@ -59,7 +59,7 @@ def _annotation(entries: str) -> re.Pattern[str]:
 
 
 ARRAYS = {"Array": _annotation("floating[Any]"), "BoolArray": _annotation("bool")}
-"""What the code calls arrays, and how annotations show them."""
+"""Names of array types in the code, and their form in annotations."""
 
 
 def name_arrays(
@@ -71,8 +71,9 @@ def name_arrays(
     signature: str | None,
     returned: str | None,
 ) -> tuple[str | None, str | None]:
-    """Call arrays in signatures what the code calls them; made by a factory is a default like
-    others.
+    """Replace array types in signatures by their names in the code.
+
+    A default from a factory is shown like any default.
     """
     return _named(signature and signature.replace("<factory>", "...")), _named(returned)
 
@@ -84,8 +85,9 @@ def _named(text: str | None) -> str | None:
 
 
 def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) -> None:
-    """The same for properties, whose types are not in a signature; and no word of a class's having
-    no base.
+    """Replace array types of properties, which are not in a signature.
+
+    "Bases: object" is removed.
     """
     for paragraph in [
         node for node in content.children if node.astext().startswith("Bases: object")
@@ -102,9 +104,7 @@ def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) ->
 def as_written(
     app: Sphinx, what: str, name: str, thing: object, settings: object, lines: list[str]
 ) -> None:
-    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them.
-    Add options.
-    """
+    """Keep bars and colons, which reStructuredText and napoleon interpret; add options."""
     meant = meanings(thing) if what == "class" else {}
     meant = {name: text for name, text in meant.items() if name in signature(thing).parameters}
     if meant:
@@ -115,16 +115,14 @@ def as_written(
     if isinstance(thing, dict):
         text += "\n\n:meta hide-value:"
     if what in ("attribute", "data", "property"):
-        # nothing, or napoleon takes what stands before the first colon for a type
+        # the leading text keeps napoleon from taking the part before the first colon for a type
         text = f"\\ \n{text}"
     lines[:] = text.split("\n")
 
 
 @cache
 def defined_as(name: str) -> str:
-    """The full name under which what ``name`` leads to was defined; the name itself if that cannot
-    be told.
-    """
+    """Full name under which the target of ``name`` was defined; ``name`` itself if unknown."""
     parts = name.split(".")
     for end in range(len(parts), 0, -1):
         try:
@@ -144,8 +142,9 @@ def defined_as(name: str) -> str:
 def resolve(
     app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Node
 ) -> nodes.Node | None:
-    """Lead a reference to where the object is defined; names without dots are those of the class or
-    module.
+    """Resolve a reference to the place where the object is defined.
+
+    Names without dots belong to the class or module.
     """
     if node.get("refdomain") != "py" or not all(
         part.isidentifier() for part in node["reftarget"].split(".")
@@ -158,7 +157,7 @@ def resolve(
     )
     documented = env.domains.python_domain.objects
     # as written, in the class, in the module; the only one of this name; for attributes the class,
-    # which tells of them
+    # which documents them
     names = [target, *([f"{module}.{inside}.{target}", f"{module}.{target}"] if module else [])]
     names += [f"vsconstraints.rows.{target}"] if target in ARRAYS else []
     for name in chain(
@@ -182,7 +181,7 @@ def _elsewhere(target: str, documented: Iterable[str]) -> Iterator[str]:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the directive and what makes docstrings and names work as they are written."""
+    """Register the directive and the handlers of docstrings and names."""
     app.add_directive("package", Package)
     app.add_config_value("other_packages", (), "env")
     app.connect("autodoc-process-docstring", as_written, priority=400)  # before napoleon

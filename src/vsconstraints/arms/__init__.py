@@ -1,7 +1,7 @@
-"""On an arm: a law's accelerations, integrated, streamed to a robot, supervised, stopped where
-anything is wrong.
+"""Control of a real or simulated arm.
 
-See :doc:`/on-an-arm`. A driver is one small file and a line in
+A law's accelerations are integrated and streamed to a robot. The run is supervised, and stopped if
+anything is wrong. See :doc:`/on-an-arm`. A driver is one small file and a line in
 :data:`vsconstraints.arms.drivers.DRIVERS`.
 """
 

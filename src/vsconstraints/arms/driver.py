@@ -1,6 +1,4 @@
-"""What speaks to an arm: it reads where the joints are, and sends where they shall be a period
-later.
-"""
+"""Drivers: the interface to an arm, which reads joint states and sends setpoints."""
 
 from __future__ import annotations
 
@@ -15,20 +13,20 @@ from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..rows import Array
 from ..simulation import Setup
 
-Takes = Literal["position", "speed"]  #: What an arm is sent in each period.
+Takes = Literal["position", "speed"]  #: Quantity that an arm takes as setpoint in each period.
 
 
 class ArmError(VsconstraintsError):
-    """The arm does not answer, has stopped by itself, or does not take what it is sent."""
+    """The arm does not answer, has stopped, or does not accept a setpoint."""
 
 
 class Joints(NamedTuple):
-    """Joints at one instant: by the arm's clock ``t`` [s], ``q`` (n,) [rad or m] and ``qd`` (n,)
-    [rad/s or m/s].
+    """Joint state at one instant.
 
-    The clock may begin anywhere. It has to go on with each new state: a state whose time is not
-    later than that of the one before counts as the same one, read again. A joint that turns without
-    end may be given in any turn.
+    ``t`` [s] is the time by the arm's clock, ``q`` (n,) [rad or m] and ``qd`` (n,) [rad/s or m/s].
+    The clock may begin anywhere. It must advance with each new state: a state whose time is not
+    later than that of the previous one counts as the same state, read again. A joint without end
+    stops may be given in any turn.
     """
 
     t: float
@@ -38,7 +36,7 @@ class Joints(NamedTuple):
 
 @dataclass(frozen=True)
 class Address:
-    """Where an arm is: ``SCHEME://HOST:PORT?OPTION=VALUE&…``."""
+    """Address of an arm: ``SCHEME://HOST:PORT?OPTION=VALUE&…``."""
 
     scheme: str  #: The driver's name.
     host: str = ""
@@ -47,7 +45,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """An address as it is written; raises ConfigurationError."""
+        """Parse an address; raises ConfigurationError."""
         try:
             parts = urlsplit(text)
             host = parts.hostname or ""
@@ -70,14 +68,14 @@ class Address:
         return cls(parts.scheme, host, port, options)
 
     def demand_none(self) -> None:
-        """Raise ConfigurationError if it says where an arm in this process is."""
+        """Raise ConfigurationError if a host or port is given for an arm in this process."""
         if self.host or self.port is not None:
             raise ConfigurationError(
                 f"{self.scheme}:// is in this process, and at no address like {self.host!r}"
             )
 
     def number(self, name: str, default: float) -> float:
-        """An option that is a number of zero or more; raises ConfigurationError."""
+        """Return an option that is a number of zero or more; raises ConfigurationError."""
         text = self.options.get(name, default)
         value = -1.0
         with suppress(ValueError):
@@ -89,8 +87,9 @@ class Address:
         return value
 
     def choice(self, name: str, choices: tuple[str, ...]) -> str:
-        """An option that is one of several words, the first if it is not given; raises
-        ConfigurationError.
+        """Return an option that is one of several words, by default the first.
+
+        Raises ConfigurationError.
         """
         value = self.options.get(name, choices[0])
         if value not in choices:
@@ -105,13 +104,13 @@ class Driver(ABC):
     :data:`vsconstraints.arms.drivers.DRIVERS`.
     """
 
-    #: Whether what moves can hurt: such an arm moves only where that is confirmed.
+    #: True if the motion can cause harm: such an arm moves only after confirmation.
     real: ClassVar[bool] = True
-    #: Whether time passes only as setpoints are sent: nothing has to be waited for.
+    #: True if time passes only when setpoints are sent, so that the loop never waits.
     simulated_time: bool = False
     known: ClassVar[tuple[str, ...]] = ()  #: Options that an address may have.
-    takes: Takes = "position"  #: What is sent.
-    #: What the arm does by itself where the loop falls silent, in words; empty if unknown.
+    takes: Takes = "position"  #: Quantity that is sent.
+    #: Description of the arm's own reaction if setpoints stop; empty if unknown.
     watchdog: str = ""
 
     def __init__(self, address: Address, setup: Setup) -> None:
@@ -124,42 +123,42 @@ class Driver(ABC):
         self.n = self.robot.n
 
     def connect(self) -> None:
-        """Reach the arm; nothing moves. Raises ArmError."""
+        """Connect to the arm; nothing moves. Raises ArmError."""
 
     def begin(self) -> None:
-        """Setpoints follow from now on, one each period: the time to start the arm's own watchdog.
-        Raises ArmError.
+        """Start streaming: one setpoint follows in each period. Raises ArmError.
+
+        This is the time to start the arm's own watchdog.
         """
 
     @abstractmethod
     def read(self) -> Joints:
-        """Where the joints are now. Raises ArmError, also if the arm has stopped by itself."""
+        """Read the current joint state. Raises ArmError, also if the arm has stopped."""
 
     @abstractmethod
     def send(self, q: Array, qd: Array) -> None:
-        """Where the joints shall be at the end of the period that begins, and how fast (n,). Raises
-        ArmError.
-        """
+        """Send position and speed (n,) for the end of the period that begins. Raises ArmError."""
 
     @abstractmethod
     def halt(self, deceleration: float) -> None:
-        """Let the arm stop by its own means [rad/s²], where streaming a stop is not possible.
+        """Let the arm stop by its own means [rad/s²], where a stop cannot be streamed.
 
         It may be called by another thread while a call has not returned. Raises ArmError if the arm
         is not reached.
         """
 
     def stopper(self) -> Callable[[], None] | None:
-        """What stops the arm as :meth:`halt` does, from another process; called once the arm is
-        connected.
+        """Return a function that stops the arm from another process, as :meth:`halt` does.
 
-        It is pickled and called in a process that shares nothing with this one: so it has a
-        connection of its own, and raises ArmError if the arm is not reached. None where only the
-        arm itself can stop while Python is blocked.
+        This method is called once the arm is connected. The function is pickled and called in a
+        process that shares nothing with this one, so it opens its own connection and raises
+        ArmError if the arm is not reached. None if only the arm itself can stop while Python is
+        blocked.
         """
         return None
 
     def close(self) -> None:
-        """Leave the arm, which stands still; never raises ArmError. May be called more than
-        once.
+        """Disconnect from the arm, which stands still; never raises ArmError.
+
+        It may be called more than once.
         """

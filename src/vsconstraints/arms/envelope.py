@@ -1,4 +1,4 @@
-"""Limits of what an arm is sent, checked again at each setpoint, and a braked stop within them."""
+"""Limits that each setpoint is checked against before it is sent, and a braked stop within them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from ..robots.limits import ActuatorLimits
 from ..robots.robot import Robot
 from ..rows import Array
 
-#: Fraction of a limit by which a setpoint may exceed it: differences of positions are no more
-#: exact.
+#: Fraction of a limit by which a setpoint may exceed it, because differences of positions are
+#: rounded.
 ROUNDING = 1e-6
-AT_REST = 1e-9  #: Speed that counts as rest [rad/s or m/s].
+AT_REST = 1e-9  #: Speed below which a joint counts as at rest [rad/s or m/s].
 
 
 class Setpoint(NamedTuple):
-    """Where an arm is sent: (n,) coordinates, speeds and accelerations, the last being held during
-    the period.
+    """Setpoint of an arm: (n,) coordinates, speeds and accelerations.
+
+    The acceleration is held during the period.
     """
 
     q: Array
@@ -31,9 +32,7 @@ class Setpoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits (n,) of what is sent to an arm, infinite where there is none; accelerations are always
-    limited.
-    """
+    """Limits (n,) of setpoints, infinite where there is none; accelerations are always limited."""
 
     q_min: Array
     q_max: Array
@@ -44,11 +43,10 @@ class Envelope:
 
     @classmethod
     def of(cls, robot: Robot, limits: ActuatorLimits, period: float) -> Envelope:
-        """The robot's own ranges, speeds, accelerations and jerks, and the scenario's, whichever
-        are less.
+        """Combine the limits of the robot and of the scenario; the stricter one counts.
 
-        Raises ConfigurationError if a joint's acceleration is not limited: a stop needs to know how
-        hard it may brake.
+        The robot limits ranges, speeds, accelerations and jerks. Raises ConfigurationError if a
+        joint's acceleration is not limited, because a stop must know how hard it may brake.
         """
         least = {
             name: np.minimum(robot.limits.of_joint(name, robot.n), limits.of_joint(name, robot.n))
@@ -65,8 +63,9 @@ class Envelope:
         return cls(robot.q_min, robot.q_max, robot.qd_max, **least, period=period)
 
     def box(self, q: Array, qd: Array, last: Array) -> tuple[Array, Array]:
-        """(n,) least and greatest q̈ from a state after the command ``last``, by
-        :func:`.formulas.limits.joint_box`.
+        """Least and greatest q̈ (n,) in a state after the command ``last``.
+
+        See :func:`.formulas.limits.joint_box`.
         """
         ranges = (self.q_min, self.q_max, self.qd_max)
         change = self.jerk * self.period
@@ -76,8 +75,9 @@ class Envelope:
         return least, greatest
 
     def refusal(self, before: Setpoint, after: Setpoint) -> str:
-        """Why ``after`` must not be sent a period after ``before``, by these alone; empty if it
-        may.
+        """Reason why ``after`` must not follow ``before`` by one period; empty if it may.
+
+        Only the limits are checked.
         """
         T = self.period
         moved = (after.q - before.q) / T
@@ -118,13 +118,11 @@ class Envelope:
 
 
 def deceleration(speed: Array, jerk: Array, period: float) -> Array:
-    """(n,) greatest deceleration now from which a joint comes to rest while it falls by j T in each
-    period.
+    """Greatest deceleration (n,) that brings a joint to rest while it falls by j T per period.
 
-    With n periods behind x it takes v = T ((n + 1) x − jT n (n + 1)/2) off the speed, where n is
-    the greatest with n (n
-    + 1)/2 ≤ v/(jT²); without a limit of jerk x = v/T. Speeds v and jerks j are (n,); the period is
-      T [s].
+    With n more periods, a deceleration x reduces the speed by v = T ((n + 1) x − jT n (n + 1)/2),
+    where n is the greatest integer with n (n + 1)/2 ≤ v/(jT²). Without a limit of jerk, x = v/T.
+    Speeds v and jerks j are (n,); the period is T [s].
     """
     step = np.where(np.isfinite(jerk), jerk * period, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,23 +134,23 @@ def deceleration(speed: Array, jerk: Array, period: float) -> Array:
 class Brake:
     """Brings an arm to rest, period after period.
 
-    First each joint takes its present acceleration back as fast as its jerk allows, at once where
-    that is not limited. Then all joints slow down alike, so that the arm goes on in a straight line
-    of joint space: the joint that has least for its speed says how fast. Where that line would
-    leave a range, each joint stops for itself as fast as it can.
+    First, each joint reduces its present acceleration to zero as fast as its jerk allows, at once
+    if that is not limited. Then all joints slow down in proportion, so that the arm moves along a
+    straight line of joint space; the joint with the smallest limit relative to its speed sets the
+    rate. If that line would leave a range, each joint stops separately, as fast as it can.
 
     It begins with the acceleration ``qdd`` (n,) that was commanded last.
     """
 
     def __init__(self, qdd: Array, envelope: Envelope) -> None:
         self.envelope = envelope
-        #: Whether all joints slow down alike; None before that is decided.
+        #: True if all joints slow down in proportion; None before that is decided.
         self.straight: bool | None = None
         self._last = np.where(np.isfinite(envelope.jerk), qdd, 0.0)
         self._limits: tuple[Array, Array] | None = None
 
     def step(self, q: Array, qd: Array) -> Array:
-        """(n,) acceleration of the period that begins at ``q`` and ``qd`` (n,)."""
+        """Return the acceleration (n,) for the period that begins at ``q`` and ``qd`` (n,)."""
         change = self.envelope.jerk * self.envelope.period
         if self._limits is None and self._last.any():
             self._last = self._last - np.clip(self._last, -change, change)
@@ -168,7 +166,7 @@ class Brake:
         return self._last
 
     def at_rest(self, qd: Array) -> bool:
-        """Whether nothing is left to do."""
+        """True if the stop is complete."""
         change = self.envelope.jerk * self.envelope.period * (1.0 + 1e-9)
         still = np.abs(qd) <= AT_REST
         decided = self._limits is not None or not self._last.any()
@@ -185,7 +183,7 @@ class Brake:
             return each
         share = float((limits.acceleration[moving] / speed[moving]).min())
         jerk = float((limits.jerk[moving] / speed[moving]).min())
-        # on the way of unit speed: the deceleration grows, holds and falls
+        # at unit speed along the line: the deceleration grows, holds and falls
         length = 0.5 / share + 1.5 * share / jerk + limits.period
         end = q + length * qd
         self.straight = bool(((end >= limits.q_min) & (end <= limits.q_max) | ~moving).all())

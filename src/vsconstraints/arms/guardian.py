@@ -1,5 +1,6 @@
-"""A process that stops the arm where this one no longer can: killed, suspended, or with its
-interpreter held.
+"""Guardian: a process that stops the arm when this process no longer can.
+
+This process may be killed, suspended, or blocked with its interpreter lock held.
 """
 
 from __future__ import annotations
@@ -19,14 +20,15 @@ from ..errors import ConfigurationError, described
 from ..plugins import portable
 from ..plugins.processes import SIGNALS
 
-ATTEMPTS = 3  #: How often a stop command is tried.
-START_S = 60.0  #: How long the process may take to be ready, while the arm stands, and to end [s].
+ATTEMPTS = 3  #: Number of attempts to send a stop command.
+#: Time limits [s]: for the start of the process, while the arm stands, and for its end.
+START_S = 60.0
 END_S = 10.0
-#: How long the process may leave heartbeats unanswered [s], its patience if that is longer: one
-#: that is suspended would not stop the arm. It may wait for the processor for a while.
+#: Time for which heartbeats may remain unanswered [s], or the patience if that is longer: a
+#: suspended guardian would not stop the arm. The guardian may wait for the processor for a while.
 ANSWER_S = 1.0
-ANSWER = b"\n"  #: To each heartbeat, or several at once: no text of a report.
-#: A message: for how many seconds it may be the last one [s]; negative if the arm is at rest.
+ANSWER = b"\n"  #: Answer to one or more heartbeats; it is not part of a report.
+#: Heartbeat: time within which the next one must follow [s]; negative if the arm is at rest.
 HEARTBEAT = struct.Struct("<d")
 
 CODE = """
@@ -38,21 +40,21 @@ watch()
 
 
 class Guardian:
-    """Stops an arm from a process of its own, unless heartbeats come at least every ``patience``
-    [s].
+    """Stops an arm from a separate process unless heartbeats arrive every ``patience`` [s].
 
-    It has its own connection to the arm and nothing in common with this process, whose end it sees
-    as silence. It answers heartbeats, so that this process sees where it has ended or does not go
-    on. Signals of the terminal do not reach it. ``stop`` is of :meth:`.Driver.stopper`. Raises
-    ConfigurationError if the process cannot be started, or cannot use it.
+    The process has its own connection to the arm and shares nothing with this process, whose end it
+    notices as silence. It answers heartbeats, so that this process notices if it has ended or
+    hangs. Signals of the terminal do not reach it. ``stop`` is returned by :meth:`.Driver.stopper`.
+    Raises ConfigurationError if the process cannot be started, or cannot use ``stop``.
     """
 
     def __init__(self, stop: Callable[[], None], patience: float) -> None:
         self.patience = patience
-        #: Why the other process would not stop the arm: it has ended by itself, or does not answer.
+        #: Reason why the guardian cannot stop the arm: it has ended, or does not answer. Empty if
+        #: it can.
         self.lost = ""
-        self._said = b""  #: What it has said beside answers.
-        #: When the oldest heartbeat without an answer was sent [s].
+        self._said = b""  #: Output of the process besides answers.
+        #: Time at which the oldest unanswered heartbeat was sent [s].
         self._unanswered: float | None = None
         pipe = subprocess.PIPE
         words = [sys.executable, "-c", CODE]
@@ -76,24 +78,25 @@ class Guardian:
             raise ConfigurationError(
                 "the process that would stop the arm does not start: its error is above"
             )
-        # where it no longer reads or writes, this process must not wait for it
+        # a guardian that no longer reads or writes must not block this process
         os.set_blocking(self._to.fileno(), False)
         os.set_blocking(self._from.fileno(), False)
 
     def alive(self, more: float = 0.0) -> None:
-        """A heartbeat; the next one may take so much more time than usual [s]. Answers to earlier
-        ones are read.
+        """Send a heartbeat and read the answers to earlier ones.
+
+        The next heartbeat may take ``more`` seconds longer than usual.
         """
         now = time.monotonic()
         try:
-            # None where there is none yet, and nothing where the process has ended
+            # None if nothing has arrived yet; empty if the process has ended
             answers = self._from.read(1 << 16)
             if answers is not None:
                 self._unanswered = None
                 self._said += answers.strip(ANSWER)
             if answers == b"":
                 self.lost = "has ended"
-            # nothing is written, nor raised, where the pipe is full
+            # if the pipe is full, write returns None and does not raise
             if not self._to.write(HEARTBEAT.pack(self.patience + more)):
                 self.lost = self.lost or "does not read"
         except OSError:
@@ -104,8 +107,9 @@ class Guardian:
             self.lost = self.lost or f"has not answered for {now - self._unanswered:.3g} s"
 
     def end(self, safe: bool) -> str:
-        """End it; returns what it has done, if anything. Unless the arm is ``safe``, it stops it
-        now.
+        """End the process and return its report, if any.
+
+        Unless the arm is ``safe``, the process stops it now.
         """
         with suppress(OSError):
             if safe:
@@ -113,7 +117,7 @@ class Guardian:
         with suppress(OSError):
             self._to.close()
         try:
-            # one that does not answer is not waited for where it has nothing to do
+            # do not wait for a process that does not answer and has nothing to do
             self.process.wait(0.1 if self.lost and safe else END_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
@@ -125,17 +129,17 @@ class Guardian:
 
 
 def watch() -> None:
-    """What the process does: wait for heartbeats and, where they fail to come, stop the arm."""
+    """Main function of the process: wait for heartbeats and stop the arm if they fail to arrive."""
     for number in (*SIGNALS, *portable.signals("SIGPIPE")):
         signal.signal(number, signal.SIG_IGN)
     stop = pickle.load(sys.stdin.buffer)
     os.write(1, b"+")
-    # the watched process may be held, and then reads no answers
+    # a suspended parent reads no answers
     os.set_blocking(1, False)
     patience: float | None = None
     while select.select([0], [], [], patience)[0]:
         messages = os.read(0, 1 << 16)
-        if not messages and patience is None:  # nothing was sent to the arm yet
+        if not messages and patience is None:  # nothing has been sent to the arm yet
             return
         if not messages:
             why = "the loop has ended"
@@ -153,8 +157,8 @@ def watch() -> None:
             stop()
             how = "told the arm to stop by its own means"
             break
-        except BaseException as error:  # a driver's own mistake must not prevent another try
+        except BaseException as error:  # an error of the driver must not prevent another attempt
             how = f"COULD NOT TELL THE ARM TO STOP ({described(error)})"
-    for file in (1, 2):  # the watched process, and whoever started it, as far as they still run
+    for file in (1, 2):  # to the watched process and to the terminal, if they still exist
         with suppress(OSError):
             os.write(file, f"{why}, and a process of its own {how}\n".encode())

@@ -1,6 +1,4 @@
-"""Where images come from while an arm moves: a camera with its detector, the scenario's simulated
-one, or nothing.
-"""
+"""Sources of images while an arm moves: a camera with its detector, a simulated one, or none."""
 
 from __future__ import annotations
 
@@ -21,25 +19,23 @@ from ..simulation.image_sensor import ImageSensor
 from ..vision.measurement import Measurement
 
 ImageSource = Callable[[float, Array], Measurement | None]
-"""Called in each period with the time [s] and the measured q (n,): what the newest image shows,
-None before the first.
+"""Function called in each period with the time [s] and the measured q (n,).
 
-It must return at once: a camera is read, and its image searched, in a thread or process of its own.
-``taken`` of the measurement is by the same clock as the time argument; pixels are those on the
-sensor, from the image's centre, NaN for markers that were not found. The camera's pose will do
-without pixels.
+It returns the content of the newest image, None before the first. It must return at once: read the
+camera and search its image in a separate thread or process. ``taken`` of the measurement is by the
+same clock as the time argument. Pixels are those on the sensor, relative to the image's centre, NaN
+for markers that were not found. The camera's pose may be given instead of pixels.
 """
 
 SOURCES = SIMULATED, MODEL = "simulated", "model"
 
 
 class SimulatedImages:
-    """The scenario's camera: its noise, image period, delay and lost images, seen from where the
-    arm is measured to be.
+    """Simulated camera of the scenario, with noise, image period, delay and lost images.
 
-    With ``sensor = "images"`` images are rendered and searched for tags, which takes longer than a
-    period, and ``renders`` says so. Raises ConfigurationError if the scenario's camera is believed
-    to be another one than it is.
+    It sees the scene from the measured joint positions. With ``sensor = "images"`` images are
+    rendered and searched for tags, which takes longer than a period; then ``renders`` is True.
+    Raises ConfigurationError if the scenario's camera model differs from the camera.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -65,7 +61,7 @@ class SimulatedImages:
         self.renders = isinstance(self._sensor, ImageSensor)
 
     def __call__(self, t: float, q: Array) -> Measurement | None:
-        """What is seen, and when; a lost image leaves the last one."""
+        """Return pixels and time of the newest image; a lost image leaves the previous one."""
         scene = self._setup.scene
         k = self._sample
         self._sample += 1
@@ -86,16 +82,16 @@ class SimulatedImages:
         return Measurement(scene.camera.distort(image.pixels), None, image.taken)
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know of rendered images."""
+        """Remarks on rendered images for the reader of the results."""
         return self._sensor.remarks()
 
 
 def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSource | None:
-    """The source of images, by its name; None where the image is predicted from the joints alone.
+    """Return the image source of a given name; None if images are predicted from the joints.
 
-    ``simulated``, ``model``, or ``module:function`` for one's own, looked for in ``folder`` first:
-    it takes the setup, and returns an :data:`ImageSource`. Raises ConfigurationError if there is
-    none, or the own function fails.
+    ``simulated``, ``model``, or ``module:function`` for a custom source. The module is searched for
+    in ``folder`` first; the function takes the setup and returns an :data:`ImageSource`. Raises
+    ConfigurationError if it does not exist or fails.
     """
     if name == MODEL:
         return None
@@ -109,7 +105,7 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
     try:
         with chdir("."), beside(folder, Path()):
             source: Any = getattr(importlib.import_module(module), function)(setup)
-    except (Exception, SystemExit) as error:  # own code can fail in any way
+    except (Exception, SystemExit) as error:  # custom code can fail in any way
         raise ConfigurationError(f"images by {name}: {described(error)}") from error
     if not callable(source):
         raise ConfigurationError(

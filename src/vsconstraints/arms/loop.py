@@ -1,5 +1,6 @@
-"""The control loop on an arm: state and image → law → limits → setpoint, supervised; every way out
-brakes.
+"""Control loop on an arm: state and image → law → limits → setpoint.
+
+The loop is supervised; every exit brakes the arm.
 """
 
 from __future__ import annotations
@@ -31,12 +32,13 @@ from .stream import Stream
 from .supervision import Requests, Supervision, Watchdog, demand_start, requests_noted
 
 GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
-STAMP = 1e-3  #: An image may be so much ahead of now [s]: stamps are often whole milliseconds.
-REHEARSALS = 3  #: Calls of a law before the arm moves: the first ones take longer.
+#: Greatest accepted lead of an image's time stamp [s]: stamps are often whole milliseconds.
+STAMP = 1e-3
+REHEARSALS = 3  #: Calls of a law before the arm moves, because the first calls take longer.
 
 
 class Halt(Exception):
-    """The run ends, for this reason: the arm is to be braked."""
+    """End of the run, with its cause: the arm is to be braked."""
 
     def __init__(self, ended: Ended, cause: str) -> None:
         super().__init__(cause)
@@ -44,32 +46,33 @@ class Halt(Exception):
 
 
 class TakenOver(BaseException):
-    """The watchdog has taken over the arm: a BaseException, so that no law's own `except Exception`
-    catches it.
+    """The watchdog has taken over the arm.
+
+    It is a BaseException, so that a custom law's `except Exception` does not catch it.
     """
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is run on an arm."""
+    """Run on an arm: setup, law, driver, images and supervision."""
 
-    setup: Setup  #: The scenario's; it starts at its q0.
+    setup: Setup  #: Setup of the scenario; it starts at its q0.
     controller: Controller
     driver: Driver
-    images: ImageSource | None = None  #: None where the image is predicted from the joints.
-    supervision: Supervision = field(default_factory=Supervision)  #: When the arm is braked.
-    #: Whether to start where the arm stands, and not near the scenario's start alone.
+    images: ImageSource | None = None  #: None if the image is predicted from the joints.
+    #: Bounds beyond which the arm is braked.
+    supervision: Supervision = field(default_factory=Supervision)
+    #: True to start at the arm's present position, also far from the scenario's start.
     from_arm: bool = False
 
 
 def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
-    """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at
-    rest at the end.
+    """Run a law on an arm for the scenario's duration, or until an error; end at rest.
 
-    Returns the setup with the start that the arm had, and the log. Before anything moves, raises
+    Returns the setup with the arm's actual start, and the log. Before anything moves, raises
     ArmError if the arm cannot be reached, and ConfigurationError if it cannot start there
-    (:func:`.demand_start`), its accelerations are not limited, or images would be rendered where
-    time is real.
+    (:func:`.demand_start`), its accelerations are not limited, or images would be rendered in real
+    time.
     """
     driver = job.driver
     setup = job.setup
@@ -86,13 +89,13 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
         setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
         return setup, _Run(replace(job, setup=setup), envelope).all_periods()
     finally:
-        # the arm stands by now: what its driver still raises must not lose the log
+        # the arm stands by now: an error of its driver must not lose the log
         with suppress(BaseException):
             driver.close()
 
 
 class _Run:
-    """One run; the thread that runs it commands the arm, unless the watchdog has taken over."""
+    """One run; its thread commands the arm unless the watchdog has taken over."""
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
         setup = job.setup
@@ -106,10 +109,12 @@ class _Run:
             job.driver, envelope, setup.q0, len(setup.scene.markers), job.supervision
         )
         self.control.plausible = job.supervision
-        self.taken = ""  #: Why the watchdog has taken over; whether the arm has not answered.
+        #: Reason why the watchdog has taken over, empty if it has not; and True if the arm has not
+        #: answered.
+        self.taken = ""
         self.silent = False
-        #: When the newest image with a marker was taken, and the first one that shows them where it
-        #: does [s].
+        #: Times [s]: of the newest image with a marker, and of the first image that shows the
+        #: markers where the newest does.
         self.image_at = self.same_since = 0.0
         self.watchdog: Watchdog | None = None
         self.guardian: Guardian | None = None
@@ -117,8 +122,9 @@ class _Run:
         self._rehearse()
 
     def _rehearse(self) -> None:
-        """Compile and load all that a period needs, without the arm; raises ConfigurationError
-        where the law fails.
+        """Compile and load everything that a period needs, without the arm.
+
+        Raises ConfigurationError if the law fails.
         """
         restart(self.job.controller, self.Ts, self.control.model)
         try:
@@ -132,7 +138,7 @@ class _Run:
         restart(self.job.controller, self.Ts, self.control.model)
 
     def all_periods(self) -> ArmLog:
-        """All periods, and the stop."""
+        """Run all periods, and the stop."""
         stream = self.stream
         with requests_noted() as requests, self._guarded(), self._watched(requests):
             ended, cause = self._periods(requests)
@@ -169,7 +175,7 @@ class _Run:
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Run a guardian meanwhile, where time is real and the driver has a stopper."""
+        """Run a guardian during the block, if time is real and the driver has a stopper."""
         if not (self.stream.clock.simulated or portable.STOPS_ARMS):
             raise ConfigurationError(
                 "an arm needs Linux or macOS: here no signal interrupts a call that hangs"
@@ -188,7 +194,7 @@ class _Run:
 
     @contextmanager
     def _watched(self, requests: Requests) -> Iterator[None]:
-        """Run a watchdog meanwhile, where time is real."""
+        """Run a watchdog during the block, if time is real."""
         if self.stream.clock.simulated:
             yield
             return
@@ -209,8 +215,9 @@ class _Run:
             self.watchdog.end()
 
     def _take_over(self) -> None:
-        """Brake in place of a loop that hangs; where it hangs in a call to the arm, have the arm
-        stop itself.
+        """Brake in place of a loop that hangs.
+
+        If it hangs in a call to the arm, the arm stops by its own means.
         """
         waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
         self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
@@ -222,9 +229,7 @@ class _Run:
                 self.stream.turn.release()
 
     def _alive(self, more: float = 0.0) -> None:
-        """A heartbeat for watchdog and guardian; the next one may take so much more time than
-        usual.
-        """
+        """Send a heartbeat to watchdog and guardian; the next may take ``more`` seconds longer."""
         if self.watchdog is not None:
             self.watchdog.alive(more)
         if self.guardian is not None:
@@ -232,8 +237,9 @@ class _Run:
 
     @contextmanager
     def _own_turn(self) -> Iterator[None]:
-        """Keep the watchdog from commanding the arm meanwhile; raises TakenOver where it has done
-        so.
+        """Keep the watchdog from commanding the arm during the block.
+
+        Raises TakenOver if it has done so before.
         """
         with self.stream.turn:
             if self.taken:
@@ -257,14 +263,14 @@ class _Run:
         except ArmError as error:
             self.silent = True
             return "failed", f"t = {k * self.Ts:.4g} s: {error}"
-        # own laws, constraints and cameras may raise anything, even SystemExit
+        # custom laws, constraints and cameras may raise anything, even SystemExit
         except BaseException as error:
             why = str(error) if isinstance(error, SceneError) else described(error)
             return "failed", f"t = {k * self.Ts:.4g} s: {why}"
         return "done", ""
 
     def _period(self, k: int) -> None:
-        """Read, look, ask the law, send; raises whatever keeps it from that."""
+        """Read the state and the image, evaluate the law, send the setpoint; raises any error."""
         stream = self.stream
         due, late = stream.wait(k)
         self._alive()
@@ -278,7 +284,7 @@ class _Run:
         started = time.perf_counter()
         with self._own_turn():
             state = stream.read()
-        # when the state was read, which is not when the period was to begin
+        # time at which the state was read, not the scheduled start of the period
         t = stream.now()
         self._check(state)
         measured = self._look(t, state.q)
@@ -307,7 +313,7 @@ class _Run:
             raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
 
     def _look(self, t: float, q: Array) -> dict[str, Any]:
-        """What is measured now, as the control step takes it; raises Halt where images are lost."""
+        """Return the arguments of the control step on images; raises Halt if images are lost."""
         if self.job.images is None:
             return {}
         seen = self.job.images(t, q)
@@ -319,14 +325,14 @@ class _Run:
                 )
             taken = t if seen.taken is None else seen.taken
             now = self.stream.now()
-            if not taken <= now + STAMP:  # also what is no number
+            if not taken <= now + STAMP:  # False also for NaN
                 raise Halt(
                     "failed",
                     f"an image was taken at {taken:.6g} s, which is not yet: by another clock? It "
                     f"is {now:.6g} s by "
                     "the clock of the time with which the source of images is called",
                 )
-            # one that came since the state was read counts as taken with it
+            # an image that came after the state was read counts as taken with it
             taken = min(taken, t)
             pixels = None if seen.pixels is None else with_nan(seen.pixels)
             if seen.camera is not None or (
@@ -349,8 +355,9 @@ class _Run:
     def _ask(
         self, t: float, q: Array, qd: Array, measured: dict[str, Any]
     ) -> tuple[Command, float, float]:
-        """The law's command, and how long rows with task, and the law, took [s]; raises Halt if
-        there is none.
+        """Return the law's command, and the times of rows with task and of the law [s].
+
+        Raises Halt if there is no command.
         """
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)

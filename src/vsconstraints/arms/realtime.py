@@ -1,5 +1,6 @@
-"""Clocks of a control loop, and a process that need not wait: SCHED_FIFO, locked memory, no garbage
-collection.
+"""Clocks of a control loop, and settings of a real-time process.
+
+The settings are SCHED_FIFO, locked memory, and no garbage collection.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-#: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
+#: Priority of SCHED_FIFO, from 1 to 99: above other real-time programs, below the system's own
+#: watchdog threads.
 PRIORITY = 80
 CURRENT_AND_FUTURE = 1 | 2  #: MCL_CURRENT and MCL_FUTURE of Linux' mlockall.
 IPC_LOCK = 14  #: Number of the capability to lock memory without limit.
-#: How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots.
+#: Time before an instant at which sleeping ends and polling begins [s], because a system's sleep
+#: overshoots.
 SPIN = 150e-6
 
 
@@ -28,11 +31,11 @@ class RealClock:
     simulated = False
 
     def now(self) -> float:
-        """[s]."""
+        """Return the time [s]."""
         return time.perf_counter()
 
     def wait(self, until: float) -> None:
-        """Return at that instant, or at once if it is over."""
+        """Return at that instant, or at once if it has passed."""
         left = until - time.perf_counter() - SPIN
         if left > 0.0:
             time.sleep(left)
@@ -41,13 +44,13 @@ class RealClock:
 
 
 class SimulatedClock:
-    """Advances when it is waited for, and never otherwise."""
+    """Clock that advances only when it is waited for."""
 
     simulated = True
     t = 0.0
 
     def now(self) -> float:
-        """[s]."""
+        """Return the time [s]."""
         return self.t
 
     def wait(self, until: float) -> None:
@@ -58,7 +61,7 @@ class SimulatedClock:
 Clock = RealClock | SimulatedClock
 
 
-#: What it means that each of the two is refused, and what would permit it.
+#: Consequence of each refusal, and the setting that would permit the request.
 REFUSED = (
     "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
     f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
@@ -68,15 +71,16 @@ REFUSED = (
 
 
 class Permitted(NamedTuple):
-    """Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked
-    for.
+    """Reasons why SCHED_FIFO and mlockall were refused.
+
+    Empty if granted, None if not requested.
     """
 
     fifo: str | None
     locked: str | None
 
     def sentences(self) -> list[str]:
-        """One sentence each."""
+        """One sentence on each setting."""
         fifo, locked = ("not asked for" if why is None else why for why in self)
         loop = f"no real-time scheduling ({fifo}): other programs can delay the loop"
         return [
@@ -86,14 +90,15 @@ class Permitted(NamedTuple):
         ]
 
     def warnings(self) -> list[str]:
-        """What was refused, and what would permit it."""
+        """Refused settings, and how to permit them."""
         return [text.format(why) for text, why in zip(REFUSED, self, strict=True) if why]
 
 
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
-    """Run this thread, and those that it starts, in real time as far as permitted; if not, just
-    without collection.
+    """Run this thread, and threads that it starts, in real time as far as permitted.
+
+    Garbage collection is off in any case.
     """
     collected = gc.isenabled()
     gc.collect()
@@ -114,7 +119,7 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
 
 
 def _schedule() -> tuple[int, int] | str:
-    """Policy and priority until now; or why nothing was changed."""
+    """Set the real-time schedule; return the former policy and priority, or why it failed."""
     try:
         before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -126,21 +131,21 @@ def _schedule() -> tuple[int, int] | str:
 
 
 def lock_memory() -> str:
-    """Why memory is not locked; empty if it is."""
+    """Lock memory; return the reason of a refusal, empty if it is locked."""
     if sys.platform != "linux":
         return f"{sys.platform}: not tried"
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     if limit != resource.RLIM_INFINITY and not may_lock():
-        # within a limit, later requests of the program would be refused
+        # with a limit, later allocations of the program would fail
         return f"a limit of {limit / 2**20:g} MB"
     library = ctypes.CDLL(None, use_errno=True)
     return "" if library.mlockall(CURRENT_AND_FUTURE) == 0 else os.strerror(ctypes.get_errno())
 
 
 def may_lock() -> bool:
-    """Whether this process has the capability to lock memory without limit."""
+    """True if this process has the capability to lock memory without limit."""
     with suppress(OSError, ValueError, IndexError):
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
         return bool(int(status.split("CapEff:")[1].split()[0], 16) >> IPC_LOCK & 1)

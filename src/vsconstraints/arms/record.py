@@ -1,6 +1,4 @@
-"""What a run on an arm leaves: its log, and results that reports, comparisons and differences read
-as any other run.
-"""
+"""Records of runs on an arm: the log, and results in the format of any other run."""
 
 from __future__ import annotations
 
@@ -30,68 +28,69 @@ from ..simulation import Setup, Trajectory, simulate
 from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Plant
 
-LONG_STOP = 5.0  #: For so much of a stop there is room in the log [s].
-RESERVED = "arm-log.reserved"  #: File that keeps room for the log while the arm moves.
-BLOCK = 1 << 20  #: As much is written at once [bytes].
+LONG_STOP = 5.0  #: Length of a stop for which the log reserves room [s].
+RESERVED = "arm-log.reserved"  #: File that reserves disk space for the log while the arm moves.
+BLOCK = 1 << 20  #: Size of one write [bytes].
 NOT_LOST = "The record of the arm's motion is kept in {}"
-#: Folder of what only a run on an arm has: the log of all periods, and how late they began.
+#: Folder for data that only a run on an arm has: the log of all periods and their delays.
 ARM = ARM_LOG.parent.name
 #: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there.
-#: ``failed``: anything else that ended it. ``stopped``: a signal asked for it.
+#: ``failed``: any other cause. ``stopped``: a signal requested it.
 Ended = Literal["done", "aborted", "failed", "stopped"]
 
 
 class Period(NamedTuple):
     """One period: times [s], and arrays (n,)."""
 
-    scheduled: float  #: When it was to start.
-    late: float  #: By how much it did so late.
-    rows_time: float  #: Of rows with task.
-    step_time: float  #: Of the law.
-    busy: float  #: Of the whole period's work.
+    scheduled: float  #: Scheduled start.
+    late: float  #: Delay of the start.
+    rows_time: float  #: Time for rows and task.
+    step_time: float  #: Time for the law.
+    busy: float  #: Time for all work of the period.
     q: Array  #: Measured.
     qd: Array
     qdd: Array
-    sent_q: Array  #: The setpoint for its end.
+    sent_q: Array  #: Setpoint for the end of the period.
     sent_qd: Array
-    pixels: Array  #: (M, 2) the measured image, NaN without one.
-    taken: float  #: Its time.
-    #: (7,) its difference from the prediction:
-    #: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
+    pixels: Array  #: Measured image (M, 2), NaN without one.
+    taken: float  #: Time of the image.
+    #: Innovation (7,): :data:`vsconstraints.vision.measurement.INNOVATIONS`.
     innovation: Array
-    guarded: bool  #: Whether the command was brought to the limits.
+    guarded: bool  #: True if the command was clipped to the limits.
     braking: bool
 
 
 @dataclass(frozen=True)
 class ArmLog:
-    """A run on an arm."""
+    """Log of a run on an arm."""
 
     ended: Ended
-    cause: str  #: Why it ended; empty if it is done.
-    signal: int  #: Number of the signal that asked for a stop; 0 if none did.
-    stop: str  #: How the arm came to rest, in words.
-    at_rest: bool  #: Whether it was seen to.
-    periods: Sequence[Period]  #: All of them, those of the stop too.
-    missed: int  #: How many began later than the next should have.
+    cause: str  #: Reason why it ended; empty if it is done.
+    signal: int  #: Number of the signal that requested a stop; 0 if none did.
+    stop: str  #: Description of how the arm came to rest.
+    at_rest: bool  #: True if the arm was observed to be at rest.
+    periods: Sequence[Period]  #: All periods, including those of the stop.
+    missed: int  #: Number of periods that began later than the next one was due.
     Ts: float  #: Sampling time [s].
-    compiled: bool = False  #: Whether rows, task and law all ran compiled.
-    remarks: tuple[str, ...] = ()  #: What else a reader should know.
-    #: Whether time was the system's; simulated time waits for the loop, which misses nothing.
+    compiled: bool = False  #: True if rows, task and law all ran compiled.
+    remarks: tuple[str, ...] = ()  #: Further remarks for the reader.
+    #: True if the system's clock was used; simulated time waits for the loop, so no period is
+    #: missed.
     real_time: bool = False
-    bounds: Mapping[str, float] = field(default_factory=dict)  #: Of :class:`.Supervision`, by name.
+    #: Bounds of :class:`.Supervision`, by name.
+    bounds: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, name: str) -> Array:
-        """(N, …) one field of all periods."""
+        """Return one field of all periods (N, …)."""
         return np.array([getattr(period, name) for period in self.periods])
 
     @property
     def braking(self) -> BoolArray:
-        """(N,) which periods are those of the stop."""
+        """Mask (N,) of the periods of the stop."""
         return np.array([period.braking for period in self.periods], dtype=np.bool_)
 
     def save(self, path: Path, **facts: Any) -> None:
-        """Write all periods as .npz, and facts as JSON in it."""
+        """Write all periods and the facts, as JSON, to an .npz file."""
         columns = {name: self.column(name) for name in Period._fields}
         own = {
             each.name: getattr(self, each.name) for each in fields(self) if each.name != "periods"
@@ -100,15 +99,15 @@ class ArmLog:
 
 
 class Punctuality(NamedTuple):
-    """How late periods began, and how long their work took."""
+    """Delays of periods and durations of their work."""
 
     late: Array  #: (N,) [s].
     busy: Array  #: (N,) [s].
-    missed: int  #: How many began a period late, or later.
+    missed: int  #: Number of periods that began late by one period or more.
     Ts: float  #: [s].
 
     def numbers(self) -> dict[str, float]:
-        """What is printed and stored: [s], but for counts."""
+        """Numbers that are printed and stored: [s], except for counts."""
         found: dict[str, float] = {"periods": len(self.late), "missed": self.missed}
         for name, values in (("late", self.late), ("busy", self.busy)):
             for what, share in (("median", 50.0), ("p99", 99.0), ("max", 100.0)):
@@ -118,7 +117,7 @@ class Punctuality(NamedTuple):
         return found
 
     def lines(self) -> list[str]:
-        """For a terminal."""
+        """Return lines for a terminal."""
         n = self.numbers()
         share = 100.0 * n["missed"] / max(n["periods"], 1.0)
         said = [
@@ -134,7 +133,7 @@ class Punctuality(NamedTuple):
 
 
 def punctuality(log: ArmLog) -> Punctuality:
-    """How punctual the law's own periods were."""
+    """Punctuality of the periods before the stop."""
     late, busy = (log.column(name)[~log.braking] for name in ("late", "busy"))
     return Punctuality(late, busy, log.missed, log.Ts)
 
@@ -175,7 +174,7 @@ LATENESS = Figure("lateness", "How late periods began", _LEGEND, _draw)
 
 
 class _Recorded(Plant):
-    """A robot that is where it was measured to be."""
+    """Robot that takes the recorded positions."""
 
     follows = True
 
@@ -199,7 +198,7 @@ class _Repeated(Controller):
         self._commands = iter(qdd)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The next command."""
+        """Return the next recorded command."""
         return Command(
             next(self._commands).copy(),
             "ok",
@@ -211,11 +210,11 @@ class _Repeated(Controller):
 
 
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
-    """The trajectory of a run on an arm of at least two periods, scored as a simulation is;
-    ``where`` names the arm.
+    """Return the trajectory of a run on an arm of at least two periods, scored as a simulation is.
 
-    The robot is where it was measured; rows, markers and camera are those of the model there. A run
-    that was ended includes the periods of its stop. Status and reason say that it was on an arm.
+    ``where`` names the arm. The robot takes its measured positions; rows, markers and camera are
+    those of the model there. A run that ended early includes the periods of its stop. Status and
+    reason state that it was on an arm.
     """
 
     class Recorded(Setup):
@@ -259,13 +258,13 @@ def demand_own_folder(folder: Path) -> None:
 
 @contextmanager
 def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
-    """Keep as much of the disk as the log of a run can take, until it is to be written.
+    """Reserve disk space for the log of a run until it is written.
 
-    Raises ConfigurationError, before anything moves, if there is no room in the folder.
+    Raises ConfigurationError, before anything moves, if the folder has not enough space.
     """
     n = setup.scene.robot.n
     markers = len(setup.scene.markers)
-    numbers = 13 + 5 * n + 2 * markers  # of a Period
+    numbers = 13 + 5 * n + 2 * markers  # numbers in a Period
     periods = setup.samples + round(LONG_STOP / setup.Ts)
     size = 8 * numbers * periods
     path = folder / RESERVED
@@ -274,7 +273,7 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
             with path.open("wb", buffering=0) as file:
                 for begin in range(0, size, BLOCK):
                     block = bytes(min(BLOCK, size - begin))
-                    # less than all of it is written where the disk becomes full
+                    # a write to a full disk is incomplete
                     if file.write(block) < len(block):
                         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 os.fsync(file.fileno())
@@ -291,10 +290,9 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
 
 
 def save_log(folder: Path, log: ArmLog, where: str) -> Path:
-    """Write the log into the folder of a run or, where that fails, into a new temporary one;
-    returns its path.
+    """Write the log to the folder of a run or else to a temporary one; return its path.
 
-    The motion cannot be made again. Raises StorageError if neither takes it.
+    The motion cannot be repeated. Raises StorageError if both fail.
     """
     failures = []
     for temporary in (False, True):
@@ -306,7 +304,7 @@ def save_log(folder: Path, log: ArmLog, where: str) -> Path:
             path = parent / ARM_LOG.name
             log.save(path, where=where, **punctuality(log).numbers())
             return path
-        except Exception as error:  # whatever it is, another folder is tried
+        except Exception as error:  # after any error, the next folder is tried
             failures.append(described(error))
     raise StorageError(f"the record of the arm's motion is lost: {'; '.join(failures)}")
 
@@ -314,11 +312,12 @@ def save_log(folder: Path, log: ArmLog, where: str) -> Path:
 def store(
     folder: Path, suite: Suite, setup: Setup, log: ArmLog, where: str, command: Sequence[str] = ()
 ) -> tuple[Trajectory | None, Finished]:
-    """Write the log, then the run as a comparison's, with tracking alone simulated beside it.
+    """Write the log, then the run in the format of a comparison with a simulated baseline.
 
-    The suite is of one scenario and one controller. Returns the run's trajectory, None if there are
-    less than two periods, and the comparison. Raises StorageError, which says where the log is, if
-    that or more cannot be stored.
+    The unconstrained baseline is simulated in addition. The suite has one scenario and one
+    controller. Returns the run's trajectory, None if there are less than two periods, and the
+    comparison. Raises StorageError, which names the place of the log, if the log or the results
+    cannot be stored.
     """
     log_file = save_log(folder, log, where)
     if log_file != folder / ARM_LOG:
@@ -344,7 +343,7 @@ def _store_results(
     else:
         trajectory = trajectory_of(setup, log, where)
         record = RunRecord.of(setup, trajectory, spec.fingerprint)
-    # as a run that exists already, which a comparison keeps as it is
+    # stored like a finished run, which a comparison keeps
     replace(record, files=digests(spec.files), missed=log.missed if log.real_time else None).save(
         run_file(folder, *spec.key)
     )

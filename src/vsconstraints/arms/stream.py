@@ -1,4 +1,4 @@
-"""Setpoints to an arm, in time: one each period within the limits, and the stop at the end."""
+"""Stream of setpoints to an arm: one per period within the limits, and the stop at the end."""
 
 from __future__ import annotations
 
@@ -17,22 +17,25 @@ from .realtime import Clock, RealClock, SimulatedClock
 from .record import Period
 from .supervision import Supervision
 
-MAX_STOP = 30.0  #: A stop that is streamed takes no longer [s].
-#: After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it
-#: is measured [s].
+MAX_STOP = 30.0  #: Greatest duration of a streamed stop [s].
+#: After such a gap between setpoints [s], an arm may have coasted, held or braked, and a stop
+#: begins at the measured state.
 SILENT = 0.01
-MAX_SILENCES = 3  #: In a stop: each begins it anew, so that with more of them it might not end.
-SETTLING = 0.5  #: How long after the last setpoint of a stop an arm may still move [s].
-HALTS = 3  #: How often the arm's own stop is tried, where the command fails.
-#: Of periods in which nothing is compared with the model.
+#: Greatest number of such gaps in a stop: each restarts it, so that it might never end.
+MAX_SILENCES = 3
+SETTLING = 0.5  #: Time for which an arm may still move after the last setpoint of a stop [s].
+HALTS = 3  #: Number of attempts of the arm's own stop, if the command fails.
+#: Innovation of periods without a comparison with the model.
 NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
-STILL = 0.01  #: Measured speed that is rest [rad/s or m/s].
-FEWEST_REPEATED = 5  #: Periods in which the same state may be read again, however long a period is.
+STILL = 0.01  #: Measured speed that counts as rest [rad/s or m/s].
+#: Number of periods in which the same state may be read again, however long a period is.
+FEWEST_REPEATED = 5
 
 
 class Stream:
-    """Integrates accelerations to setpoints, from ``q`` (n,) on, and sends them, checked once more,
-    in each period.
+    """Integrates accelerations to setpoints, checks them against the limits, and sends them.
+
+    The setpoints start from ``q`` (n,); one is sent in each period.
     """
 
     def __init__(
@@ -52,40 +55,39 @@ class Stream:
         self._no_image = np.full((markers, 2), np.nan)
         self._sent_at = np.inf
         self.periods: list[Period] = []
-        #: How many periods began late by one or more, and by how much the schedule was moved for
-        #: that [s].
+        #: Number of periods that began late by a period or more, and total shift of the schedule
+        #: for them [s].
         self.missed = 0
         self.shift = 0.0
-        self.begun = 0.0  #: When the first period began, by the clock.
-        self.turn = threading.Lock()  #: Held by the thread that speaks to the arm.
-        #: How the arm came to rest, in words, and whether setpoints brought it there.
+        self.begun = 0.0  #: Start of the first period, by the clock.
+        self.turn = threading.Lock()  #: Lock held by the thread that communicates with the arm.
+        #: Description of how the arm came to rest, and True if setpoints brought it to rest.
         self.stop = "", False
-        self.safe = False  #: Whether it is at rest, or has taken it that it is to stop.
+        self.safe = False  #: True if the arm is at rest, or has accepted a stop command.
         stalled_s = (bounds or Supervision()).stalled_s
         self._most_repeated = max(round(stalled_s / self.Ts), FEWEST_REPEATED)
-        self._state_at = -np.inf  #: The arm's time of the state that was read last [s].
-        self._repeated = 0  #: How often it was read again since.
+        self._state_at = -np.inf  #: Arm time of the last state that was read [s].
+        self._repeated = 0  #: Number of times that this state was read again.
 
     def begin(self) -> None:
-        """The first period begins now."""
+        """Start the first period now."""
         self.begun = self._sent_at = self.clock.now()
 
     def now(self) -> float:
-        """Time since the first period began [s]."""
+        """Return the time since the first period began [s]."""
         return self.clock.now() - self.begun
 
     def read(self) -> Joints:
-        """Where the joints are; those that turn without end in the turn nearest to where they were
-        sent.
+        """Read the joint state, with endless joints in the turn nearest to the setpoint.
 
         Raises ArmError, also if the arm's clock has stood still for too many periods, and
-        InvalidInput if the state is not of the arm's joints.
+        InvalidInput if the state does not have the arm's number of joints.
         """
         state = self.driver.read()
         n = len(self.sent.q)
         if np.shape(state.q) != (n,) or np.shape(state.qd) != (n,):
             raise InvalidInput(f"the arm's state must be of {n} joints, not {shown(state)}")
-        # a time that is no number does not go on either
+        # NaN does not count as an advance either
         self._repeated = 0 if state.t > self._state_at else self._repeated + 1
         self._state_at = state.t
         if self._repeated >= self._most_repeated:
@@ -96,36 +98,38 @@ class Stream:
         return state._replace(q=self.driver.robot.nearest_turn(state.q, self._filter.q))
 
     def wait(self, k: int) -> tuple[float, float]:
-        """Wait for a period's beginning: when it was to be, since the first one, and how late it is
-        [s].
+        """Wait for a period to begin; return its scheduled time and its delay [s].
+
+        The scheduled time is relative to the first period.
         """
         due = self.begun + k * self.Ts + self.shift
         self.clock.wait(due)
         late = self.clock.now() - due
         if late >= self.Ts:
-            # the arm was not sent anything meanwhile: two setpoints at once would make it hurry
+            # the arm has received nothing meanwhile: two setpoints at once would make it hurry
             self.missed += 1
             self.shift += late
         return due - self.begun, late
 
     def strayed(self, state: Joints) -> Array:
-        """(n,) how far each joint is from where it was sent."""
+        """Distance of each joint from its setpoint (n,)."""
         off: Array = np.abs(state.q - self._filter.q)
         if self.driver.takes == "speed":
-            # speeds do not say where: positions are those that were measured
+            # speeds do not define positions: the measured positions are used
             self._filter.q = state.q
             self.sent = self.sent._replace(q=state.q)
         return off
 
     def within_limits(self, qdd: Array) -> tuple[Array, bool]:
-        """A command (n,) brought to what the limits leave, and whether that changed it."""
+        """Clip a command (n,) to the limits; return it, and True if that changed it."""
         least, greatest = self.envelope.box(self.sent.q, self.sent.qd, self.sent.qdd)
         kept: Array = np.clip(qdd, least, greatest)
         return kept, bool((np.abs(kept - qdd) > 1e-9 * (1.0 + np.abs(kept))).any())
 
     def prepare(self, qdd: Array) -> tuple[Setpoint, str]:
-        """The setpoint at the end of a period with this acceleration (n,), and why it must not be
-        sent, if so.
+        """Return the setpoint after a period with acceleration ``qdd`` (n,), or why to refuse it.
+
+        Returns the setpoint and the reason to refuse it, empty if it may be sent.
         """
         q = self._filter.step(qdd)
         after = Setpoint(q, self._filter.qd, qdd)
@@ -136,14 +140,15 @@ class Stream:
         return after, refusal
 
     def send(self, setpoint: Setpoint) -> None:
-        """Send it; raises ArmError."""
+        """Send the setpoint; raises ArmError."""
         self.driver.send(setpoint.q, setpoint.qd)
         self.sent = setpoint
         self._sent_at = self.clock.now()
 
     def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
-        """Bring the arm to rest by setpoints, ``alive`` being called in each period, or ``by_arm``
-        itself; see stop.
+        """Bring the arm to rest by setpoints or, ``by_arm``, by its own means; see ``stop``.
+
+        ``alive`` is called in each period.
         """
         trouble = ""
         tries = 0
@@ -152,7 +157,7 @@ class Stream:
             if not by_arm:
                 self.stop = (self._stream_stop(alive), True)
                 self.safe = True
-        # whatever a driver raises, SystemExit too, the arm must stop
+        # the arm must stop after any error of a driver, including SystemExit
         except BaseException as error:
             trouble = f"while braking, {_why(error)}; "
         while not self.safe and tries < HALTS:
@@ -161,12 +166,12 @@ class Stream:
                 self.driver.halt(float(self.envelope.acceleration.min()))
                 self.stop = (f"{trouble}told to stop by its own means", False)
                 self.safe = True
-            except BaseException as error:  # as above: then it is reported
+            except BaseException as error:  # as above; then it is reported
                 failed = f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)})"
                 self.stop = f"{failed}: its own watchdog, or the emergency stop, must do so", False
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
-        """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
+        """Send setpoints until the arm is at rest; return a description. Raises ArmError."""
         before = len(self.periods)
         begun = max(self.clock.now(), self.begun + before * self.Ts + self.shift)
         brake = self._brake()
@@ -177,7 +182,7 @@ class Stream:
             k = len(self.periods) - before
             self.clock.wait(begun + k * self.Ts)
             late = self.clock.now() - begun - k * self.Ts
-            # as in :meth:`wait`: setpoints that were missed are not made up for
+            # as in :meth:`wait`: missed setpoints are not sent later
             begun += late if late >= self.Ts else 0.0
             alive()
             if self._silent():
@@ -218,14 +223,13 @@ class Stream:
         return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
 
     def _silent(self) -> bool:
-        """Whether the arm was sent nothing for so long that it may be elsewhere than it was
-        sent.
-        """
+        """True if the gap since the last setpoint is so long that the arm may be elsewhere."""
         return self.clock.now() - self._sent_at > self.Ts + SILENT
 
     def _brake(self) -> Brake:
-        """From what was sent last or, after silence, from where the arm is measured; raises
-        ArmError.
+        """Return a brake from the last setpoint or, after a gap, from the measured state.
+
+        Raises ArmError.
         """
         if self._silent():
             here = self.read()
@@ -244,7 +248,7 @@ class Stream:
         guarded: bool = False,
         braking: bool = False,
     ) -> None:
-        """Keep a period, whose setpoint is :attr:`sent`: see :class:`Period`."""
+        """Append a period, whose setpoint is :attr:`sent`; see :class:`Period`."""
         sent = self.sent
         pixels = self._no_image if image[0] is None else image[0]
         moved = state.q, state.qd, sent.qdd, sent.q, sent.qd

@@ -1,6 +1,4 @@
-"""Bounds beyond which a run on an arm is stopped, checks before it starts, and the watchdog of a
-loop that hangs.
-"""
+"""Bounds beyond which a run on an arm is stopped, checks before its start, and a watchdog."""
 
 from __future__ import annotations
 
@@ -24,22 +22,20 @@ from .driver import Joints
 
 @dataclass(frozen=True)
 class Supervision(Plausible):
-    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is
-    measured.
-    """
+    """Bounds beyond which the arm is braked; :class:`.Plausible` has those on measurements."""
 
-    start_rad: float = 0.02  #: How far a joint may be from the scenario's start [rad or m].
-    rest_rad_s: float = 0.01  #: How fast a joint may move before the start [rad/s or m/s].
-    following_rad: float = 0.1  #: How far a joint may be from where it was sent [rad or m].
-    #: How long the arm's clock may stand still in the states that are read [s]; five periods if
-    #: that is longer.
+    start_rad: float = 0.02  #: Greatest distance of a joint from the scenario's start [rad or m].
+    rest_rad_s: float = 0.01  #: Greatest speed of a joint before the start [rad/s or m/s].
+    following_rad: float = 0.1  #: Greatest distance of a joint from its setpoint [rad or m].
+    #: Time for which the arm's clock may stand still in the states that are read [s]; five periods
+    #: if that is longer.
     stalled_s: float = 0.02
-    #: How late a period may begin [s]; later than a whole period, it counts as missed.
+    #: Greatest delay of a period [s]; beyond a whole period it counts as missed.
     late_s: float = 0.02
-    #: How long the arm may take to be ready for setpoints, while it stands [s].
+    #: Time for the arm to become ready for setpoints, while it stands [s].
     begin_s: float = 2.0
-    #: How long the loop may say nothing before another thread brakes the arm [s]; five periods if
-    #: that is longer. An arm's own watchdog should wait longer, or it comes first.
+    #: Silence of the loop after which another thread brakes the arm [s]; five periods if that is
+    #: longer. An arm's own watchdog should wait longer, or it acts first.
     hang_s: float = 0.05
 
     def __post_init__(self) -> None:
@@ -49,8 +45,7 @@ class Supervision(Plausible):
 
 
 def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
-    """The scenario's setup with the start that the arm has, which may be elsewhere if it is to
-    start ``from_arm``.
+    """Return the setup with the start of the arm, which may be elsewhere if ``from_arm``.
 
     Raises ConfigurationError if the arm is elsewhere, moves, or cannot start there
     (:meth:`Setup.check_start`), or if gradients have errors.
@@ -87,19 +82,19 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
 
 
 class Requests:
-    """Signals that asked for a stop."""
+    """Signals that request a stop."""
 
     def __init__(self) -> None:
-        self.signal = 0  #: Number of the first one; 0 while there is none.
-        #: What a signal raises from now on, if the main thread is inside a period; until then it is
-        #: noted.
+        self.signal = 0  #: Number of the first signal; 0 if there is none.
+        #: Creates the exception that a signal raises from now on, if the main thread is inside a
+        #: period; until it is set, signals are noted.
         self.raising: Callable[[], BaseException] | None = None
         self.inside = False
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """A signal has come."""
+        """Handle a signal."""
         if self.raising is None:
-            # a watchdog's may come when its run is over
+            # a watchdog's signal may arrive when its run is over
             self.signal = self.signal or number * (number != TAKE_OVER)
         elif self.inside:
             self.inside = False
@@ -107,7 +102,7 @@ class Requests:
 
     @contextmanager
     def period(self) -> Iterator[None]:
-        """A period begins and ends."""
+        """Mark the block as a period."""
         self.inside = True
         try:
             yield
@@ -117,15 +112,13 @@ class Requests:
 
 @contextmanager
 def requests_noted() -> Iterator[Requests]:
-    """Note signals instead of being interrupted by them: the loop checks them between two
-    periods.
-    """
+    """Note signals without interruption; the loop checks them between two periods."""
     requests = Requests()
     if threading.current_thread() is not threading.main_thread():
-        yield requests  # signals are the main thread's
+        yield requests  # only the main thread receives signals
         return
     handlers = {number: signal.getsignal(number) for number in (*SIGNALS, TAKE_OVER)}
-    # those that are ignored stay so; those that were not set by Python could not be set again
+    # ignored signals stay ignored; handlers that were not set by Python could not be restored
     before = {number: own for number, own in handlers.items() if own not in (signal.SIG_IGN, None)}
     for number in before:
         signal.signal(number, requests.note)
@@ -137,7 +130,7 @@ def requests_noted() -> Iterator[Requests]:
 
 
 class Watchdog(threading.Thread):
-    """Acts once, in its own thread, if no heartbeat comes for longer than its patience [s]."""
+    """Thread that acts once if no heartbeat arrives for longer than its patience [s]."""
 
     def __init__(self, patience: float, act: Callable[[], None]) -> None:
         super().__init__(daemon=True, name="watchdog")
@@ -147,18 +140,18 @@ class Watchdog(threading.Thread):
         self._last = time.monotonic()
 
     def alive(self, more: float = 0.0) -> None:
-        """A heartbeat; the next one may take so much more time than usual [s]."""
+        """Note a heartbeat; the next one may take ``more`` seconds longer than usual."""
         self._last = time.monotonic() + more
 
     def run(self) -> None:
-        """Check four times within its patience."""
+        """Check four times within the patience."""
         while not self._over.wait(0.25 * self._patience):
             if time.monotonic() - self._last > self._patience:
                 self._act()
                 return
 
     def end(self) -> None:
-        """Stop checking; returns when a running action has finished."""
+        """Stop checking; return when a running action has finished."""
         self._over.set()
         if self.is_alive():
             self.join()

@@ -1,9 +1,9 @@
-"""Formulas, each once, for NumPy and for compiled code: elementwise.
+"""Elementwise formulas shared by NumPy and by compiled code, each written once.
 
-A formula takes numbers or arrays, coordinates one by one, and returns the same shape, several as a
-tuple. It uses arithmetic and elementwise functions of NumPy. No ``if`` depends on a coordinate,
-since arrays have no truth value: ``np.where`` chooses, or a comparison counts as 1 or 0 and a
-divisor that is zero gets 1 added. Parameters are numbers.
+A formula takes numbers or arrays, coordinate by coordinate, and returns the same shape; several
+results form a tuple. It uses arithmetic and elementwise functions of NumPy. No ``if`` depends on a
+coordinate, because arrays have no truth value: ``np.where`` chooses, or a comparison counts as 1 or
+0. A divisor that is zero gets 1 added. Parameters are numbers.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ __all__ = ["FORMULAS", "formula"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Every marked function, in the order of their definitions.
+#: All marked functions, in order of definition.
 FORMULAS: list[Callable[..., Any]] = []
 
 
 def formula(function: F) -> F:
-    """Mark a function that compiled code may call, also from other formulas; the function itself
-    stays as it is.
+    """Mark a function as callable from compiled code, also from other formulas.
+
+    The function itself is returned unchanged.
     """
     FORMULAS.append(function)
     return function

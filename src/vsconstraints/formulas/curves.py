@@ -1,5 +1,7 @@
-"""Implicit curves in the image: value and derivatives at pixels (u, v), and second derivative along
-(u̇, v̇).
+"""Implicit curves in the image.
+
+Each curve has a formula for its value and derivatives at pixels (u, v), and one for its second
+derivative along (u̇, v̇).
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from . import formula
 
 @formula
 def power(x: Any, n: float) -> Any:
-    """Power xⁿ, x ≥ 0 and n a number: by products for small whole n."""
+    """Power xⁿ for x ≥ 0 and a number n; by repeated multiplication for whole n from 0 to 64."""
     count = int(n) if 0.0 <= n <= 64.0 else 0
     if count != n:
         return x**n
@@ -46,7 +48,7 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 @formula
 def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
-    """Minus :func:`superellipse`: positive inside."""
+    """Superellipse obstacle: minus :func:`superellipse`, positive inside."""
     value, du, dv = superellipse(u, v, a, b, n)
     return -value, -du, -dv
 
@@ -87,8 +89,9 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
 
 @formula
 def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
-    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq.
-    46).
+    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives (eq. 46).
+
+    At u = 0 the derivatives are the mean of both sides.
     """
     d = v - np.abs(u)
     s = -2.0 / (r * r)

@@ -1,6 +1,4 @@
-"""What a camera sees of points, how that moves, and visual features: its pose relative to a goal's,
-and markers.
-"""
+"""Visual features and their motion: projected points, markers, and the pose relative to a goal."""
 
 from __future__ import annotations
 
@@ -17,8 +15,9 @@ MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker c
 def pose_error(
     goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool
 ) -> tuple[Matrix, Vector, Vector]:
-    """c*R_C, c*t_C and θu of eq. (44) of two poses in the target's frame; see
-    :func:`.rotation_vector` for ``near``.
+    """c*R_C, c*t_C and θu of eq. (44) from two poses in the target's frame.
+
+    See :func:`.rotation_vector` for ``near`` and ``continues``.
     """
     E = transposed_product(goal_R, R)
     return E, turned_back(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
@@ -28,8 +27,9 @@ def pose_error(
 def pose_rates(
     E: Matrix, L: Matrix, L_dot: Matrix, v: Any, omega: Any, v_dot: Any, omega_dot: Any
 ) -> tuple[Vector, Vector, Vector]:
-    """First and second derivative of c*t_C and second of θu with q̈ = 0, from the camera's motion
-    in its own axes.
+    """First and second derivative of c*t_C, and second derivative of θu, with q̈ = 0.
+
+    The camera's motion is given in its own axes.
     """
     return turned(E, v), turned(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
 
@@ -61,8 +61,10 @@ def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, 
 def image_motion(
     P: Any, v: Any, omega: Any, v_dot: Any, omega_dot: Any
 ) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) of a point P in the camera frame, relative to which the camera
-    moves.
+    """x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) of a point P in the camera frame.
+
+    ``v``, ``omega``, ``v_dot`` and ``omega_dot`` are the motion of the camera relative to the
+    point.
     """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
     swung = cross(P, omega)
@@ -75,7 +77,7 @@ def image_motion(
     x_dot = (rate[0] - x * rate[2]) / Z
     y_dot = (rate[1] - y * rate[2]) / Z
     depth_drift = bent[2] + turn[2] - v_dot[2]
-    # twice the derivative of x Z = X
+    # from the second derivative of x Z = X
     x_ddot = (bent[0] + turn[0] - v_dot[0] - x * depth_drift - 2.0 * x_dot * rate[2]) / Z
     y_ddot = (bent[1] + turn[1] - v_dot[1] - y * depth_drift - 2.0 * y_dot * rate[2]) / Z
     return x, y, x_dot, y_dot, x_ddot, y_ddot
@@ -83,6 +85,6 @@ def image_motion(
 
 @formula
 def interaction(a: Any, b: Any, x: Any, y: Any, Z: Any) -> tuple[Vector, Vector]:
-    """(a, b) L_sx of eq. (24): by which the camera's v, and by which its ω, is multiplied."""
+    """Rows (a, b) L_sx of eq. (24): the factors of the camera's v and of its ω."""
     along = a * x + b * y
     return (-a / Z, -b / Z, along / Z), (along * y + b, -along * x - a, a * y - b * x)

@@ -1,6 +1,4 @@
-"""Formulas in frames of their own in the image, and curvature along a motion, in the image and in
-space.
-"""
+"""Rotations in the image plane, and curvature along a motion by central differences."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from . import formula
 
-IN_IMAGE = 1e-4  #: How far differences look along a velocity [px, m].
+IN_IMAGE = 1e-4  #: Step of the differences along a velocity: in the image [px], in space [m].
 IN_SPACE = 1e-6
 TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is divided by zero.
 
@@ -30,9 +28,7 @@ def turned_back_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 @formula
 def differences_in_image(function: Callable[..., Any], parameters: Any, y: Any, v: Any) -> Any:
-    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a formula's gradient along
-    ẏ.
-    """
+    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a formula's gradient along ẏ."""
     h = IN_IMAGE / np.maximum(np.sqrt(v[0] * v[0] + v[1] * v[1]), TINY)
     ahead = function(y[0] + h * v[0], y[1] + h * v[1], *parameters)
     behind = function(y[0] - h * v[0], y[1] - h * v[1], *parameters)

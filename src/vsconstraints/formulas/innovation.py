@@ -1,6 +1,4 @@
-"""How far a measurement is from what the model predicts: the innovation, in the words of
-estimation.
-"""
+"""Innovation: difference between a measurement and the prediction of the model."""
 
 from __future__ import annotations
 
@@ -11,20 +9,19 @@ import numpy as np
 
 from . import formula
 
-#: Time constant of the comparison of speeds with positions [s]: late samples and filtered speeds
-#: leave little.
+#: Time constant with which speeds are compared with positions [s]. It is short, so that late
+#: samples and filtered speeds leave only a small difference.
 MEMORY = 0.2
 
 
 @formula
 def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tuple[float, float]:
-    """Greatest distance of a marker from where the model has it [px], and by how much the pattern's
-    shape differs.
+    """Greatest distance of a marker from its predicted pixel [px], and relative change of shape.
 
     The latter is ‖(s − s̄) − (p − p̄)‖ / ‖p − p̄‖ for markers seen at s (``pixels``) and predicted
-    at p, with ``correction`` (s − p) / F, each (M, 2). A target or camera that is a little
-    elsewhere hardly bends the pattern; a mirrored image, or another order of markers, bends it by 1
-    and more. 0 where all are predicted at one point.
+    at p, with ``correction`` (s − p) / F, each (M, 2). A small pose error of the target or camera
+    hardly changes the shape of the pattern. A mirrored image or a wrong order of markers changes it
+    by 1 or more. 0 if all markers are predicted at one point.
     """
     M = len(pixels)
     greatest = off = size = off_u = off_v = size_u = size_v = 0.0
@@ -47,11 +44,10 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
 
 @formula
 def depth_innovation(ratio: Any) -> float:
-    """Greatest difference of a marker's depth from the model's, by the smaller of both: max(r, 1/r)
-    − 1.
+    """Greatest relative difference of a marker's depth from the model's: max(r, 1/r) − 1.
 
-    ``ratio`` (M,) is r = Z / Z_model, NaN of markers whose depth is not measured. Twice and half of
-    the model's depth are both 1; millimetres in place of metres are 999.
+    ``ratio`` (M,) is r = Z / Z_model, NaN for markers without a measured depth. Twice and half of
+    the model's depth both give 1; millimetres in place of metres give 999.
     """
     greatest = 0.0
     for i in range(len(ratio)):
@@ -62,11 +58,11 @@ def depth_innovation(ratio: Any) -> float:
 
 @formula
 def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
-    """By how much positions have changed otherwise than speeds say [rad or m], forgotten within
-    :data:`MEMORY`.
+    """Difference between measured motion and integrated speeds [rad or m].
 
-    Divided by :data:`MEMORY` it is the error of a speed. ``before`` is the same a sample ago, NaN
-    if there was none; ``moved`` q − q_last. 0 at the first sample, and where time does not go on.
+    The difference decays with the time constant :data:`MEMORY`; divided by it, it is the error of a
+    speed. ``before`` is the difference one sample ago, NaN if there was none. ``moved`` is q −
+    q_last. 0 at the first sample, and where time does not advance.
     """
     fresh = np.isnan(before) | (dt <= 0.0)
     return np.where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))
@@ -76,12 +72,11 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
 def observed_drift(
     drift: Any, change: Any, rate: Any, most: Any, period: Any, time_constant: Any
 ) -> Any:
-    """d̂ ← d̂ + T_s/(T_s + τ) (d − d̂), d = Δσ/T_s − σ̇ within ±``most``: what moves σ beside what
-    the model knows [1/s].
+    """d̂ ← d̂ + T_s/(T_s + τ) (d − d̂) [1/s], with d = Δσ/T_s − σ̇ clipped to ±``most``.
 
-    ``change`` Δσ since the sample before, NaN if there was none, and ``rate`` the mean σ̇ of both.
-    The drift is filtered by a lag of the first order with the ``time_constant`` τ [s], so that a
-    constant one is found without an offset.
+    The drift d is the rate of σ that the model does not predict. ``change`` is Δσ since the
+    previous sample, NaN if there was none. ``rate`` is the mean σ̇ of both samples. The first-order
+    low-pass filter with the ``time_constant`` τ [s] finds a constant drift without an offset.
     """
     seen = np.minimum(np.maximum(change / period - rate, -most), most)
     return np.where(

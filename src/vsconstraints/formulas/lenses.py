@@ -1,9 +1,8 @@
-"""Lenses: where a pinhole's image of a point really is, and how fast that changes with where it
-should be.
+"""Lens distortion: image of a point relative to that of an ideal pinhole, with derivatives.
 
-A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and a tuple of all its coefficients, and
-gives (x_d, y_d), then ∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both are as OpenCV defines them:
-modules calib3d and calib3d/fisheye.
+A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and a tuple of all its coefficients. It
+returns (x_d, y_d), then ∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both lenses follow the definitions
+of OpenCV: modules calib3d and calib3d/fisheye.
 """
 
 from __future__ import annotations
@@ -18,20 +17,20 @@ from .curves import superellipse
 
 Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
 
-#: Of Newton's method at most; the error in normalised coordinates at which it ends, and the one
-#: that is accepted.
+#: Newton's method: greatest number of iterations, error in normalised coordinates at which it ends,
+#: and greatest error that is accepted.
 ITERATIONS = 50
 TOLERANCE = 1e-14
 ACCURACY = 1e-12
-INSIDE = 0.999  #: Share of the reach within which it starts: there is a kink.
+INSIDE = 0.999  #: Newton's method starts within this share of the reach, because of the kink there.
 
 
 @formula
 def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Radial and tangential distortion: x c + 2 p₁xy + p₂(r² + 2x²) and y c + p₁(r² + 2y²) + 2
-    p₂xy.
+    """Radial and tangential distortion (Brown-Conrady).
 
-    There, c = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
+    x_d = x c + 2 p₁xy + p₂(r² + 2x²) and y_d = y c + p₁(r² + 2y²) + 2 p₂xy, where c = (1 + k₁r² +
+    k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     s = x * x + y * y
@@ -53,8 +52,9 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any
 
 @formula
 def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Distortion of the angle from the axis: (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² +
-    k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
+    """Distortion of the angle from the optical axis.
+
+    (x_d, y_d) = (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
     """
     k1, k2, k3, k4 = coefficients
     squared = x * x + y * y
@@ -74,11 +74,10 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any,
 def extended(
     lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any
 ) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """A lens which from the radius ``reach`` on goes on along straight lines from the centre, as
-    one to one.
+    """Lens that is continued beyond the radius ``reach``, one to one along straight lines.
 
-    So it can be inverted everywhere, if it can be up to that radius: farther out polynomials may
-    turn back.
+    The lines start at the centre. If the lens is invertible up to that radius, the continued lens
+    is invertible everywhere. Farther out the polynomials of the lens may turn back.
     """
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
@@ -94,8 +93,9 @@ def extended(
 
 @formula
 def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tuple[Any, Any, Any]:
-    """The step from (x, y) to the point whose image is (X, Y), and how far off the image of (x, y)
-    is.
+    """Newton step from (x, y) to the point whose image is (X, Y), and the present error.
+
+    The error is the greater distance of both coordinates between the image of (x, y) and (X, Y).
     """
     X, Y, a, b, c, d = extended(lens, at[0], at[1], reach, coefficients)
     u = image[0] - X
@@ -110,8 +110,9 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
 
 @formula
 def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Pixels on the sensor, and their derivatives, of ideal pixels; ``eye`` is what a camera has by
-    that name.
+    """Pixels on the sensor for ideal pixels, and their derivatives.
+
+    ``eye`` is the camera's attribute of that name.
     """
     F = eye[0]
     G = eye[1]
@@ -121,8 +122,9 @@ def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any,
 
 @formula
 def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> tuple[Any, Any, Any]:
-    """A superellipse of half axes (a, b) on the sensor, and its derivatives, at ideal pixels y =
-    (u, v).
+    """Superellipse of half axes (a, b) on the sensor, and its derivatives.
+
+    They are evaluated at ideal pixels y = (u, v).
     """
     u, v, a, b, c, d = on_sensor(lens, y[0], y[1], eye)
     value, du, dv = superellipse(u, v, half[0], half[1], n)
@@ -133,7 +135,7 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
 def superellipse_by_brown_conrady(
     u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
 ) -> tuple[Any, Any, Any]:
-    """:func:`superellipse_on_sensor` with that lens."""
+    """:func:`superellipse_on_sensor` with :func:`brown_conrady`."""
     return superellipse_on_sensor(brown_conrady, (u, v), (a, b), n, eye)
 
 
@@ -141,21 +143,19 @@ def superellipse_by_brown_conrady(
 def superellipse_by_fisheye(
     u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
 ) -> tuple[Any, Any, Any]:
-    """:func:`superellipse_on_sensor` with that lens."""
+    """:func:`superellipse_on_sensor` with :func:`fisheye`."""
     return superellipse_on_sensor(fisheye, (u, v), (a, b), n, eye)
 
 
 class LensModel(NamedTuple):
-    """A kind of lens: its formula, a superellipse on the sensor seen through it, how many
-    coefficients it may have.
-    """
+    """Kind of lens: formula, superellipse on the sensor, and permitted numbers of coefficients."""
 
     lens: Lens
     superellipse: Callable[..., Any]
     counts: tuple[int, ...]
 
 
-#: By the names that scenario files use; coefficients that are not given are 0.
+#: Lens models by their names in scenario files. Coefficients that are not given are 0.
 MODELS = {
     "brown-conrady": LensModel(brown_conrady, superellipse_by_brown_conrady, (4, 5, 8)),
     "fisheye": LensModel(fisheye, superellipse_by_fisheye, (4,)),

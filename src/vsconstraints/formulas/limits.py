@@ -1,4 +1,4 @@
-"""What a joint's limits leave of its acceleration."""
+"""Bounds on a joint's acceleration that follow from its limits."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ formula(at_end)
 
 
 class JointLimits(NamedTuple):
-    """Limits of a joint (compiled), or arrays (n,) of those of all joints (NumPy); infinite where
-    there is none.
+    """Limits of one joint (compiled), or arrays (n,) for all joints (NumPy); infinite if unlimited.
 
-    |q̈| ≤ ``acceleration`` [rad/s² or m/s²], |q̈ − q̈_last| ≤ ``change`` from one sample to the next, and unless
-    ``ranges`` is 0 range and speed [rad, rad/s or m, m/s], which takes bounded accelerations;
-    ``period`` is T_s [s].
+    |q̈| ≤ ``acceleration`` [rad/s² or m/s²], |q̈ − q̈_last| ≤ ``change`` from one sample to the
+    next and, unless ``ranges`` is 0, range and speed [rad, rad/s or m, m/s]. Limits of range and
+    speed require bounded accelerations. ``period`` is T_s [s].
     """
 
     acceleration: Any
@@ -32,34 +31,31 @@ class JointLimits(NamedTuple):
 
 @formula
 def between(x: Any, least: Any, greatest: Any) -> Any:
-    """What is nearest to x."""
+    """Clip x to [least, greatest]."""
     return np.minimum(np.maximum(x, least), greatest)
 
 
 @formula
 def actuator_box(last: Any, limits: JointLimits) -> tuple[Any, Any]:
-    """Least and greatest q̈ that an actuator has after q̈_last: |q̈| ≤ a and |q̈ − q̈_last| ≤ j
-    T_s.
-    """
+    """Least and greatest q̈ of an actuator after q̈_last: |q̈| ≤ a and |q̈ − q̈_last| ≤ j T_s."""
     a = limits.acceleration
     return between(last - limits.change, -a, a), between(last + limits.change, -a, a)
 
 
 @formula
 def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
-    """Greatest q̈ for a period T after which a joint can still stop before the end of its range, d
-    = ``left`` away.
+    """Greatest q̈ for a period T after which a joint can still stop within its range.
 
-    After it the speed is w = q̇ + T q̈ and what is left is d − T (q̇ + w)/2. Where w ≥ 0, stopping
-    takes w²/(2a) (Del Prete 2018, eq. 24): w² + a T w ≤ 2 a (d − T q̇/2). Where that leaves no w ≥
-    0, the joint turns back within the period, by q̈ = −q̇²/(2d). A joint that is outside is
-    stopped.
+    The end of the range is d = ``left`` away. After the period the speed is w = q̇ + T q̈ and the
+    remaining distance d − T (q̇ + w)/2. If w ≥ 0, stopping takes w²/(2a) (Del Prete 2018, eq. 24):
+    w² + a T w ≤ 2 a (d − T q̇/2). If no w ≥ 0 satisfies this, the joint turns back within the
+    period, by q̈ = −q̇²/(2d). A joint outside its range is stopped.
     """
     d = np.where(left < np.inf, left, 0.0)
     ahead = d - 0.5 * period * speed
     room = 4.0 * acceleration * np.maximum(ahead, 0.0)
     slowed = acceleration * period
-    # the root of the quadratic, without a difference of two numbers that are nearly the same
+    # root of the quadratic in a form without cancellation
     w = room / (slowed + np.sqrt(slowed * slowed + 2.0 * room))
     turning = np.where(d > 0.0, -speed * speed / (2.0 * np.where(d > 0.0, d, 1.0)), -speed / period)
     return np.where(left < np.inf, np.where(ahead >= 0.0, (w - speed) / period, turning), np.inf)
@@ -67,8 +63,10 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
 
 @formula
 def joint_box(q: Any, qd: Any, last: Any, limits: JointLimits) -> tuple[Any, Any]:
-    """Least and greatest q̈ now: what the actuator has, of that what keeps speed and range, or what
-    is nearest to it.
+    """Least and greatest q̈ of a joint now.
+
+    The box of the actuator is intersected with the bounds that keep speed and range. If the two do
+    not overlap, the box shrinks to the actuator's acceleration nearest to those bounds.
     """
     least, greatest = actuator_box(last, limits)
     if limits.ranges == 0:

@@ -1,5 +1,6 @@
-"""How things move, a point carried by a body, a camera relative to a target; and how far poses are
-from each other.
+"""Motion of displaced targets, of points carried by a body, and of a camera relative to a target.
+
+Also the angle between two poses.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .vectors import Matrix, Vector, cross, minus, plus, turned
 def displacement(
     t: Any, velocity: Any, amplitude: Any, rate: Any, phase: Any
 ) -> tuple[Any, Any, Any]:
-    """D = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and its first and second derivative."""
+    """Displacement d = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and two derivatives."""
     angle = rate * t + phase
     s = np.sin(angle)
     c = np.cos(angle)
@@ -31,8 +32,9 @@ def displacement(
 
 @formula
 def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tuple[Matrix, Vector]:
-    """R and t of the target's frame at time t: x ↦ R(x − c) + c + d, with R the turn by ω t about
-    c.
+    """R and t of the target's frame at time t: x ↦ R(x − c) + c + d.
+
+    R is the rotation by ω t about c.
     """
     rate = length(angular_velocity)
     turning = rate if rate > 0.0 else 1.0
@@ -49,8 +51,9 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
 def carried(
     r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any
 ) -> tuple[Vector, Vector]:
-    """Velocity and acceleration of a point at r from a body's origin, which moves with v, ω, v̇ and
-    ω̇.
+    """Velocity and acceleration of a point of a body, at r from the body's origin.
+
+    The origin moves with v and v̇, the body turns with ω and ω̇.
     """
     s = cross(omega, r)
     inwards = cross(omega, s)
@@ -68,11 +71,11 @@ def carried(
 def relative_twist(
     velocity: Any, acceleration: Any, omega: Any, alpha: Any, target_omega: Any, away: Any
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """v, ω, v̇ and ω̇ of a camera relative to a target, as seen by who turns with the camera, in
-    the base frame.
+    """v, ω, v̇ and ω̇ of a camera relative to a target, in the base frame.
 
-    Of the camera ω, ω̇ and the motion of its origin, less that of the target's displacement; of the
-    target its constant ω, and the camera's origin ``away`` from its centre.
+    The derivatives are those seen by an observer that turns with the camera. Inputs are ω, ω̇ and
+    the motion of the camera's origin, less the motion of the target's displacement; the constant ω
+    of the target; and the position ``away`` of the camera's origin from the target's centre.
     """
     v = minus(velocity, cross(target_omega, away))
     turning = cross(target_omega, velocity)
@@ -82,18 +85,17 @@ def relative_twist(
 
 @formula
 def angle(squared_difference: Any) -> Any:
-    """Angle between two rotations [rad], from the sum of the squared differences of their
-    matrices.
-    """
+    """Angle between two rotations [rad], from the squared Frobenius norm of their difference."""
     return 2.0 * np.arcsin(np.minimum(1.0, np.sqrt(squared_difference / 8.0)))
 
 
 @formula
 def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
-    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px]
-    alone; and at rest.
+    """True if a goal is reached and the arm is at rest.
 
-    ``speed`` is that of the fastest joint [rad/s or m/s]; ``tolerance`` (4,) are those of all four.
+    The goal is reached by distance [m] and angle [rad] of the camera (``by_pose``), or else by
+    markers [px] alone. ``speed`` is that of the fastest joint [rad/s or m/s]; ``tolerance`` (4,)
+    holds the tolerances of all four.
     """
     there = (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
     return there & (speed <= tolerance[3])

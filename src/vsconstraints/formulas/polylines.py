@@ -1,6 +1,4 @@
-"""Distances of many points to polylines: loops, which take some hundred times as long where nothing
-compiles them.
-"""
+"""Distances of many points to polylines, by loops that are about 100 times slower uncompiled."""
 
 from __future__ import annotations
 
@@ -12,17 +10,17 @@ import numpy as np
 from ..rows import Array, IntArray
 from . import formula
 
-BLOCK = 8  #: Vertices that are looked at together, blocks of them, and groups of those likewise.
-SLACK = 1.0 + 1e-9  #: For the rounding of bounds.
+BLOCK = 8  #: Number of vertices in a block, of blocks in a group, and of groups in a region.
+SLACK = 1.0 + 1e-9  #: Margin for the rounding of bounds.
 
 
 def prepared(
     lines: Sequence[Array],
 ) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:
-    """What :func:`search` needs of polylines (p, 2).
+    """Arrays that :func:`search` needs for polylines (p, 2).
 
-    All vertices; chords of blocks, groups and regions of them; the vertices before and after each,
-    itself at an end; and a quarter of the longest segment, squared (1,).
+    All vertices; chords of blocks, groups and regions of them; the vertices before and after each
+    vertex, or itself at an end; and a quarter of the squared length of the longest segment (1,).
     """
     vertices = np.ascontiguousarray(np.concatenate(lines), dtype=np.float64)
     ends = np.cumsum([len(line) for line in lines])
@@ -37,10 +35,10 @@ def prepared(
 
 
 def _chords(vertices: Array, size: int) -> Array:
-    """(b, 6) of each block of that size: its first vertex, the way to its last, and how far from
-    that chord it gets.
+    """Chords (b, 6) of blocks of the given size.
 
-    The last but one is 1/length² of the chord.
+    Columns: first vertex, vector to the last vertex, 1/length² of the chord, and greatest distance
+    of the block's vertices from the chord.
     """
     starts = np.arange(0, len(vertices), size)
     first = vertices[starts]
@@ -68,7 +66,7 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
 
 @formula
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
-    """Whether a block may hold a vertex within the bound."""
+    """True if a block may contain a vertex within the bound."""
     limit = (bound + chords[i, 5]) * SLACK
     x = u - chords[i, 0]
     y = v - chords[i, 1]
@@ -97,14 +95,13 @@ def to_neighbours(
 def search(
     points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray, found: Array
 ) -> None:
-    """Write the distance of points (k, 2) to lines of :func:`prepared` to ``found`` (k,), a vertex
-    near to ``nearest``.
+    """Write the distances of points (k, 2) to the lines of :func:`prepared` to ``found`` (k,).
 
-    A segment that is nearest to a point has one of its ends no farther than √(distance² +
-    (length/2)²), so that with the longest segment only vertices up to there matter, with the
-    segments at them. Consecutive vertices form blocks along chords; only blocks that may hold such
-    a vertex are looked at one by one. The search starts at the vertex found ``stride`` points
-    before: that of the same marker.
+    A vertex at or near the closest segment is written to ``nearest``. The segment nearest to a
+    point has one end no farther than √(distance² + (length/2)²). With the length of the longest
+    segment, only vertices up to there matter, with the segments at them. Consecutive vertices form
+    blocks along chords, and only blocks that may contain such a vertex are searched. The search
+    starts at the vertex found ``stride`` points before, which belongs to the same marker.
     """
     vertices, blocks, groups, regions, before, after, longest = lines
     beyond = longest[0]

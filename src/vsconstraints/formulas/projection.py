@@ -1,4 +1,4 @@
-"""How far the large projection operator is opened."""
+"""Activation of the large projection operator."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from . import formula
 
 @formula
 def opening(error: Any, closed: float, opened: float) -> Any:
-    """λ of the error's size: 0 below ``closed``, 1 above ``opened``, 1/(1 + exp(6 − 12 r)) at the
-    share r between.
+    """λ as a function of the error: 0 below ``closed``, 1 above ``opened``.
 
-    Marey and Chaumette, "New strategies for avoiding robot joint limits", IROS 2010, with the ends
-    as in ViSP.
+    In between it is 1/(1 + exp(6 − 12 r)) with r = (error − closed)/(opened − closed). Marey and
+    Chaumette, "New strategies for avoiding robot joint limits", IROS 2010, with the ends as in
+    ViSP.
     """
     r = (error - closed) / (opened - closed)
     between = 1.0 / (1.0 + np.exp(6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)))

@@ -1,7 +1,7 @@
-"""Regions in space, in frames of their own: depth below the surface, its derivatives, and the
-curvature along a motion.
+"""Regions in space, in local frames: depth below the surface, derivatives, and curvature.
 
-The depth is positive inside; its derivatives lead in, the shortest way.
+The depth is positive inside. Its gradient points inwards along the shortest way. The curvature is
+the second derivative along a motion.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 
 from . import formula
 
-#: Distance [m] below which a direction or a curvature is taken as that at this distance, so that it
-#: stays finite.
+#: Distance [m] below which directions and curvatures are evaluated as at this distance, so that
+#: they stay finite.
 SMALL = 1e-9
 
 Depth = tuple[Any, Any, Any, Any]
@@ -21,8 +21,9 @@ Depth = tuple[Any, Any, Any, Any]
 
 @formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
-    """Depth in a sphere r − ‖p‖ and its derivatives (eqs. 47 and 48); at the centre the direction
-    out is +z.
+    """Depth r − ‖p‖ in a sphere and its derivatives (eqs. 47 and 48); at the centre n = +z.
+
+    n is the outward direction.
     """
     d = np.sqrt(x * x + y * y + z * z)
     at_centre = 1.0 * (d <= 0.0)
@@ -32,7 +33,7 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 
 @formula
 def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
-    """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, n the direction out."""
+    """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
     d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
     radial = (x * x_dot + y * y_dot + z * z_dot) / d
     return (radial * radial - (x_dot * x_dot + y_dot * y_dot + z_dot * z_dot)) / d
@@ -40,14 +41,14 @@ def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_d
 
 @formula
 def half_space(x: Any, y: Any, z: Any) -> Depth:
-    """Depth below the plane z = 0; its gradient is the normal, reversed."""
+    """Depth below the plane z = 0, and its derivatives: minus the normal."""
     none = 0.0 * z
     return -z, none, none, none - 1.0
 
 
 @formula
 def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
-    """None."""
+    """Zero: a plane is not curved."""
     return 0.0 * z_dot
 
 
@@ -55,8 +56,8 @@ def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: 
 def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     """Depth in the box |x| ≤ h = (a, b, c): −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside.
 
-    n leads out to the nearest face: along the first axis of those equally near, and towards + in
-    the middle.
+    n points outwards to the nearest face. If several faces are equally near, the first axis counts;
+    in the middle, the positive direction.
     """
     sx = 1.0 - 2.0 * (x < 0.0)
     sy = 1.0 - 2.0 * (y < 0.0)
@@ -81,8 +82,9 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
 
 @formula
 def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any) -> Any:
-    """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, A the axes along which x is beyond the box;
-    0 inside.
+    """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, 0 inside.
+
+    A are the axes along which x lies beyond the box.
     """
     x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
@@ -97,7 +99,7 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
 
 @formula
 def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Distance ρ from the z axis, and its derivatives; on the axis those along x."""
+    """Distance ρ from the z axis and its derivatives; on the axis, the direction is x."""
     rho = np.sqrt(x * x + y * y)
     on_axis = 1.0 * (rho <= 0.0)
     whole = rho + on_axis
@@ -106,8 +108,9 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
 
 @formula
 def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
-    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and derivatives; inside, ρ = r and +
-    where sides tie.
+    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and its derivatives.
+
+    Inside, where sides are equally near, the side ρ = r counts first, then the end z = +h.
     """
     side = rho - r
     end = np.abs(z) - h
@@ -124,8 +127,9 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
 
 @formula
 def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle; on the
-    axis out along x.
+    """Depth in the cylinder ρ ≤ r, |z| ≤ h with ρ² = x² + y², and its derivatives.
+
+    It is the depth of (ρ, z) in the rectangle. On the axis the outward direction is along x.
     """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
@@ -136,8 +140,10 @@ def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
 def cylinder_curvature(
     x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
 ) -> Any:
-    """ẋᵀ H ẋ of :func:`cylinder`: of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and of the rectangle, bent only beyond
-    both side and end.
+    """ẋᵀ H ẋ of :func:`cylinder`.
+
+    It is the sum of the curvature of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and that of the rectangle, which is
+    curved only beyond both side and end.
     """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
@@ -151,8 +157,9 @@ def cylinder_curvature(
 
 @formula
 def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
-    """Distance to the segment |z| ≤ h of the z axis, and its derivatives; on the segment those
-    along x.
+    """Distance to the segment |z| ≤ h of the z axis, and its derivatives.
+
+    On the segment the direction is x.
     """
     away = z - np.minimum(np.maximum(z, -h), h)
     length = np.sqrt(x * x + y * y + away * away)
@@ -163,8 +170,9 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
 @formula
 def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis; on the segment out
-    along x.
+    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis.
+
+    On the segment the outward direction is along x.
     """
     length, nx, ny, nz = from_segment(x, y, z, h)
     return r - length, -nx, -ny, -nz
@@ -174,8 +182,9 @@ def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
 def capsule_curvature(
     x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
 ) -> Any:
-    """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment; beside the
-    segment, without ż.
+    """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment.
+
+    Beside the segment ẋ is taken without ż.
     """
     length, nx, ny, nz = from_segment(x, y, z, h)
     along = (np.abs(z) > h) * z_dot

@@ -1,6 +1,4 @@
-"""Rotations, one at a time: the turn about an axis, the rotation vector of a matrix, and how it
-moves.
-"""
+"""Single rotations: rotation about an axis, rotation vector of a matrix, and its derivative."""
 
 from __future__ import annotations
 
@@ -17,8 +15,9 @@ TURN = 2.0 * math.pi
 
 @formula
 def whole_turns(angle: Any) -> Any:
-    """Whole turns [rad] that bring an angle into [−π, π] when they are subtracted; 0 for one that
-    lies there.
+    """Multiple of 2π [rad] that brings an angle into [−π, π] when it is subtracted.
+
+    It is 0 for an angle in that interval.
     """
     return TURN * np.rint(angle / TURN)
 
@@ -31,7 +30,7 @@ def length(x: Any) -> float:
 
 @formula
 def turn_about(axis: Any, s: float, c: float) -> Matrix:
-    """I + s [u]× + (1 − c) [u]×²: the turn about the unit vector u with sine s and cosine c."""
+    """I + s [u]× + (1 − c) [u]×²: rotation about the unit vector u with sine s and cosine c."""
     x = axis[0]
     y = axis[1]
     z = axis[2]
@@ -47,7 +46,7 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
 
 @formula
 def turn_by(w: Any) -> Matrix:
-    """exp([w]×): the turn by ‖w‖ about w."""
+    """exp([w]×): rotation by ‖w‖ about w."""
     theta = length(w)
     share = 1.0 / theta if theta > 0.0 else 0.0
     return turn_about((share * w[0], share * w[1], share * w[2]), math.sin(theta), math.cos(theta))
@@ -57,11 +56,11 @@ def turn_by(w: Any) -> Matrix:
 def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     """θu with exp([θu]×) = R.
 
-    If it ``continues``, that of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so that a sequence
-    of calls stays continuous, also through θ = π. Otherwise θ ≤ π, and at π the axis is the one
-    whose largest component is positive.
+    If ``continues`` is set, it is the one of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so
+    that a sequence of calls stays continuous, also through θ = π. Otherwise θ ≤ π, and at π the
+    largest component of the axis is positive.
     """
-    # the quaternion (w, real) by its largest component, which is accurate for every angle
+    # quaternion (w, real) by its largest component, which is accurate for every angle
     xx = R[0][0]
     yy = R[1][1]
     zz = R[2][2]
@@ -87,7 +86,7 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     factor = 1.0
     if continues:
         if theta < 1e-12:
-            # no turn has no axis: that of the last sample counts, if it had made a whole turn
+            # R = I has no axis: if the last rotation vector was a whole turn, its axis is kept
             before = length(near)
             if before > math.pi:
                 whole = TURN * round(before / TURN) / before
@@ -95,7 +94,7 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
         else:
             factor += TURN * round((dot(near, w) / theta - theta) / TURN) / theta
     elif theta > math.pi - 1e-6:
-        # next to half a turn the axis' sign is ambiguous: its largest component is made positive
+        # near θ = π the sign of the axis is ambiguous: its largest component is made positive
         greatest = w[0]
         greatest = w[1] if abs(w[1]) > abs(greatest) else greatest
         greatest = w[2] if abs(w[2]) > abs(greatest) else greatest
@@ -105,8 +104,9 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
 
 @formula
 def cotangent_coefficient(theta: float) -> tuple[float, float]:
-    """c(θ) = (1 − (θ/2) cot(θ/2)) / θ² and c'(θ) / θ; the series below θ = 0.1 is exact to rounding
-    (1e-13).
+    """c(θ) = (1 − (θ/2) cot(θ/2)) / θ² and c'(θ) / θ.
+
+    The series used below θ = 0.1 is exact to rounding (1e-13).
     """
     theta2 = theta * theta
     if theta < 0.1:
@@ -133,11 +133,10 @@ def with_half_cross(L: Matrix, x: Any) -> Matrix:
 
 @formula
 def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
-    """How a rotation vector w = θu of R moves when Ṙ = R [ω]×: ẇ = L ω, L and its derivative along
-    ω.
+    """ẇ = L ω of the rotation vector w = θu of R if Ṙ = R [ω]×, L, and its derivative along ω.
 
     L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference),
-    [w]×² = w wᵀ − θ² I; the sign of the middle term is that of ω expressed in the current, rotating
+    [w]×² = w wᵀ − θ² I. The middle term is positive because ω is expressed in the current, rotating
     frame.
     """
     theta = length(w)

@@ -1,5 +1,6 @@
-"""What a demand is a formula of: the numbers of one row, or the arrays of all rows; and gradients
-with an error.
+"""Inputs of the formula of a demand: numbers of one row, or arrays of all rows.
+
+Also gradients with an error.
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ from . import formula
 
 
 class Row(NamedTuple):
-    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); NaN where one is not known or
-    not used.
+    """Numbers of one row (compiled), or arrays (m,) of all rows (NumPy).
+
+    Entries that are unknown or unused are NaN.
 
     Attributes
     ----------
     phi, Lf, sigma, sigma_dot, K, switching_gain, scale
         As in :class:`vsconstraints.rows.Rows`.
     tracked, effort
-        L_gφ q̈ and ‖q̈‖ of the command that tracks and heeds no row.
+        L_gφ q̈ and ‖q̈‖ of the command that tracks without rows.
     norm, norm_1
         ‖L_gφ‖, and the sum ‖L_gφ‖₁ of the magnitudes of its entries.
     last_rate
@@ -47,25 +49,26 @@ class Row(NamedTuple):
     memory: Any
 
 
-#: The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈
-#: of tracking.
+#: Purposes of a formula: bounds c of L_gφ q̈; bounds that all active rows meet with equality; c
+#: less L_gφ q̈ of tracking.
 BOUND, EQUAL, PUSH = range(3)
 
 
 @formula
 def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
-    """φ + T_s L_gφ q̈ of tracking where φ is of relative degree one by itself (K = 0), as a
-    speed's; φ elsewhere.
+    """φ + T_s L_gφ q̈ of tracking where φ itself has relative degree one (K = 0); φ elsewhere.
+
+    K = 0 holds for rows of speeds, for instance.
     """
     return np.where(K == 0.0, phi + period * tracked, phi)
 
 
 @formula
 def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
-    """One of ``BOUND``, ``EQUAL`` and ``PUSH``, ∞ where nothing is asked for, from the value of a
-    demand's formula.
+    """Convert the value of a demand's formula to ``BOUND``, ``EQUAL`` or ``PUSH``.
 
-    ``relative`` and ``everywhere`` are the demand's, as 0 or 1.
+    The result is inf where the demand is inactive: for ``PUSH``, and for ``EQUAL`` unless
+    ``everywhere``. ``relative`` and ``everywhere`` are the demand's attributes, as 0 or 1.
     """
     if purpose == PUSH:
         below = value if relative == 1 else value - tracked
@@ -78,8 +81,9 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
 
 @formula
 def share(c: Any, tracked: Any) -> Any:
-    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c least: 1 where tracking
-    moves a row inwards.
+    """Largest κ in [0, 1] for which κ L_gφ q̈ of tracking does not exceed max(c, 0).
+
+    It is 1 where tracking moves a row inwards.
     """
     room = np.maximum(c, 0.0)
     return np.where(tracked > room, room / tracked, 1.0)
@@ -87,5 +91,5 @@ def share(c: Any, tracked: Any) -> Any:
 
 @formula
 def gradient_error(gradient: Any, share: Any) -> Any:
-    """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``share`` = c_e s; of L_gφ = K ∇σ likewise."""
+    """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``share`` = c_e s; the same for L_gφ = K ∇σ."""
     return share * np.abs(gradient)

@@ -1,8 +1,7 @@
-"""Vectors as tuples of three numbers or arrays, matrices as three rows of three: for one body, or
-many at once.
+"""Vectors as tuples of three numbers or arrays, matrices as three rows of three.
 
-Compiled code turns arrays into tuples first (:func:`vector`, :func:`matrix`): a formula is compiled
-anew for each type.
+With arrays, they stand for many bodies at once. Compiled code turns arrays into tuples first
+(:func:`vector`, :func:`matrix`), because a formula is compiled separately for each type.
 """
 
 from __future__ import annotations
@@ -17,61 +16,61 @@ Matrix = Any  #: A tuple of three rows, or an array (3, 3).
 
 @formula
 def vector(x: Any) -> Vector:
-    """The three coordinates of an array (3, ...)."""
+    """Coordinates of an array (3, ...), as a tuple."""
     return x[0], x[1], x[2]
 
 
 @formula
 def matrix(A: Any) -> Matrix:
-    """The three rows of an array (3, 3)."""
+    """Rows of an array (3, 3), as tuples."""
     return (A[0, 0], A[0, 1], A[0, 2]), (A[1, 0], A[1, 1], A[1, 2]), (A[2, 0], A[2, 1], A[2, 2])
 
 
 @formula
 def plus(a: Any, b: Any) -> Vector:
-    """A + b."""
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @formula
 def minus(a: Any, b: Any) -> Vector:
-    """A − b."""
+    """Return a − b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @formula
 def times(scale: Any, a: Any) -> Vector:
-    """Scale a."""
+    """Return scale a."""
     return scale * a[0], scale * a[1], scale * a[2]
 
 
 @formula
 def along_with(a: Any, scale: Any, b: Any) -> Vector:
-    """A + scale b."""
+    """Return a + scale b."""
     return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
 
 
 @formula
 def cross(a: Any, b: Any) -> Vector:
-    """A × b."""
+    """Return a × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @formula
 def dot(a: Any, b: Any) -> Any:
-    """A · b."""
+    """Return a · b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @formula
 def turned(A: Matrix, x: Any) -> Vector:
-    """A x."""
+    """Return A x."""
     return dot(A[0], x), dot(A[1], x), dot(A[2], x)
 
 
 @formula
 def turned_back(A: Matrix, x: Any) -> Vector:
-    """Aᵀ x."""
+    """Return Aᵀ x."""
     return (
         A[0][0] * x[0] + A[1][0] * x[1] + A[2][0] * x[2],
         A[0][1] * x[0] + A[1][1] * x[1] + A[2][1] * x[2],
@@ -81,13 +80,13 @@ def turned_back(A: Matrix, x: Any) -> Vector:
 
 @formula
 def product(A: Matrix, B: Matrix) -> Matrix:
-    """A B."""
+    """Return A B."""
     return turned_back(B, A[0]), turned_back(B, A[1]), turned_back(B, A[2])
 
 
 @formula
 def transposed_product(A: Matrix, B: Matrix) -> Matrix:
-    """Aᵀ B."""
+    """Return Aᵀ B."""
     rows = turned_back(A, (B[0][0], B[1][0], B[2][0]))
     middle = turned_back(A, (B[0][1], B[1][1], B[2][1]))
     last = turned_back(A, (B[0][2], B[1][2], B[2][2]))

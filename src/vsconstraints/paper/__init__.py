@@ -1,6 +1,4 @@
-"""The paper claim by claim: its sentences, what is measured of each here, and counterparts of its
-figures.
-"""
+"""Claims of the paper: its sentences, measurements of each, and counterparts of its figures."""
 
 from .report import Reproduction as Reproduction
 from .runner import check as check

@@ -1,4 +1,4 @@
-"""The report: verdicts, figures and studies, written by a template."""
+"""Report on the paper's claims: verdicts, figures and studies, rendered by a template."""
 
 from __future__ import annotations
 
@@ -25,38 +25,38 @@ DATA: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("report.toml").read_text(encoding="utf-8")
 )
 
-#: What the claims of each number are about.
+#: Topics of the claims by number.
 TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
 
-#: What the template knows of every reproduction.
+#: Template variables that do not depend on the reproduction.
 TOLD = {"table": Table, "topics": TOPICS, "verdicts": VERDICTS, "shipped": STUDIES}
 TOLD |= {"figure_file": figure_file, "data_file": data_file, "not_printed": DATA["not-printed"]}
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """The result of checking every claim."""
+    """Result of checking all claims."""
 
     report: Path  #: Path of the report.
-    findings: Mapping[str, Finding]  #: By the claims' keys, in the report's order.
+    findings: Mapping[str, Finding]  #: Reasons why something could not be run or drawn, by name.
     #: What could not be run or drawn, by name, with the reason.
     problems: Mapping[str, str] = field(default_factory=dict)
     wall_time: float = 0.0  #: [s].
-    formats: Formats = PNG  #: Of the figures.
+    formats: Formats = PNG  #: Formats of the figures.
 
     @property
     def folder(self) -> Path:
-        """Of the report, with figures and tables below it."""
+        """Folder of the report, with figures and tables below it."""
         return self.report.parent
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many claims have each verdict."""
+        """Number of claims with each verdict."""
         verdicts = Counter(finding.verdict for finding in self.findings.values())
         return {verdict: verdicts[verdict] for verdict in VERDICTS}
 
     def summary(self) -> str:
-        """One line for the command line."""
+        """Return one line for the command line."""
         counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
         return (
             f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. {where(self.report)}"
@@ -69,10 +69,10 @@ def write_report(
     studies: Mapping[str, Any],
     command: Sequence[str],
 ) -> None:
-    """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
+    """Write report.md, its equivalent report.html, and claims.csv; each completely or not at all.
 
-    ``missing`` has by figure why it could not be drawn; ``studies`` results by name, or why there
-    are none.
+    ``missing`` holds by figure the reason why it could not be drawn. ``studies`` holds results by
+    name, or the reason why there are none.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
@@ -105,7 +105,5 @@ def write_report(
 
 
 def differences() -> str:
-    """Where this project differs from the paper, as Markdown; the documentation shows the same
-    text.
-    """
+    """Differences between this project and the paper, as Markdown; also in the documentation."""
     return Path(__file__).with_name("differences.md").read_text(encoding="utf-8")

@@ -1,6 +1,4 @@
-"""Simulates what claims and figures need, measures the claims, draws the figures, and writes the
-report.
-"""
+"""Reproduction of the paper: simulate, measure the claims, draw the figures, write the report."""
 
 from __future__ import annotations
 
@@ -24,13 +22,14 @@ from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
 from .verdicts import CLAIMS, Claim, Finding, all_claims
 
-#: Called with the current activity, the number of its tasks that are done, and their total.
+#: Called with the current activity, the number of its finished tasks, and their total.
 Progress = Callable[[str, int, int], None]
 
 
 class Options(TypedDict, total=False):
-    """What all commands take: most processes; :data:`Progress`; formats of figures, the first of
-    which reports show.
+    """Options of all commands: greatest number of processes; :data:`Progress`; formats of figures.
+
+    Reports show the first of the formats.
     """
 
     workers: int | None
@@ -40,8 +39,9 @@ class Options(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Work:
-    """What the steps of a command share: its folder, that of finished runs, processes, progress and
-    formats.
+    """Settings shared by the steps of a command.
+
+    These are its folder, the folder of finished runs, processes, progress and formats.
     """
 
     folder: Path
@@ -56,13 +56,13 @@ def reproduce(
 ) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
-    Everything is simulated anew, except what an interrupted call of the same command had finished.
-    A scenario, run, study or figure that fails affects only the claims that need it: they become
-    ``not measured``, with the reason.
+    Everything is simulated anew, except for results that an interrupted call of the same command
+    had finished. A scenario, run, study or figure that fails affects only the claims that need it:
+    they become ``not measured``, with the reason.
 
-    report.md, claims.csv and figures go into the folder, which is created if missing, else
-    ConfigurationError is raised; ``command`` is what the user typed, for the report; for the others
-    see :class:`Options`.
+    report.md, claims.csv and figures go into the folder, which is created if missing;
+    ConfigurationError is raised if that fails. ``command`` is the user's command line, for the
+    report. For the other options see :class:`Options`.
     """
     started = time.perf_counter()
     claims = all_claims()
@@ -91,13 +91,13 @@ def redraw(
     controller: str | None = None,
     **options: Unpack[Options],
 ) -> dict[Path, str]:
-    """Redraw figures by the paper's numbers into ``folder/figures``, simulating only the runs that
-    they show.
+    """Redraw figures by the paper's numbers into ``folder/figures``.
 
-    ``controller`` is a law instead of the paper's, a name or ``module:Class``, and becomes part of
-    the file's name; for the others see :class:`Options`. Returns by each figure's file the reason
-    why it could not be drawn, an empty text if it was. Raises ConfigurationError for a number
-    without a figure, an invalid law, and as :func:`reproduce`.
+    Only the runs that they show are simulated. ``controller`` is a law that replaces the paper's, a
+    name or ``module:Class``, and becomes part of the file's name. For the other options see
+    :class:`Options`. Returns, by each figure's file, the reason why it could not be drawn, or an
+    empty text if it was. Raises ConfigurationError for a number without a figure, an invalid law,
+    and as :func:`reproduce`.
     """
     figures = chosen_figures(numbers, controller)
     place = figures_folder(folder)
@@ -112,9 +112,9 @@ def redraw(
 def check(keys: Sequence[str], folder: Path, **options: Unpack[Options]) -> dict[Claim, Finding]:
     """Measure claims by number (``"5"``) or key (``"5d"``), on the runs and studies that they need.
 
-    Figures and tables of studies go to the folder; for the others see :class:`Options`. Returns
-    findings in the order of the report. Raises ConfigurationError for an unknown claim, and as
-    :func:`reproduce`.
+    Figures and tables of studies go to the folder. For the other options see :class:`Options`.
+    Returns findings in the order of the report. Raises ConfigurationError for an unknown claim, and
+    as :func:`reproduce`.
     """
     claims = chosen_claims(keys)
     names = [need for claim in claims for need in claim.needs if isinstance(need, str)]
@@ -128,8 +128,9 @@ def check(keys: Sequence[str], folder: Path, **options: Unpack[Options]) -> dict
 
 
 def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dict[int, Figure]:
-    """Figures by number, with another law if one is named; raises ConfigurationError for unknown
-    ones.
+    """Return figures by number, with another law if one is named.
+
+    Raises ConfigurationError for unknown numbers.
     """
     for number in numbers:
         if number not in FIGURES:
@@ -151,8 +152,9 @@ def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dic
 
 
 def chosen_claims(keys: Sequence[str]) -> list[Claim]:
-    """Claims by number or key, each once, in the order of the report; raises ConfigurationError for
-    unknown ones.
+    """Return claims by number or key, each once, in the order of the report.
+
+    Raises ConfigurationError for unknown claims.
     """
     chosen: set[str] = set()
     for key in keys:
@@ -168,7 +170,7 @@ def chosen_claims(keys: Sequence[str]) -> list[Claim]:
 
 
 def figures_folder(folder: Path) -> Path:
-    """The folder for figures, created if missing; raises ConfigurationError if that fails."""
+    """Create the folder for figures if missing; raises ConfigurationError if that fails."""
     try:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -177,8 +179,9 @@ def figures_folder(folder: Path) -> Path:
 
 
 def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | str]:
-    """The runs that claims or figures need, each simulated once; for one that failed the reason, in
-    a sentence.
+    """Simulate the runs that claims or figures need, each once.
+
+    The result of a run that failed is the reason, as a sentence.
     """
     prepare()
     limits = longest_first(need for one in of for need in one.needs if isinstance(need, RunSpec))
@@ -194,8 +197,9 @@ def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | s
 def draw_figures(
     work: Work, figures: Mapping[int, Figure], available: Mapping[Any, Any]
 ) -> dict[int, str]:
-    """Draw figures from the available runs; by number the reason why one could not be drawn, or an
-    empty text.
+    """Draw figures from the available runs.
+
+    Returns, by number, the reason why a figure could not be drawn, or an empty text.
     """
     why = dict.fromkeys(figures, "")
     calls = {}
@@ -220,8 +224,9 @@ def draw_figures(
 
 
 def study_results(work: Work, names: Sequence[str] = ()) -> dict[str, Any]:
-    """Results of the named studies, or of all; the reason instead of the results if they could not
-    be run.
+    """Return results of the named studies, or of all.
+
+    If they could not be run, the reason takes their place.
     """
     progress = partial(work.on_progress, "studying")
     try:
@@ -230,5 +235,5 @@ def study_results(work: Work, names: Sequence[str] = ()) -> dict[str, Any]:
                 names, work.folder, work.workers, progress, kept=work.kept, formats=work.formats
             )
         )
-    except Exception as error:  # claims and figures of the paper do not depend on it
+    except Exception as error:  # claims and figures of the paper do not depend on studies
         return {name: f"{type(error).__name__}: {error}" for name in names or ["studies"]}

@@ -1,6 +1,4 @@
-"""What a claim is, the verdicts on it, and sentences as data: Jinja templates with numbers filled
-in.
-"""
+"""Claims, verdicts on them, and their sentences as Jinja templates with numbers filled in."""
 
 from __future__ import annotations
 
@@ -37,22 +35,22 @@ KEYS = (
 )
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
-#: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is
-#: worded; ``shared``, what several rules contain; ``measures``, the wording of measures that
-#: several claims share.
+#: Contents of ``claims.toml``: by key the paper's words, the rule, and the wording of the
+#: measurement; ``shared``, the parts that several rules contain; ``measures``, the wording of
+#: measures that several claims share.
 TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
 )
 
 
 def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
-    """``2.96–4.90 s and 8.02–9.14 s``; ``never``."""
+    """Format intervals as ``2.96–4.90 s and 8.02–9.14 s``, or ``never``."""
     return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
 
 
 ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports
-#: print them, shares as per cent, intervals, samples.
+#: Filters of templates: a value or a multiple of it in a format of Python; amounts and numbers as
+#: reports print them; shares in per cent; intervals; samples.
 ENVIRONMENT.filters |= {
     "fmt": lambda value, spec, factor=1: format(factor * value, spec),
     "amount": amount,
@@ -67,58 +65,60 @@ expression = cache(partial(ENVIRONMENT.compile_expression, undefined_to_none=Fal
 
 
 def filled(text: str, **values: Any) -> str:
-    """A template with values filled in."""
+    """Fill values into a template."""
     return template(text).render(values)
 
 
 def calculated(formula: str, known: Mapping[str, Any]) -> Any:
-    """The value of an expression of a template, from values by name."""
+    """Evaluate an expression of a template on named values."""
     return expression(formula)(known)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of measuring a claim."""
+    """Result of measuring a claim."""
 
     verdict: Verdict  #: Follows from the values by the claim's rule.
-    text: str  #: The measured numbers in a sentence, or why there are none.
+    text: str  #: Measured numbers in a sentence, or the reason why there are none.
     #: The same numbers by name, unrounded.
     values: Mapping[str, float] = field(default_factory=dict)
 
 
 class NotMeasured(Exception):
-    """Something that a claim needs is missing; the message says what and why."""
+    """A claim lacks a run or study; the message names it and the reason."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence of the paper and how it is measured."""
+    """One sentence of the paper, and its measurement."""
 
-    #: Which claim, and which of its sentences.
+    #: Number of the claim, and letter of its sentence.
     number: int
     letter: str
     where: str  #: Section and figure of the paper.
-    sentence: str  #: What the paper says.
-    rule: str  #: When the verdict is ``holds``; and when ``holds partly``, if it can be.
+    sentence: str  #: Statement of the paper.
+    rule: str  #: Condition for the verdict ``holds`` and, if possible, for ``holds partly``.
     figure: str  #: File name of the figure that shows it; empty if there is none.
-    #: Simulations, and names of studies, whose results :attr:`measure` takes, in this order.
+    #: Simulations, and names of studies, whose results are the arguments of :attr:`measure`, in
+    #: order.
     needs: tuple[RunSpec | str, ...]
-    measure: Callable[..., Finding]  #: From these to a finding.
+    measure: Callable[..., Finding]  #: Converts these results to a finding.
 
     @property
     def key(self) -> str:
-        """For example ``"1a"``."""
+        """Key of the claim, for example ``"1a"``."""
         return f"{self.number}{self.letter}"
 
     def check(self, available: Mapping[RunSpec | str, Any]) -> Finding:
-        """Measure it on runs and studies by need, a string where one is missing; errors are ``not
-        measured``.
+        """Measure the claim on the available runs and studies.
+
+        A string stands for a missing one. Errors lead to ``not measured``.
         """
         try:
             return self.measure(*(_usable(need, available) for need in self.needs))
         except NotMeasured as reason:
             return Finding("not measured", str(reason))
-        except Exception as error:  # one claim must not cost the others
+        except Exception as error:  # an error of one claim must not affect the others
             return Finding("not measured", f"{type(error).__name__}: {error}")
 
 
@@ -136,26 +136,27 @@ def _usable(need: RunSpec | str, available: Mapping[RunSpec | str, Any]) -> Any:
     return result
 
 
-CLAIMS: dict[str, Claim] = {}  #: Every claim by its key.
+CLAIMS: dict[str, Claim] = {}  #: All claims by key.
 
 
 def all_claims() -> list[Claim]:
-    """Every claim, in the order of the report."""
+    """Return all claims in the order of the report."""
     return sorted(CLAIMS.values(), key=lambda one: (one.number, one.letter))
 
 
 def claim(
     key: str, *needs: RunSpec | str
 ) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
-    """Register a function as the measurement of a claim in :data:`TEXTS`; for ``needs`` see
-    :class:`Claim`.
+    """Register a function as the measurement of a claim in :data:`TEXTS`.
+
+    For ``needs`` see :class:`Claim`.
     """
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
             raise ValueError(f"there are two claims {key}")
         shared: dict[str, str] = {}
-        for name, part in TEXTS["shared"].items():  # one may contain those before it
+        for name, part in TEXTS["shared"].items():  # a part may contain earlier ones
             shared[name] = part.format(**shared)
         text = TEXTS[key]
         demand_known(text, KEYS, f"claims.toml, {key}")
@@ -170,7 +171,7 @@ def claim(
 
 
 def judged(good: bool, part: bool = False) -> Verdict:
-    """``holds`` if good, else ``holds partly`` if that is true, else ``does not hold``."""
+    """Return ``holds`` if good, else ``holds partly`` if ``part``, else ``does not hold``."""
     return "holds" if good else "holds partly" if part else "does not hold"
 
 
@@ -182,24 +183,24 @@ def finding(
     /,
     **values: Any,
 ) -> Finding:
-    """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS`
-    has for it.
+    """Return the finding of a claim or shared measure, in the words of :data:`TEXTS`.
 
-    ``good`` and ``part`` are those of :func:`judged`; the text contains what is ``shown`` and the
-    finding's values.
+    For ``good`` and ``part`` see :func:`judged`. The text may contain ``shown`` and the finding's
+    values.
     """
     return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
 
 
 def worded(key: str, /, **values: Any) -> str:
-    """What :data:`TEXTS` says of something measured, with values filled in, on one line."""
+    """Fill values into the sentence of :data:`TEXTS` for a measurement, on one line."""
     template = TEXTS[key]["measured"] if key in TEXTS else TEXTS["measures"][key]
     return " ".join(filled(template, **values).split())
 
 
 def register_formulas(names: Mapping[str, Any]) -> None:
-    """Register the claims that :data:`TEXTS` measures by formulas, as far as ``names`` has the runs
-    that they need.
+    """Register the claims that :data:`TEXTS` measures by formulas.
+
+    Claims whose runs are not all in ``names`` are skipped.
     """
     for key, text in TEXTS.items():
         needs = text.get("runs", "").split()
@@ -208,7 +209,7 @@ def register_formulas(names: Mapping[str, Any]) -> None:
 
 
 def by_formulas(key: str, names: Mapping[str, Any], *results: Any) -> Finding:
-    """The finding of a claim by the formulas that :data:`TEXTS` has for it, on what these need."""
+    """Return the finding of a claim, by applying its formulas in :data:`TEXTS` to results."""
     text = TEXTS[key]
     known = {**names, **dict(zip(text["runs"].lower().split(), results, strict=True))}
     if "measure" in text:

@@ -1,4 +1,7 @@
-"""Arms by the scheme of their address. A new one is a file here and a line in :data:`DRIVERS`."""
+"""Drivers by the scheme of their address.
+
+A new driver is a file here and a line in :data:`DRIVERS`.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,8 @@ from ...errors import unknown_name
 from ...simulation import Setup
 from ..driver import Address, Driver
 
-#: Scheme, and ``module:Class`` in this folder: a driver's packages are loaded where it is used, and
-#: not before.
+#: Scheme, and ``module:Class`` in this folder. A driver's packages are loaded only where it is
+#: used.
 DRIVERS: dict[str, str] = {
     "simulated": "simulated:SimulatedArm",
     "loopback": "loopback:LoopbackArm",
@@ -18,7 +21,7 @@ DRIVERS: dict[str, str] = {
 
 
 def driver_class(scheme: str) -> type[Driver]:
-    """The driver of a scheme; raises ConfigurationError that names the candidates."""
+    """Return the driver class of a scheme; raises ConfigurationError that names the candidates."""
     if scheme not in DRIVERS:
         raise unknown_name("kind of arm", scheme, DRIVERS)
     module, _, name = DRIVERS[scheme].partition(":")
@@ -27,6 +30,6 @@ def driver_class(scheme: str) -> type[Driver]:
 
 
 def driver_for(address: str, setup: Setup) -> Driver:
-    """The driver of an address, not connected yet; raises ConfigurationError."""
+    """Return the driver for an address, not connected yet; raises ConfigurationError."""
     parsed = Address.parse(address)
     return driver_class(parsed.scheme)(parsed, setup)

@@ -1,4 +1,4 @@
-"""``loopback://``: a fake arm in this process, to try streaming, stopping and timeouts."""
+"""``loopback://``: a fake arm in this process, to test streaming, stopping and timeouts."""
 
 from __future__ import annotations
 
@@ -15,34 +15,33 @@ from ...simulation.plant import cubic
 from ..driver import Address, ArmError, Driver, Joints
 from ..envelope import Envelope
 
-#: What goes wrong: it never answers again, closes the connection, reports a wrong position, stops
-#: by itself, or goes on moving while what it reports stays the same.
+#: Faults: stop answering, close the connection, report a wrong position, stop, or keep moving while
+#: the reported state stays the same.
 Fault = Literal["none", "stall", "drop", "jump", "refuse", "freeze"]
 
-JUMP = 0.5  #: Error of the position that the fault ``jump`` reports [rad or m].
-#: How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is
-#: longer.
+JUMP = 0.5  #: Position error that the fault ``jump`` reports [rad or m].
+#: Time for which the arm coasts after a period before its watchdog brakes it [s]; ten periods if
+#: that is longer.
 PATIENCE = 0.1
-#: Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's
+#: Delay of a setpoint up to which it is compared with the previous setpoint, not with the arm's
 #: position [s].
 LATE = 0.01
 SLACK = 1.05  #: Factor on limits beyond which a setpoint is refused.
 
 
 class FakeArm:
-    """Position is a cubic from one setpoint to the next, then coasts for a while, then the arm
-    brakes.
+    """Arm that follows a cubic between setpoints, then coasts, then brakes.
 
-    That is its watchdog: an arm that it has braked accepts no more setpoints. It stands at ``q``
-    (n,); the envelope has the limits of the setpoints that it accepts, its own deceleration, and
-    the period in which a setpoint is reached.
+    Braking is the action of its watchdog: afterwards the arm accepts no more setpoints. It stands
+    at ``q`` (n,). The envelope holds the limits of accepted setpoints, the arm's own deceleration,
+    and the period in which a setpoint is reached.
     """
 
     def __init__(self, q: Array, envelope: Envelope, patience: float = PATIENCE) -> None:
         self.limits = envelope
         self.period = envelope.period
-        self.t = 0.0  #: Its clock [s]; :meth:`advance` moves it.
-        self.stopped = ""  #: Why it stopped by itself; empty if it has not.
+        self.t = 0.0  #: Clock of the arm [s]; :meth:`advance` moves it.
+        self.stopped = ""  #: Reason why it stopped; empty if it has not.
         self._begun = -np.inf
         self._patience = max(patience, 10.0 * envelope.period)
         self._coasting = self._patience
@@ -57,21 +56,22 @@ class FakeArm:
             self.stopped = f"its watchdog received nothing for {1e3 * self._patience:g} ms"
 
     def state(self) -> tuple[Array, Array]:
-        """(n,) q and q̇ now."""
+        """Return q and q̇ (n,) now."""
         T = self.period
         q, qd = self._to
         after = self.t - self._begun
         if after < T:
             return cubic(self._from, self._to, T, after / T)
         coasting = min(after - T, self._coasting)
-        # (n,) for how long each joint brakes
+        # duration of braking of each joint (n,)
         braking = np.minimum(after - T - coasting, np.abs(qd) / self.limits.acceleration)
         slower = np.sign(qd) * self.limits.acceleration * braking
         return q + coasting * qd + braking * (qd - 0.5 * slower), qd - slower
 
     def take(self, q: Array, qd: Array) -> None:
-        """Accept a setpoint for the end of the period that begins; one beyond the limits stops the
-        arm.
+        """Accept a setpoint for the end of the period that begins.
+
+        A setpoint beyond the limits stops the arm.
         """
         if self.stopped:
             return
@@ -100,7 +100,7 @@ class FakeArm:
         self._coasting = self._patience
 
     def stop(self, why: str) -> None:
-        """Brake now, and accept nothing more."""
+        """Brake now, and accept no more setpoints."""
         self._from = self._to = self.state()
         self._begun = self.t - self.period
         self._coasting = 0.0
@@ -108,12 +108,12 @@ class FakeArm:
 
 
 class LoopbackArm(Driver):
-    """A fake arm in this process; options: time, fault, at, patience, off.
+    """Fake arm in this process; options: time, fault, at, patience, off.
 
-    With ``time=real`` time is the system's; with ``simulated`` a setpoint lets its period pass, so
-    that nothing depends on the speed of the machine. ``fault`` (:data:`Fault`) goes wrong ``at``
-    seconds after the first setpoint, an answer may take ``patience`` [s], and the arm stands
-    ``off`` [rad or m] from the scenario's start.
+    With ``time=real`` time is that of the system. With ``simulated``, each setpoint advances time
+    by a period, so that results do not depend on the speed of the machine. ``fault``
+    (:data:`Fault`) occurs ``at`` seconds after the first setpoint, an answer may take ``patience``
+    [s], and the arm stands ``off`` [rad or m] from the scenario's start.
     """
 
     real = False
@@ -133,10 +133,10 @@ class LoopbackArm(Driver):
         self._fault = cast(Fault, address.choice("fault", get_args(Fault)))
         envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
         self.arm = FakeArm(setup.q0 + address.number("off", 0.0), envelope)
-        #: When it was asked last, by the system's clock; None until it moves.
+        #: Time of the last call, by the system's clock; None until the arm moves.
         self._asked: float | None = None
-        self._reported: Joints | None = None  #: What was answered last.
-        self._lock = threading.Lock()  #: A stop gets through while another call is not answered.
+        self._reported: Joints | None = None  #: Last answer.
+        self._lock = threading.Lock()  #: Lets a stop pass while another call waits for an answer.
 
     def _advance(self) -> None:
         now = time.perf_counter()
@@ -145,7 +145,7 @@ class LoopbackArm(Driver):
             self._asked = now
 
     def _answer(self, *setpoint: Array) -> Joints:
-        """Where the joints are, once a setpoint is taken, if there is one; raises ArmError."""
+        """Return the joint state, after taking the setpoint if there is one; raises ArmError."""
         with self._lock:
             self._advance()
             fault = self._fault if self._asked is not None and self.arm.t >= self._at else "none"
@@ -169,7 +169,7 @@ class LoopbackArm(Driver):
             return self._reported
 
     def read(self) -> Joints:
-        """Where the joints are."""
+        """Read the current joint state."""
         return self._answer()
 
     def send(self, q: Array, qd: Array) -> None:
@@ -177,7 +177,7 @@ class LoopbackArm(Driver):
         self._answer(q, qd)
 
     def halt(self, deceleration: float) -> None:
-        """Brake now, by its own limit."""
+        """Brake now, with the arm's own limit."""
         with self._lock:
             self._advance()
             self.arm.stop("halted")

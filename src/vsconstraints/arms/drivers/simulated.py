@@ -1,5 +1,6 @@
-"""The scenario's own robot in this process, for dry runs: with its mass, friction and delays, if it
-has them.
+"""Robot of the scenario, simulated in this process for dry runs.
+
+It has the mass, friction and delays of the scenario, if any.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from ..driver import Address, ArmError, Driver, Joints
 
 
 class SimulatedArm(Driver):
-    """The scenario's own plant, simulated as fast as it goes, with the command (q̇_c − q̇_c,last) /
-    T_s; no options.
+    """Plant of the scenario, simulated faster than real time; no options.
+
+    Its command is (q̇_c − q̇_c,last) / T_s.
     """
 
     real = False
@@ -29,7 +31,7 @@ class SimulatedArm(Driver):
         self._sent = setup.qd0.copy()
 
     def read(self) -> Joints:
-        """Where the joints are."""
+        """Read the current joint state."""
         return Joints(self._t, self._plant.q, self._plant.qd)
 
     def send(self, q: Array, qd: Array) -> None:
@@ -44,4 +46,4 @@ class SimulatedArm(Driver):
         self._t = self._t + self.period
 
     def halt(self, deceleration: float) -> None:
-        """It does what it is sent, and nothing else."""
+        """Do nothing: the arm follows every setpoint and stops between setpoints."""

@@ -1,5 +1,6 @@
-"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde (``pip install
-'vsconstraints[ur-rtde]'``).
+"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde.
+
+Install it with ``pip install 'vsconstraints[ur-rtde]'``.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from ...simulation import Setup
 from ..driver import Address, ArmError, Driver, Joints, Takes
 from ..envelope import Envelope
 
-LEAST_PERIOD = 0.002  #: Of an e-Series arm; a CB3 arm has 0.008 [s].
-#: Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends,
-#: which stops it.
+LEAST_PERIOD = 0.002  #: Shortest period of an e-Series arm [s]; a CB3 arm has 0.008 s.
+#: Rate of setpoints [1/s] below which the arm's program ends, which stops the arm; at most one
+#: setpoint in ten periods.
 WATCHDOG = 10.0
-MOST_ACCELERATION = 40.0  #: What speedJ takes [rad/s²].
-FULL = 0.999  #: Share of its speed at which the arm is not slowed down by its slider.
-#: Safety status bits of RTDE with which an arm does not do what it is sent.
+MOST_ACCELERATION = 40.0  #: Greatest acceleration of speedJ [rad/s²].
+FULL = 0.999  #: Speed fraction from which the arm counts as not slowed down by its slider.
+#: Safety status bits of RTDE with which an arm does not follow setpoints.
 STOPPED_BY = {
     2: "protective stop",
     3: "recovery mode",
@@ -39,16 +40,16 @@ STOPPED_BY = {
 
 
 class UrRtde(Driver):
-    """An arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
+    """Arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
 
-    ``send`` is ``position`` (servoJ) or ``speed`` (speedJ); servoJ has a ``lookahead`` of 0.03 to
-    0.2 s, the longer the smoother and later, and a ``gain`` of 100 to 2000. The order of the joints
-    is that of the URDF: base, shoulder, elbow, wrist 1 to 3. Safety functions stay those of the
-    arm: this driver looks whether they have acted, and changes none.
+    ``send`` is ``position`` (servoJ) or ``speed`` (speedJ). servoJ has a ``lookahead`` of 0.03 to
+    0.2 s (longer is smoother, with more delay) and a ``gain`` of 100 to 2000. The order of the
+    joints is that of the URDF: base, shoulder, elbow, wrist 1 to 3. The safety functions of the arm
+    remain in force: this driver checks if they have acted, and changes none.
 
-    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits
-    for. The package's ``kickWatchdog`` would write *no command* to the same register, over a
-    setpoint that the arm has not read yet.
+    The arm's own watchdog is started before the first setpoint and reset by every setpoint. The
+    package's ``kickWatchdog`` would write *no command* to the same register, over a setpoint that
+    the arm has not read yet.
     """
 
     known = ("send", "lookahead", "gain")
@@ -82,7 +83,7 @@ class UrRtde(Driver):
             )
         least = Envelope.of(setup.scene.robot, setup.limits, setup.Ts).acceleration.min()
         self._acceleration = min(float(least), MOST_ACCELERATION)
-        # last, so that an address that is wrong is named wherever the package is not installed, too
+        # last, so that a wrong address is reported even if the package is not installed
         demand("ur-rtde")
         self._frequency = min(WATCHDOG, 0.1 / self.period)
         self.watchdog = (
@@ -94,7 +95,7 @@ class UrRtde(Driver):
         self._dashboard: Any = None
 
     def connect(self) -> None:
-        """Reach the arm, and have it run the package's program."""
+        """Connect to the arm, and start the package's program on it."""
         import dashboard_client
         import rtde_control
         import rtde_receive
@@ -122,14 +123,14 @@ class UrRtde(Driver):
     def begin(self) -> None:
         """Start the arm's watchdog: from now on it waits for setpoints.
 
-        The first one, to stay, returns once the arm is ready for others.
+        The first setpoint keeps the position; it returns once the arm is ready for others.
         """
         _demand_taken("setWatchdog", self._control.setWatchdog(self._frequency))
         q = self.read().q
         self.send(q, np.zeros_like(q))
 
     def read(self) -> Joints:
-        """Where the joints are."""
+        """Read the current joint state."""
         receive = self._receive
         if not receive.isConnected():
             raise ArmError("the connection to the arm broke")
@@ -138,16 +139,16 @@ class UrRtde(Driver):
         return Joints(t, np.array(receive.getActualQ()), np.array(receive.getActualQd()))
 
     def _demand_safe(self) -> None:
-        """Raise ArmError where a safety function of the arm has acted."""
+        """Raise ArmError if a safety function of the arm has acted."""
         bits = int(self._receive.getSafetyStatusBits())
         acted = [name for bit, name in STOPPED_BY.items() if bits >> bit & 1]
         if acted:
             raise ArmError(f"the arm stopped by itself: {', '.join(acted)}")
 
     def send(self, q: Array, qd: Array) -> None:
-        """Send a position or a speed; returns at once."""
+        """Send a position or a speed; return at once."""
         if self.takes == "position":
-            # the second and third are not used by servoJ
+            # servoJ does not use the second and third argument
             taken = self._control.servoJ(
                 q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain
             )
@@ -158,13 +159,14 @@ class UrRtde(Driver):
             )
 
     def halt(self, deceleration: float) -> None:
-        """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as
-        it is set to.
+        """Stop the arm's program by its dashboard server.
+
+        The arm then brakes with its configured deceleration.
         """
         self._dashboard.stop()
 
     def stopper(self) -> Callable[[], None]:
-        """The same from another process, by a connection of its own."""
+        """Return a function that stops the program from another process, by its own connection."""
         return partial(stop_program, self.address.host)
 
     def close(self) -> None:
@@ -173,10 +175,10 @@ class UrRtde(Driver):
         receive = self._receive
         dashboard = self._dashboard
         self._control = self._receive = self._dashboard = None
-        # whatever fails here, the other parts are closed, too
+        # after any error, the other parts are still closed
         if control is not None:
             with suppress(Exception):
-                # how hard, of the tool [m/s²] as the package has it, or of the joints
+                # deceleration: of the tool [m/s²] (the package's default), or of the joints
                 control.servoStop() if self.takes == "position" else control.speedStop(
                     self._acceleration
                 )
@@ -189,7 +191,7 @@ class UrRtde(Driver):
 
 
 class _Interface:
-    """An interface of the package, whose calls raise ArmError."""
+    """Interface of the package, whose calls raise ArmError."""
 
     def __init__(self, wrapped: Any) -> None:
         self.wrapped = wrapped
@@ -211,7 +213,7 @@ def _demand_taken(what: str, accepted: object) -> None:
 
 
 def stop_program(host: str) -> None:
-    """Stop what an arm runs, which then brakes by itself; raises ArmError."""
+    """Stop the program of an arm, which then brakes; raises ArmError."""
     import dashboard_client
 
     def stop() -> None:

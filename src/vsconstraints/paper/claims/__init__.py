@@ -1,6 +1,4 @@
-"""The paper's claims, one function or formula for each sentence: importing this package registers
-all of them.
-"""
+"""Claims of the paper, one function or formula for each sentence; importing registers them."""
 
 from . import experiments, general, simulations
 

@@ -1,6 +1,4 @@
-"""Measures that several claims share: is a row fulfilled, is its space used, is its boundary
-reached smoothly.
-"""
+"""Measures shared by several claims: fulfilment, use of the allowed space, smooth approach."""
 
 from __future__ import annotations
 
@@ -15,42 +13,42 @@ from ..studies import StudyResult
 from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, finding
 
-VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
+VANISHED = 0.01  #: Share of the greatest error that may remain where the paper says zero.
 #: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts
 #: as fully used.
 FULLY = 0.01
-#: Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) =
+#: Share of the normal speed that may remain after 3 K; an exponential approach leaves exp(−3) =
 #: 0.05.
 SHARE_LEFT = 0.1
 
 
 def excess(run: Run, label: str) -> float:
-    """Greatest φ of a row in T_s u⁺."""
+    """Greatest φ of a row, in units of T_s u⁺."""
     return float(run.phi(label).max() / run.bound(label))
 
 
 def greatest_sigma(run: Run, *labels: str) -> float:
-    """Greatest σ of rows."""
+    """Greatest σ of the rows."""
     return max(float(run.sigma(label).max()) for label in labels)
 
 
 def clear(run: Run, *labels: str) -> float:
-    """Least clearance of rows, between samples too, in their unit."""
+    """Smallest clearance of the rows, also between samples, in their unit."""
     return min(float(run.row(label)["clearance_min"]) for label in labels)
 
 
 def with_sigma(labels: Iterable[str]) -> list[str]:
-    """Rows with a σ of their own: a speed's σ is its φ."""
+    """Labels of rows with a separate σ; σ of a speed is its φ."""
     return [label for label in labels if not label.startswith("speed")]
 
 
 def greatest_phi(run: Run, labels: Sequence[str]) -> float:
-    """Greatest φ of rows."""
+    """Greatest φ of the rows."""
     return max(float(run.phi(label).max()) for label in labels)
 
 
 def fulfilled(run: Run, label: str) -> Finding:
-    """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
+    """Finding that σ ≤ 0, also between samples, and that φ stays within T_s u⁺ of zero."""
     sigma = greatest_sigma(run, label)
     bound = run.bound(label)
     samples = run.positive_samples(label)
@@ -67,8 +65,9 @@ def fulfilled(run: Run, label: str) -> Finding:
 
 
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
-    """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls
-    ``fulfilled``.
+    """Finding that φ ≤ 0 wherever the paper says that a constraint is fulfilled.
+
+    claims.toml calls this ``fulfilled``.
     """
     own = with_sigma(labels)
     phi = greatest_phi(run, labels)
@@ -93,13 +92,14 @@ def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
 
 
 def unused(run: Run, label: str) -> float:
-    """Least clearance of a row as a fraction of its characteristic length."""
+    """Smallest clearance of a row as a fraction of its characteristic length."""
     return clear(run, label) / run.length(label)
 
 
 def fully_used(run: Run, *labels: str) -> Finding:
-    """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none
-    negative.
+    """Finding that the allowed space is fully utilized.
+
+    Unused margins are at most 1 %, and none is negative.
     """
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
@@ -108,7 +108,7 @@ def fully_used(run: Run, *labels: str) -> Finding:
 
 
 def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
-    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
+    """Ends of intervals as ``from_0``, ``to_0``, ``from_1`` and so on."""
     return {
         f"{side}_{k}": pair[i]
         for k, pair in enumerate(intervals)
@@ -119,18 +119,17 @@ def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
 def rounds_to(
     intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]
 ) -> bool:
-    """Whether there are as many intervals as are printed, and their ends are within half a second
-    of these.
-    """
+    """True if the intervals agree with the printed ones in number, and in their ends to 0.5 s."""
     ends = zip(ends_of(intervals).values(), ends_of(printed).values(), strict=False)
     return len(intervals) == len(printed) and all(abs(a - b) <= 0.5 for a, b in ends)
 
 
 class Approach(NamedTuple):
-    """How a boundary is reached: normal speed when the row begins to act, 3 K later, and the
-    greatest in between.
+    """Approach to a boundary, by the normal speed.
 
-    ``start`` is a time [s]; the speeds are in the row's unit per second.
+    ``first`` is the speed when the row becomes active, ``later`` the speed 3 K after that, and
+    ``greatest`` the greatest speed in between. ``start`` is a time [s]; the speeds are in the row's
+    unit per second.
     """
 
     start: float
@@ -140,19 +139,17 @@ class Approach(NamedTuple):
 
     @property
     def share(self) -> float:
-        """What is left of the speed after 3 K; infinite if there is none towards the boundary at
-        first.
-        """
+        """Share of the speed that remains after 3 K; infinite if the first speed leads inwards."""
         return abs(self.later) / self.first if self.first > 0.0 else inf
 
     @property
     def smooth(self) -> bool:
-        """Whether the speed falls as an exponential approach does, and never rises on the way."""
+        """True if the speed falls as in an exponential approach, and never rises on the way."""
         return self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
 
 
 def approaches(run: Run, label: str) -> list[Approach]:
-    """Every time the row acts for 3 K or longer."""
+    """Return each approach in which the row is active for 3 K or longer."""
     K = run.constraint(label).K
     speed = run.approach_speed(label)
     every = []
@@ -170,7 +167,7 @@ def approaches(run: Run, label: str) -> list[Approach]:
 
 
 def smoothly(run: Run, *labels: str) -> Finding:
-    """Of ``the boundary is reached smoothly``: every approach of these rows is."""
+    """Finding that the boundary is reached smoothly in every approach of these rows."""
     by_row = {label: approaches(run, label) for label in labels}
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
@@ -183,7 +180,7 @@ def smoothly(run: Run, *labels: str) -> Finding:
 
 
 def number(study: StudyResult, *key: str | float) -> float:
-    """A finite number of a study; raises NotMeasured where there is none."""
+    """Return a finite number of a study; raises NotMeasured if there is none."""
     value = study.numbers.get(key, nan)
     if not isfinite(value):
         why = f": {study.failures[0]}" if study.failures else ""
@@ -192,7 +189,7 @@ def number(study: StudyResult, *key: str | float) -> float:
 
 
 def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str, float]]:
-    """The first part and the value of each number of a study whose key ends with this."""
+    """Yield first part of the key and value of each number whose key ends with ``last``."""
     return (
         (str(first), value)
         for (first, *others), value in study.numbers.items()

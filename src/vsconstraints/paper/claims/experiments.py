@@ -1,5 +1,6 @@
-"""Claim 6: section 10, the experiments, simulated at their sampling time, without and with errors
-in the gradient.
+"""Claim 6 (section 10): the experiments, simulated at their sampling time.
+
+They are simulated without and with errors in the gradient.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from . import boundary
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
 PBVS, IBVS = map(RunSpec, KINDS)
-#: With the error (49) of the gradient.
+#: Runs with the error (49) of the gradient.
 PBVS_ERROR, IBVS_ERROR = (RunSpec(f"{scenario}-gradient-error") for scenario in KINDS)
-#: With ten times the gain at zero error, sampled as in the experiments and ten times as fast.
+#: Runs with ten times the gain at zero error, at the sampling time of the experiments and at a
+#: tenth of it.
 FASTER = tuple(
     RunSpec(
         scenario,
@@ -31,13 +33,14 @@ FASTER = tuple(
 )
 PBVS_TEN, PBVS_TEN_FASTER, IBVS_TEN, IBVS_TEN_FASTER = FASTER
 
-#: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
+#: Greatest speed towards the boundary relative to clearance / K, with a tolerance on 1 of an
+#: exponential approach.
 EXPONENTIAL = 1.1
 
-#: Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone.
+#: Cases of the study of unselected scenes: (49) as printed, with reversed signs, and in L_gφ alone.
 CASES = ("plus", "minus", "plus-action")
-SCENES = 100  #: Fewest unselected scenes that a share is taken of.
-#: Shares of the unselected scenes: with the former a sentence holds, with the latter partly.
+SCENES = 100  #: Fewest unselected scenes for which a share is computed.
+#: Shares of the unselected scenes above which a sentence holds, and above which it holds partly.
 NEARLY_ALL = 0.95
 MOST = 0.5
 
@@ -45,19 +48,20 @@ UNSELECTED = "unselected-experiments"
 
 
 def acting_rows(run: Run, kind: str) -> list[str]:
-    """Rows of a kind that ever shape the command: with a wrong gradient their true φ may stay below
-    zero.
+    """Rows of a kind that ever shape the command.
+
+    With a wrong gradient their true φ may stay below zero.
     """
     return [label for label in run.labels(kind) if acts(run, label).any()]
 
 
 def acts(run: Run, label: str) -> BoolArray:
-    """(N,) when a row shapes the command."""
+    """Mask (N,) of the samples in which a row shapes the command."""
     return run.trajectory.active[:, run.index(label)]
 
 
 def sliding_row(run: Run, kind: str) -> str:
-    """The row that acts longest; raises NotMeasured where none acts."""
+    """Return the row that is active longest; raises NotMeasured if none is active."""
     acting = acting_rows(run, kind)
     if not acting:
         raise NotMeasured(f"no {kind} row ever acts")
@@ -65,13 +69,14 @@ def sliding_row(run: Run, kind: str) -> str:
 
 
 def passes(run: Run, kind: str) -> bool:
-    """Whether it reaches the goal, and every row of a kind keeps its boundary."""
+    """True if the run reaches the goal and no row of a kind is violated."""
     return run.trajectory.status == "converged" and clear(run, *run.labels(kind)) >= 0.0
 
 
 def exponentially(run: Run, kind: str) -> Finding:
-    """Whether the row that slides is approached no faster than with the time constant K, from when
-    it acts on.
+    """Finding that the sliding row is approached no faster than with the time constant K.
+
+    Only times from the row's first activity on count.
     """
     label = sliding_row(run, kind)
     at = np.flatnonzero(acts(run, label))
@@ -79,7 +84,7 @@ def exponentially(run: Run, kind: str) -> Finding:
     clearance = run.trajectory.clearance[while_acting, run.index(label)]
     speed = run.approach_speed(label)[while_acting]
     K = run.constraint(label).K
-    # a negative clearance is no approach at all: NaN, which is below nothing
+    # a negative clearance gives NaN, which fails every comparison
     share = (speed * K / np.where(clearance > 0.0, clearance, np.nan)).max()
     shown = {
         "label": label,
@@ -93,7 +98,7 @@ def exponentially(run: Run, kind: str) -> Finding:
 
 
 def one_marker_slides(run: Run, kind: str) -> Finding:
-    """Which markers' rows act, and how much of the allowed space is left."""
+    """Finding that one marker's row is active, with the share of the allowed space that is left."""
     acting = acting_rows(run, kind)
     row = sliding_row(run, kind)
     least = clear(run, row)
@@ -116,7 +121,7 @@ def one_marker_slides(run: Run, kind: str) -> Finding:
 
 
 def reached(run: Run) -> Finding:
-    """How the run ends."""
+    """Finding on how the run ends."""
     end = run.trajectory
     values = {"settling": run.settling_time}
     posed = np.isfinite(end.camera_error[-1, 0])
@@ -127,7 +132,7 @@ def reached(run: Run) -> Finding:
 
 @claim("6m", PBVS, IBVS)
 def _integrated_twice(*runs: Run) -> Finding:
-    """What is left of the changes of q and q̇ without the integrals of the commands."""
+    """Remainder of the changes of q and q̇ after subtracting the integrals of the commands."""
     places = []
     speeds = []
     for run in runs:
@@ -146,9 +151,7 @@ def _integrated_twice(*runs: Run) -> Finding:
 
 
 def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
-    """Whether an error in the gradient leaves things as they are, in the shipped scene and in
-    unselected ones.
-    """
+    """Finding that an error of the gradient changes little in shipped and unselected scenes."""
     counts, scenes = (
         [number(study, scenario, case, name) for case in CASES] for name in (what, "scenes")
     )

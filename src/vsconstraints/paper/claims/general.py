@@ -1,6 +1,4 @@
-"""Claims 7 to 11: what sweeps decide, or every scene with the paper's law, a scene made for them,
-or moving objects.
-"""
+"""Claims 7 to 11, measured on sweeps, on scenes with the paper's law, or with moving objects."""
 
 from __future__ import annotations
 
@@ -29,22 +27,22 @@ BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
 TARGET, OCCLUDER, SPHERE = (
     RunSpec(name) for name in ("moving-target", "moving-occluder", "moving-sphere")
 )
-#: Where both scenarios with obstacles say that their motion is known: without it the rows take them
-#: for static.
+#: Key by which both scenarios with obstacles state that the motion is known; if it is not, the rows
+#: take the obstacles for static.
 KNOWN = "constraints.0.motion.known"
-ROUNDING = 1e-9  #: Differences below this are none.
+ROUNDING = 1e-9  #: Differences below this are due to rounding.
 
 SCENARIOS = ("example-2d-fov", "case-study-6r")
 SLIDING = "sliding-mode"
 FIELDS = ("potential-field", "potential-field-priority")
-SLIGHT = 1.0  #: Violation that counts as slight [% of the characteristic length].
-FULLY_USED = 1.0  #: Unused space up to which it counts as fully used [%].
-#: The claims are about commands that are carried out, whatever they ask of actuators.
+SLIGHT = 1.0  #: Greatest violation that counts as slight [% of the characteristic length].
+FULLY_USED = 1.0  #: Greatest unused space that counts as fully used [%].
+#: Actuator limits are removed, because the claims assume that commands are carried out.
 UNLIMITED: dict[str, dict[str, Any]] = {
     "ur5-fov": {"limits": {}},
     "panda-fov": {"limits": {}, "constraints.0.switching_gain": 20.0},
 }
-#: The paper's scenes, and others with the same law and no disturbance.
+#: Scenes of the paper, and others with the same law and no disturbance.
 SCENES = tuple(
     RunSpec(name, overrides=UNLIMITED.get(name, {}))
     for name in (
@@ -58,7 +56,7 @@ SCENES = tuple(
         *("experiment-2-ibvs", "ur5-fov", "panda-fov", "eye-to-hand-pbvs", "free-camera"),
     )
 )
-#: Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that.
+#: Scene in which φ has no derivative on its boundary (5.5), so that (12) does not apply; see 4b.
 NOT_DIFFERENTIABLE = "example-2d-heart-concave"
 
 IN_MOTION = {
@@ -67,14 +65,15 @@ IN_MOTION = {
     "sampling_time": 0.001,
     "duration": 1.0,
 }
-#: The first example, its camera turning so fast at the start that φ of the second feature is above
-#: zero.
+#: First example with a camera that turns so fast at the start that φ of the second feature is
+#: positive.
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 
 
 class WithoutDrift(Controller):
-    """The sliding-mode law with random numbers in place of L_fφ, which contains all second
-    derivatives.
+    """Sliding-mode law with random numbers in place of L_fφ.
+
+    L_fφ contains all second derivatives.
     """
 
     name = "sliding-mode-without-drift"
@@ -88,7 +87,7 @@ class WithoutDrift(Controller):
         self.random = np.random.default_rng(0)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class."""
+        """Return the law's command for random L_fφ."""
         return self.law.command(
             replace(rows, Lf=self.random.normal(scale=100.0, size=rows.Lf.shape)), task
         )
@@ -125,7 +124,7 @@ def _moving_objects(*runs: Run) -> Finding:
 
 @claim("11b", OCCLUDER, SPHERE)
 def _only_the_bound_changes(*runs: Run) -> Finding:
-    """Rows along the same motion with and without knowledge of the obstacle's."""
+    """Compare rows along the same motion with and without knowledge of the obstacle's motion."""
     scenes = []
     same = []
     equal = []
@@ -152,11 +151,11 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
 
 
 def beside_fields(key: str, law: str, name: str, pareto: StudyResult) -> Finding:
-    """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field
-    less.
+    """Finding that sliding mode leaves at most 1 % unused, and no potential field leaves less.
 
-    ``name`` is the number of ``law`` that says what it leaves unused [%]; with the printed gains it
-    is compared only where they keep the boundaries. A field's number is the least of its runs.
+    Each scenario counts. ``name`` is the number of ``law`` for the unused space [%]. With the
+    printed gains it is compared only where they keep the boundaries. The number of a field is the
+    smallest of its runs.
     """
     scenes: dict[str, dict[str, float]] = {}
     verdicts: dict[str, Verdict] = {}
@@ -191,9 +190,7 @@ claim("7c", "pareto")(partial(beside_fields, "7c", SLIDING, "least_unused"))
 
 @claim("8a", "shrinking-region")
 def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
-    """RMS distance of the joints' paths from the sliding mode's at the largest and the smallest
-    region.
-    """
+    """RMS distance of joint paths from those of sliding mode, at largest and smallest region."""
     scenes = {}
     good = []
     part = []
@@ -230,13 +227,13 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
 
 @claim("10a", "switching-gain")
 def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
-    """Smallest sufficient gain and bound (12) for every speed of motion."""
+    """Smallest sufficient gain and bound (12) at each speed of motion."""
     speeds = sorted(float(Kp0) for Kp0, _ in ending(study, "bound_12"))
     if len(speeds) < 2:
         raise NotMeasured("the study switching-gain has fewer than two speeds")
     bounds = [number(study, Kp0, "bound_12") for Kp0 in speeds]
     enough = [study.numbers.get((Kp0, "smallest_in_band"), nan) for Kp0 in speeds]
-    # a speed at which no gain tried was enough needs more than all of them
+    # a speed at which no tested gain sufficed needs more than all of them
     gains = [gain if isfinite(gain) else inf for gain in enough]
     rises = all(a < b for a, b in pairwise(bounds))
     follows = all(a <= b for a, b in pairwise(gains)) and gains[0] < gains[-1]
@@ -247,7 +244,7 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
 
 @claim("10d", "sampling-time")
 def _chattering_becomes_negligible(study: StudyResult) -> Finding:
-    """Band of the first example at every sampling time, the shortest last."""
+    """Band of the first example at each sampling time, the shortest last."""
     of = (SCENARIOS[0], "band")
     bands = {float(key[2]): band for key, band in study.numbers.items() if key[:2] == of}
     if not bands:
@@ -258,7 +255,7 @@ def _chattering_becomes_negligible(study: StudyResult) -> Finding:
 
 @claim("10b", "switching-gain", *SCENES)
 def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
-    """How many runs above the bound keep σ ≤ 0, and φ in its band."""
+    """Number of runs above the bound that keep σ ≤ 0, and φ in its band."""
     names = ("above_bound", "above_bound_allowed", "above_bound_in_band")
     above, kept, band = (int(number(study, name)) for name in names)
     broken: dict[str, float] = {}
@@ -287,7 +284,7 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
 
 @claim("10c", "sampling-time", *SCENES)
 def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
-    """Peak-to-peak φ while a row acts in units of T_s u⁺."""
+    """Peak-to-peak φ while a row is active, in units of T_s u⁺."""
     bands = dict(ending(study, "greatest_excess"))
     if not bands:
         raise NotMeasured("the study sampling-time has no band")
@@ -310,7 +307,7 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
 
 @claim("10e", OUTSIDE)
 def _reached_in_finite_time(run: Run) -> Finding:
-    """When φ is below zero for the first time, beside the time that (A.6) promises."""
+    """Time at which φ first falls below zero, compared with the time by (A.6)."""
     phi = run.phi(SECOND)
     gain = run.bound(SECOND) / run.sampling_time
     Ts = run.sampling_time
@@ -332,7 +329,7 @@ def _reached_in_finite_time(run: Run) -> Finding:
 
 @claim("10f", *FASTER)
 def _aborted_without_rank(*runs: Run) -> Finding:
-    """The rank of the active rows, decomposed here, in every sample; and how the runs end."""
+    """Rank of the active rows in each sample, by a separate decomposition, and end of the runs."""
     lost_by = []
     right = []
     for spec, run in zip(FASTER, runs, strict=True):
@@ -350,8 +347,9 @@ def _aborted_without_rank(*runs: Run) -> Finding:
 
 
 def lost_rank(run: Run) -> int | None:
-    """The first sample whose active rows, each divided by its length, are linearly dependent; None
-    if there is none.
+    """Return the first sample whose active rows are linearly dependent, None if there is none.
+
+    Each row is divided by its length.
     """
     world = run.setup.world()
     for k in np.flatnonzero((run.trajectory.phi >= 0.0).sum(axis=1) > 1):

@@ -1,6 +1,4 @@
-"""Claims 1 to 5 and 12: sections 8 and 9, the planar arm and the case study, and computation
-time.
-"""
+"""Claims 1 to 5 and 12 (sections 8 and 9): planar arm, case study, and computation time."""
 
 from __future__ import annotations
 
@@ -29,13 +27,13 @@ SECOND = "fov[marker 2]"
 HEART = "occlusion[heart, marker 1]"
 BOWL_ROW = "occlusion[bowl, marker 1]"
 OTHER_ROW = "occlusion[bowl, marker 2]"
-#: The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned
+#: Concave corner of the heart in Fig. 8, and convex corner in Fig. 7, where the heart is turned
 #: [px].
 NOTCH = (-102.0, 35.0)
 TIP = (-137.0, 0.0)
 
 CASE = RunSpec("case-study-6r")
-#: From a start at which the camera turns about another axis than the one that leads to the goal.
+#: Case study from a start at which the camera turns about another axis than the one to the goal.
 TRACKING = RunSpec(
     "case-study-6r", ControllerSpec(BASELINE), {"qd0": [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]}
 )
@@ -46,41 +44,41 @@ SPHERE = "sphere[tip]"
 RANGE = "range[joint 6]"
 SPEED = "speed[joint 2]"
 BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))
-#: What Fig. 11 draws a line for; a range or a speed is one line for both of its sides.
+#: Events with a line in Fig. 11; a range or a speed is one line for both of its sides.
 EVENTS = (*BORDERS, RANGE, SPEED, SPHERE)
 
 Q6_RANGE = 1.2
 QD2_LIMIT = 0.4
-#: What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s].
+#: Limits printed in 9.1: joint 6, its middle and its range [rad]; joint 2, its speed [rad/s].
 Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
 
 PARAMETERS = (0.1, 0.2, 0.4)
 APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)
-PRINTED_TIME = 20e-6  #: Time of one iteration that the paper gives [s].
+PRINTED_TIME = 20e-6  #: Time of one iteration according to the paper [s].
 
 
 def position(run: Run) -> Array:
-    """(N,) distance between camera and goal [m]."""
+    """Distance (N,) between camera and goal [m]."""
     return run.trajectory.camera_error[:, 0]
 
 
 def angle(run: Run) -> Array:
-    """(N,) angle between camera and goal [rad]."""
+    """Angle (N,) between camera and goal [rad]."""
     return run.trajectory.camera_error[:, 1]
 
 
 def first_marker(run: Run) -> Array:
-    """(N, 2) where it is in the image [px]."""
+    """Position (N, 2) of the first marker in the image [px]."""
     return run.trajectory.features_px[:, 0]
 
 
 def greatest_step(values: Array) -> float:
-    """Of signals (N, k), from one sample to the next."""
+    """Greatest change of signals (N, k) from one sample to the next."""
     return float(np.abs(np.diff(values, axis=0)).max())
 
 
 def band(run: Run) -> float:
-    """Peak-to-peak φ while the second feature's row acts."""
+    """Peak-to-peak φ while the second feature's row is active."""
     return float(np.ptp(run.while_sliding(SECOND)))
 
 
@@ -103,25 +101,25 @@ def _position_error_arises_and_vanishes(fov: Run) -> Finding:
 
 
 def switch_sample(run: Run) -> int:
-    """The first sample of the second phase, in which the second goal holds."""
+    """Return the first sample of the second phase, in which the second goal holds."""
     return int(np.searchsorted(run.t, run.setup.task.goals[1].from_time - 1e-9))
 
 
 def active_of(run: Run, event: str) -> BoolArray:
-    """(N,) whether φ of any row of an event is at or above zero."""
+    """Mask (N,) of the samples in which φ of any row of an event is at or above zero."""
     rows = [run.index(label) for label in run.labels(event)]
     return np.asarray((run.trajectory.phi[:, rows] >= 0.0).any(axis=1))
 
 
 def phases(run: Run, event: str) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """When the rows of an event act in the first and in the second phase."""
+    """Return the intervals of activity of an event's rows in the first and in the second phase."""
     k = switch_sample(run)
     active = active_of(run, event)
     return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
 
 
 def at_once(run: Run) -> np.ndarray:
-    """(N,) how many events act at a time, as intervals."""
+    """Number (N,) of events that are active at a time, by their intervals."""
     count = np.zeros(len(run.t), dtype=np.int64)
     for first, last in (span for event in EVENTS for phase in phases(run, event) for span in phase):
         count += (run.t >= first) & (run.t <= last)
@@ -129,7 +127,7 @@ def at_once(run: Run) -> np.ndarray:
 
 
 def acting_borders(run: Run, phase: int) -> list[str]:
-    """Which of the image's borders act in the first (0) or the second phase."""
+    """Return the image borders that are active in the first (0) or the second phase."""
     return [label for label in BORDERS if phases(run, label)[phase]]
 
 
@@ -144,8 +142,9 @@ def _three_at_a_time(case: Run) -> Finding:
 
 
 def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
-    """(N, k) error at times (N,) from e and ė (k,), with K_T,p(0) = 20, slope 60 and K_T,v = 3
-    √K_T,p as in 9.1.
+    """Error (N, k) at times (N,), integrated from e and ė (k,).
+
+    The gains are K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1.
     """
 
     def rate(_: float, x: Array) -> Array:
@@ -175,7 +174,7 @@ def _approach_follows_the_parameter(*runs: Run) -> Finding:
 
 
 def time_constant(run: Run) -> float:
-    """Of the normal speed of the second marker over two K from when its row first acts."""
+    """Time constant of the second marker's normal speed, over 2 K from its row's first activity."""
     acts = run.phi(SECOND) >= 0.0
     if not acts.any():
         raise NotMeasured("the row never acts")

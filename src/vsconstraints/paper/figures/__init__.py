@@ -1,4 +1,4 @@
-"""Our counterparts of the paper's figures, in one table."""
+"""Counterparts of the paper's figures, in one table."""
 
 import tomllib
 from functools import partial
@@ -14,8 +14,8 @@ CAPTIONS: dict[str, str] = tomllib.loads(
     Path(__file__).with_name("captions.toml").read_text(encoding="utf-8")
 )
 
-#: By the paper's number the function that draws our counterpart, and the runs that it shows. Figs.
-#: 1 and 13 show frames and a laboratory, and have none.
+#: By the paper's number, the function that draws the counterpart, and the runs that it shows. Figs.
+#: 1 and 13 show frames and a laboratory; they have no counterpart.
 DRAWN: dict[int, tuple[Any, ...]] = {
     2: (simulations.draw_hyperellipses,),
     3: (partial(space.draw_system, view=space.PLANE), FOV),

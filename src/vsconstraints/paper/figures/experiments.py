@@ -13,12 +13,12 @@ from . import lines as paper
 
 
 def is_image_based(run: Run) -> bool:
-    """Whether the task is about the markers' pixels."""
+    """True if the task is defined by the markers' pixels."""
     return isinstance(run.setup.task.feature, ImagePoints)
 
 
 def image_errors(run: Run) -> Array:
-    """(N, 2 m) u₁, v₁, u₂, … minus where the goal wants them [px]."""
+    """Errors (N, 2 m) of u₁, v₁, u₂, … relative to the goal [px]."""
     return (run.trajectory.features_px - _goal(run)).reshape(len(run.t), -1)
 
 
@@ -27,7 +27,7 @@ def _goal(run: Run) -> Array:
 
 
 def draw_signals(run: Run) -> Sheet:
-    """Figs. 14 and 17: errors, control action and visibility constraint functions."""
+    """Draw Figs. 14 and 17: errors, control action and visibility constraint functions."""
     image = is_image_based(run)
     sheet = Sheet(paper.LEFT)
     *errors, action, phi = sheet.panels(
@@ -55,7 +55,7 @@ def draw_signals(run: Run) -> Sheet:
     above_legend(action, len(names))
     values = run.trajectory.phi[:, [run.index(row) for row in rows]]
     least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
-    # what stays below the panel has no name above it, and the others keep their colours
+    # rows below the panel have no name above it; the others keep their colours
     seen = (values.max(axis=0) > least).tolist()
     names = [
         f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}"
@@ -68,7 +68,7 @@ def draw_signals(run: Run) -> Sheet:
 
 
 def draw_tracks(run: Run) -> Sheet:
-    """Figs. 15 and 18: tracks in the image, and the target at the start and in the desired pose."""
+    """Draw Figs. 15 and 18: tracks in the image, and the target at start and goal."""
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views(paper.image_size(run, 3.75))
     entries = paper.draw_tracks(ax, run)
@@ -84,7 +84,7 @@ def draw_tracks(run: Run) -> Sheet:
 
 
 def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
-    """Figs. 16 and 19: without and with errors in the gradient vector."""
+    """Draw Figs. 16 and 19: without and with errors in the gradient vector."""
     looks = (
         line("no errors", paper.BLUE),
         line("30 % error in the gradient", paper.MAGENTA, paper.DASHED),

@@ -1,6 +1,4 @@
-"""What the paper's figures have in common: colours, signals over time, tracks with symbols at their
-ends.
-"""
+"""Common parts of the paper's figures: colours, signals over time, tracks with end symbols."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from ...reports.plots import INK, inside_legend, line, signal, symbol, time_axis
 from ...reports.plots.image import Plane
 from ...rows import Array
 
-#: One for each of up to six joints, and for each of four markers.
+#: Colours of up to six joints, and of four markers.
 COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")
 
 BLUE, MAGENTA, GREEN = COLOURS[:3]
@@ -27,14 +25,15 @@ SWITCH = ("white", INK)
 END = (INK, "white")
 DASHED: Any = (0, (4, 2))
 
-PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Of an error of the camera's pose.
+PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Components of the camera's pose error.
 
 LEFT = 0.85
 
 
 def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
-    """The path of a marker (counted from 0) in the image, with symbols at its start and at the end
-    of each phase.
+    """Draw the path of a marker (counted from 0) in the image.
+
+    Symbols mark its start and the end of each phase.
     """
     pixels = run.trajectory.features_px[:, marker]
     mark = ("o", "*" if run.trajectory.features_px.shape[1] == 2 else "^", "s", "*")[marker]
@@ -48,7 +47,7 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
 
 
 def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]]:
-    """The whole image with the paths of all markers; returns entries for a legend."""
+    """Draw the whole image with the paths of all markers; return entries for a legend."""
     plane = Plane.of(run.setup)
     count = run.trajectory.features_px.shape[1]
     plane.draw(ax, upwards=upwards)
@@ -63,13 +62,13 @@ def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]
 
 
 def image_size(run: Run, height: float) -> tuple[float, float]:
-    """Of axes for the image [in]."""
+    """Width and height of axes for the image [in]."""
     width, tall = map(float, run.setup.scene.camera.size)
     return height * width / tall, height
 
 
 def over_time(ax: Any, run: Run, label: str = "") -> None:
-    """From start to end of a run, with the changes of its goal."""
+    """Set the time axis from start to end of a run, with the changes of its goal."""
     time_axis(
         ax,
         float(run.t[-1]),
@@ -83,7 +82,7 @@ def over_time(ax: Any, run: Run, label: str = "") -> None:
 def signals(
     ax: Any, run: Run, values: Array, names: Iterable[str], label: str, **look: Any
 ) -> None:
-    """Signals (N, k) of a run over time, in the order of the colours."""
+    """Draw signals (N, k) of a run over time, in the order of the colours."""
     for k, name in enumerate(names):
         signal(
             ax,
@@ -100,7 +99,7 @@ def pose_errors(
     parts: Iterable[int] = range(6),
     legend: Callable[..., None] = inside_legend,
 ) -> None:
-    """Errors of the camera's position and orientation in a panel each, some of their six parts."""
+    """Draw some components of the camera's position and orientation error, one panel each."""
     kinds = (("position\nerror [m]", (0, 1, 2)), ("orientation\nerror [rad]", (3, 4, 5)))
     for ax, (label, own) in zip(panels, kinds, strict=True):
         shown = [part for part in own if part in parts]
@@ -116,7 +115,7 @@ def pose_errors(
 
 
 def phi_axis(ax: Any, run: Run, limits: tuple[float, ...], label: str) -> None:
-    """Of values φ of a run's rows, with the line below which they are allowed."""
+    """Format a panel for values φ of rows, with a line at the boundary of the allowed values."""
     zero_line(ax)
     over_time(ax, run, label)
     if limits:
@@ -130,7 +129,7 @@ def phi_panel(
     limits: tuple[float, ...],
     label: str = "constraint\nfunction $\\phi$",
 ) -> None:
-    """φ of some of a run's rows, each with a look of its own."""
+    """Draw φ of some of a run's rows, each with its own style."""
     for row, look in looks.items():
         signal(ax, run.t, run.phi(row), **look | {"linewidth": 1.2})
     phi_axis(ax, run, limits, label)
@@ -138,7 +137,7 @@ def phi_panel(
 
 
 def limits_around(ax: Any, values: Array, share: float = 0.06) -> None:
-    """Vertical limits around values, with a little room."""
+    """Set vertical limits around values, with a margin."""
     low = float(values.min())
     high = float(values.max())
     ax.set_ylim(low - share * (high - low), high + share * (high - low))

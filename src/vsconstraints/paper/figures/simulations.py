@@ -1,6 +1,4 @@
-"""Figs. 2, 4 to 8, 10 and 11: the boundary of the FOV constraint, the planar arm, and the case
-study over time.
-"""
+"""Figs. 2, 4 to 8, 10 and 11: boundary of the FOV constraint, planar arm, case study over time."""
 
 from __future__ import annotations
 
@@ -32,14 +30,14 @@ from . import lines as paper
 
 VIEW = 3.7
 FASTER: dict[str, Any] = {"color": "#F2A900", "linestyle": (0, (3, 2))}
-PLANAR = (0, 1, 5)  #: Parts of the pose's error that are not zero.
+PLANAR = (0, 1, 5)  #: Components of the pose error that are not zero.
 
 SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}
 SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)}
 
 
 def draw_hyperellipses() -> Sheet:
-    """Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
+    """Draw Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
     width, height = size = (640.0, 480.0)
     sheet = Sheet(paper.LEFT)
     camera = Camera((600.0, 600.0), size)
@@ -61,7 +59,7 @@ def draw_hyperellipses() -> Sheet:
 
 
 def draw_fov(fov: Run) -> Sheet:
-    """Fig. 4: tracks; errors, joints and φ of the second feature."""
+    """Draw Fig. 4: tracks; errors, joints and φ of the second feature."""
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views((VIEW, VIEW))
     sheet.side_legend(paper.draw_tracks(ax, fov, upwards=True))
@@ -76,7 +74,7 @@ def draw_fov(fov: Run) -> Sheet:
 
 
 def draw_fast(fast: Run, high: Run) -> Sheet:
-    """Fig. 5: tracks and φ of the second feature for a small and a large switching gain."""
+    """Draw Fig. 5: tracks and φ of the second feature for a small and a large switching gain."""
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views((VIEW, VIEW))
     entries = paper.draw_tracks(ax, fast, upwards=True)
@@ -101,8 +99,9 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
 
 
 class Obstacle(NamedTuple):
-    """What the first marker meets: its row and name, a detail [px], limits of φ, and a row of the
-    other marker.
+    """Obstacle of the first marker: row, name, centre and half width of the detail [px].
+
+    ``phi`` holds limits of φ; ``other`` is the obstacle's row of the other marker.
     """
 
     row: str
@@ -119,9 +118,9 @@ AT_CONCAVE = Obstacle(HEART, "heart", NOTCH, 25.0, (-2.2, 1.1))
 
 
 def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
-    """Figs. 6 to 8: tracks with a detail, errors, and φ of the border's and the obstacle's row.
+    """Draw Figs. 6 to 8: tracks with a detail, errors, and φ of the border's and obstacle's row.
 
-    The obstacle's row of the other marker gets a panel of its own, beside the first's.
+    The obstacle's row of the other marker gets a separate panel, together with the first marker's.
     """
     sheet = Sheet(paper.LEFT)
     sheet.at = 0.28
@@ -157,8 +156,10 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
 
 
 def frame_times(run: Run) -> list[float]:
-    """Four instants that Fig. 12 shows: in the middle of three events at once, of the third feature's sliding, of the
-    second feature's sliding in the second phase, and of the sphere's.
+    """Return the four times that Fig. 12 shows.
+
+    They lie in the middle of: three simultaneous events; sliding of the third feature; sliding of
+    the second feature in the second phase; sliding at the sphere.
     """
     count = claims.at_once(run)
     three = run.t[count == count.max()]
@@ -172,7 +173,7 @@ def frame_times(run: Run) -> list[float]:
 
 
 def draw_tracks(case: Run) -> Sheet:
-    """Fig. 10: tracks in the image, position and orientation errors."""
+    """Draw Fig. 10: tracks in the image, position and orientation errors."""
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views(paper.image_size(case, 3.9))
     sheet.side_legend(paper.draw_tracks(ax, case))
@@ -181,7 +182,7 @@ def draw_tracks(case: Run) -> Sheet:
 
 
 def draw_signals(case: Run) -> Sheet:
-    """Fig. 11: joints, speeds, max φ, and when each constraint is active."""
+    """Draw Fig. 11: joints, speeds, max φ, and the times at which each constraint is active."""
     sheet = Sheet(1.12)
     panels = sheet.panels(4, height=1.5, above=0.4, labels=("time [s]", ""))
     for ax, values, label, name, limited in (
@@ -193,7 +194,7 @@ def draw_signals(case: Run) -> Sheet:
         )
         paper.limits_around(ax, values)
         plots.above_legend(ax, 6)
-        # the limit that acts: the value that the row's joint had, and its clearance
+        # active limit: value of the row's joint plus its clearance
         constraint: Any = case.constraint(limited)
         joint = int(constraint.joints[0])
         limit = float(
@@ -223,7 +224,7 @@ def draw_signals(case: Run) -> Sheet:
 
 
 def _lanes(ax: Any, run: Run) -> None:
-    """When each event is active, and which are in the instants of Fig. 12."""
+    """Draw the active times of each event, and mark the events active at the times of Fig. 12."""
     shown = [event for event in claims.EVENTS if any(phases(run, event))]
     for lane, event in enumerate(shown):
         for first, last in (span for phase in phases(run, event) for span in phase):

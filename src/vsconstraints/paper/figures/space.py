@@ -15,14 +15,14 @@ from ..claims.simulations import phases
 from . import lines as paper
 from .simulations import SHORT, frame_times
 
-#: What Fig. 3, and what Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the
-#: look at it [deg].
+#: Viewpoints of Fig. 3, and of Figs. 9 and 12: centre and half side [m], elevation and azimuth of
+#: the view [deg].
 PLANE = Viewpoint(np.array([0.1, -0.5, -0.3]), 1.15, 80.0, -90.0)
 CUBE = Viewpoint(np.array([0.27, 0.1, 0.33]), 0.43, 22.0, -58.0)
 
 
 def scene_of(run: Run, view: Viewpoint) -> Scene3D:
-    """The arm with its camera, the target and what is forbidden in space, wherever they are."""
+    """Build the arm with its camera, the target and forbidden regions in space, without poses."""
     scene = Scene3D()
     scale = view.half / CUBE.half
     add_surroundings(scene, run.setup, view.half)
@@ -31,12 +31,12 @@ def scene_of(run: Run, view: Viewpoint) -> Scene3D:
 
 
 def space(sheet: Sheet, left: float, top: float, side: float) -> Any:
-    """Square axes for bodies in space."""
+    """Create square axes for bodies in space."""
     return sheet.axes(left, top, side, side, projection="3d", computed_zorder=False)
 
 
 def draw_system(run: Run, view: Viewpoint) -> Sheet:
-    """Figs. 3 and 9: the arm at its start, the target, and the frames."""
+    """Draw Figs. 3 and 9: the arm at its start, the target, and the frames."""
     sheet = Sheet()
     scene = scene_of(run, view)
     q = run.trajectory.q[0]
@@ -57,7 +57,7 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
 
 
 def draw_frames(case: Run) -> Sheet:
-    """Fig. 12: the arm at four instants, and the end-effector's path."""
+    """Draw Fig. 12: the arm at four times, and the end-effector's path."""
     (tip,) = [i for i, point in enumerate(case.setup.scene.points) if point.label == "tip"]
     sheet = Sheet()
     trail = case.trajectory.points[:, tip]

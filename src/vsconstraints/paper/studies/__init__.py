@@ -1,4 +1,4 @@
-"""Studies: the paper's general claims, each as one question, many runs and one figure."""
+"""Studies of the paper's general claims, each with one question, many runs and one figure."""
 
 from .run import CAMPAIGNS, STUDIES, data_file, figure_file, run_studies
 from .study import Study, StudyResult

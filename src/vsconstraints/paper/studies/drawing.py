@@ -1,4 +1,4 @@
-"""Figures of studies, drawn as ``studies.toml`` says."""
+"""Figures of studies, drawn from their tables in ``studies.toml``."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ from .tables import Numbers, Points, about, ended_early, grouped, scenario_title
 
 
 def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Sheet:
-    """The figure of a study's points and numbers, as its table says.
+    """Draw the figure of a study from its points and numbers, as defined by its table.
 
-    Below a legend there is for each of the ``measures`` a row of panels, one for each scenario;
-    with ``columns`` in the ``layout`` one panel for each measure, and so many in a row. The layout
-    gives the left margin, the height of panels and what is between them in inches, and of the
-    horizontal axis the column ``x``, its label (``below``), ``limits`` (or only the last one) and,
-    if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is drawn
-    there. A measure is logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it
-    has a ``label`` or a ``title``, and may have ``ticks``, horizontal ones too (``below``), a
-    ``level`` to compare with, a ``margin``, or limits: ``low``, and ``top`` or ``headroom`` times
-    what the data reach, the ``same`` in all panels. What differs between scenarios is a table by
-    scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see
+    Below a legend, each of the ``measures`` has a row of panels, one for each scenario. With
+    ``columns`` in the ``layout``, each measure has one panel, and so many panels form a row.
+
+    The layout gives the left margin, the height of panels and the gaps between them in inches. For
+    the horizontal axis it gives the column ``x``, its label (``below``), ``limits`` (or only the
+    last one) and, if the axis is logarithmic, ``ticks`` with optional ``names``. Values smaller
+    than ``least`` are drawn there.
+
+    A measure is logarithmic, linear ``linear_below`` a value, unless it is ``linear``. It has a
+    ``label`` or a ``title``, and may have ``ticks``, horizontal ones too (``below``), a ``level``
+    to compare with, a ``margin``, or limits: ``low``, and ``top`` or ``headroom`` times the
+    greatest value, the ``same`` in all panels. Settings that differ between scenarios are a table
+    by scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see
     :class:`Series`.
     """
     layout = table["layout"]
@@ -92,16 +95,18 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
 
 
 class Series(NamedTuple):
-    """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the
-    layer.
+    """Series drawn by a layer of a table: name, points, matplotlib style, and the layer.
 
     Its points are those ``where`` columns have values, ``without`` those that have others, or the
-    ``numbers`` about so many of the first varied fields, all together or ``by`` a column. They are
-    joined by a line if their ``kind`` is not ``level`` (a line across the panel), ``below`` (what
-    lies below it is shaded), ``crosses`` (near the upper edge, of runs that failed), ``edge`` (at
-    the left edge) or ``distribution`` (against the share of points with less); ``y`` is the measure
-    if not another column. They look as a law does, as the table's ``looks`` or the layer's
-    ``palette`` and ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
+    ``numbers`` about so many of the first varied fields, all together or ``by`` a column.
+
+    A line joins them unless their ``kind`` is ``level`` (a line across the panel), ``below`` (the
+    area below is shaded), ``crosses`` (near the upper edge, for failed runs), ``edge`` (at the left
+    edge) or ``distribution`` (against the share of points with smaller values). ``y`` is the
+    measure if no other column is given.
+
+    The style is that of a law, or is given by the table's ``looks`` or the layer's ``palette`` and
+    ``look``; ``reference`` is dashed; lines become thinner with ``widths``.
     """
 
     name: str
@@ -110,7 +115,7 @@ class Series(NamedTuple):
     layer: Mapping[str, Any]
 
     def draw(self, ax: Any, layout: Mapping[str, Any], measure: str, scenario: str | None) -> None:
-        """Draw it into the panel of a measure and of a scenario, or of all of them."""
+        """Draw the series into the panel of a measure and of a scenario, or of all scenarios."""
         x = layout.get("x", "")
         y = self.layer.get("y", measure)
         kind = self.layer.get("kind")
@@ -127,7 +132,7 @@ class Series(NamedTuple):
             look |= {"markeredgecolor": self.look["color"], "clip_on": False, "zorder": 5}
             ax.plot(values, [0.92] * len(values), transform=ax.get_xaxis_transform(), **look)
             return
-        # a run that failed is shown where its outcome is
+        # failed runs are shown where the data have an outcome
         finite = [
             p for p in points if math.isfinite(p[y]) and ("outcome" in p or not ended_early(p))
         ]
@@ -156,7 +161,7 @@ class Series(NamedTuple):
 
 
 def all_series(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Iterator[Series]:
-    """What the layers of a table draw, in their order."""
+    """Yield the series of the table's layers, in their order."""
     looks = table.get("looks", {})
     for layer in table["layers"]:
         of = points

@@ -1,6 +1,4 @@
-"""How large the switching gain must be, beside moving obstacles too, and how the band shrinks with
-the period.
-"""
+"""Studies of the switching gain, with static and moving obstacles, and of the sampling time."""
 
 from __future__ import annotations
 
@@ -17,9 +15,9 @@ from .study import Found, Results, Sweep
 from .summary import RunSummary
 from .tables import TABLES, Points, greatest, grouped, smallest_gain, where
 
-#: Of a run, the worst first.
+#: Outcomes of a run, the worst first.
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
-#: What can be required of a switching gain, and the outcomes that are enough for it.
+#: Requirements on a switching gain, and the outcomes that fulfil each.
 ENOUGH = {"allowed": OUTCOMES[2:], "in_band": OUTCOMES[3:], "sliding": OUTCOMES[4:]}
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
@@ -29,13 +27,13 @@ KEPT: float = TABLES["non-static"]["limits"]["depth"]
 
 
 def _gain_spec(case: Any) -> RunSpec:
-    """K_p(0) in 1/s², and u⁺."""
+    """Return the run for K_p(0) in 1/s², and u⁺."""
     overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
     return RunSpec("example-2d-fov", overrides=overrides)
 
 
 def _gain_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Its outcome, the band, and what u⁺ must exceed to be back after one sample."""
+    """Outcome, band, and lower bound on u⁺ for a return after one sample."""
     band = run.Ts * case.switching_gain
     outcome = "sliding" if run.longest_run <= 1 else "band, not sliding"
     if run.ended_early:
@@ -54,13 +52,11 @@ def _gain_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, 
 
 
 def _gain_numbers(points: Points) -> Found:
-    """For every speed the bounds and the smallest gains that are enough; and how many runs above
-    (12) are so.
-    """
+    """Bounds and smallest sufficient gains for each speed; number of runs above (12) by outcome."""
     numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
     for Kp0, own in grouped(points, "Kp0").items():
-        # the greatest along the runs that slide, or along the one with the largest gain if none
-        # does
+        # the greatest along the sliding runs or, if none slides, along the run with the largest
+        # gain
         bounding = where(own, outcome="sliding") or [
             max(own, key=lambda point: float(point["switching_gain"]))
         ]
@@ -68,7 +64,7 @@ def _gain_numbers(points: Points) -> Found:
         numbers[Kp0,] |= {
             f"smallest_{name}": smallest_gain(own, outcomes) for name, outcomes in ENOUGH.items()
         }
-    # along its own motion; without an active row there is no bound to exceed
+    # bound along the run's own motion; without an active row there is no bound
     below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
     above = [point for point in points if point not in below]
     numbers[()] = {"above_bound": len(above), "below_bound": len(below)}
@@ -79,17 +75,17 @@ def _gain_numbers(points: Points) -> Found:
     return numbers
 
 
-#: The first example with ever faster motion, and a grid of switching gains for each speed. Three
-#: things can be required of a switching gain, each more than the one before: that σ ≤ 0 holds, that
-#: φ stays within the band (43), and that φ is back below zero after one sample, as in a sliding
-#: mode. Condition (12) promises that φ falls while its row is active. While it is inactive,
-#: tracking moves φ at up to L_fφ + L_gφ q̈, so that one sample is enough to come back if u⁺ exceeds
-#: L_fφ by as much.
+#: The first example with faster and faster motion, and a grid of switching gains for each speed.
+#: Three requirements on a switching gain are tested, each stricter than the one before: σ ≤ 0
+#: holds; φ stays within the band (43); φ returns below zero after one sample, as in a sliding mode.
+#: Condition (12) guarantees that φ falls while its row is active. While it is inactive, tracking
+#: moves φ at up to L_fφ + L_gφ q̈, so that one sample is enough to return if u⁺ exceeds L_fφ by as
+#: much.
 SWITCHING_GAIN = Sweep("switching-gain", _gain_spec, _gain_lines, _gain_numbers)
 
 
 def _time_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """The run's band and what is expected of it; and each row of the case study that was active."""
+    """Measured and expected band of the run, and each active row of the case study."""
     bound = run.value("phi_band_bound")
     bands = {
         "band": run.value("phi_band"),
@@ -113,8 +109,9 @@ def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
 
 
 def _time_numbers(points: Points) -> Found:
-    """How bands grow, for each scenario; how far and how long the rows of the case study are above
-    zero.
+    """Growth of the bands in each scenario, and overshoot of the rows of the case study.
+
+    The overshoot is given by its size and its duration.
     """
     numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
     for scenario in BAND_SCENARIOS:
@@ -132,9 +129,7 @@ def _time_numbers(points: Points) -> Found:
 
 
 def _growth(points: Points) -> dict[str, float]:
-    """The bands of a scenario beside what is expected of them, and how they grow with the sampling
-    time.
-    """
+    """Bands of a scenario relative to expected ones, and their growth with the sampling time."""
     names = ("Ts_ms", "band", "bound_43", "band_expected")
     Ts, band, bound, expected = (np.array([point[name] for point in points]) for name in names)
     found = {
@@ -148,10 +143,10 @@ def _growth(points: Points) -> dict[str, float]:
     )
 
 
-#: The sliding-mode law with different sampling times, nothing else changed. (43) bounds one step of
+#: The sliding-mode law with different sampling times and no other change. (43) bounds one step of
 #: the constraint action alone: T_s u⁺. In the last sample before a row becomes active, tracking
-#: moves φ by up to T_s (L_fφ + L_gφ q̈): that is what the band has above zero, and the sum is what
-#: to expect.
+#: moves φ by up to T_s (L_fφ + L_gφ q̈): this is the part of the band above zero, and the sum of
+#: both is the expected band.
 SAMPLING_TIME = Sweep(
     "sampling-time",
     lambda case: RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3}),
@@ -161,8 +156,9 @@ SAMPLING_TIME = Sweep(
 
 
 def _constraint(case: Any) -> dict[str, Any]:
-    """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the
-    meeting time.
+    """Return the obstacle's table for a speed and a switching gain.
+
+    The obstacle moves ``speed`` times as fast, and is at its usual place at the meeting time.
     """
     obstacle = OBSTACLES[case.scenario]
     table: dict[str, Any] = copy.deepcopy(Scenario.load(case.scenario).tables["constraints"][0])
@@ -183,7 +179,7 @@ def _obstacle_spec(case: Any) -> RunSpec:
 
 
 def _obstacle_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Its outcome, how deep the obstacle is entered, and K times its speed."""
+    """Outcome, depth to which the obstacle is entered, and K times its speed."""
     table = _constraint(case)
     factor = OBSTACLES[case.scenario]["factor"]
     depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
@@ -200,7 +196,7 @@ def _obstacle_lines(case: Any, run: RunSummary, results: Results) -> list[dict[s
 
 
 def _obstacle_numbers(points: Points) -> Found:
-    """For every speed the bound, the smallest gain that is enough, the cost of not knowing."""
+    """Bound, smallest sufficient gain and cost of an unknown motion, for each speed."""
     numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
     above: Points = []
     for key, own in grouped(points, "scenario", "speed").items():
@@ -209,7 +205,7 @@ def _obstacle_numbers(points: Points) -> Found:
             iter(where(own, known=False)), {"switching_gain": math.nan, "depth": math.nan}
         )
         same = where(known, switching_gain=unknown["switching_gain"])
-        # whose bound is the speed's
+        # the run whose bound is used for the speed
         largest = max(known, key=lambda point: float(point["switching_gain"]))
         numbers[key] = {
             "bound_12": largest["bound_12"],
@@ -233,5 +229,5 @@ def _obstacle_numbers(points: Points) -> Found:
 #: obstacle is the only constraint. It is displaced so that it is at the same place at one time
 #: whatever its speed, and stands there if the speed is zero. Claim: ∂φ/∂t only changes the bound
 #: (12) on u⁺ (section 5.4). A controller that takes the obstacle for static keeps σ + K (σ̇ −
-#: ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its speed.
+#: ∂σ/∂t) ≤ 0, and so exceeds the boundary by up to K ∂σ/∂t: K times its speed.
 NON_STATIC = Sweep("non-static", _obstacle_spec, _obstacle_lines, _obstacle_numbers)

@@ -1,5 +1,7 @@
-"""What laws do: with erroneous gradients, as potential fields become the sliding mode, and for
-using allowed space.
+"""Studies that compare laws.
+
+They cover erroneous gradients, potential fields with shrinking regions, and use of the allowed
+space.
 """
 
 from __future__ import annotations
@@ -15,10 +17,10 @@ from .study import Found, Results, Sweep
 from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance, pixel_distance
 from .tables import TABLES, Points, ended_early, grouped, where
 
-#: Every law that studies compare with its usual options, by name.
+#: Laws that studies compare, with their usual options, by name.
 LAWS = {name: ControllerSpec.from_table(name, table) for name, table in TABLES["laws"].items()}
-#: Greatest number of samples in a row with φ ≥ 0 if a boundary is kept; and greatest φ of a speed
-#: in T_s u⁺.
+#: Greatest number of consecutive samples with φ ≥ 0 if a boundary is kept, and greatest φ of a
+#: speed in units of T_s u⁺.
 MAX_POSITIVE_SAMPLES: int = TABLES["pareto"]["limits"]["samples"]
 MAX_EXCESS: float = TABLES["pareto"]["limits"]["excess"]
 
@@ -44,8 +46,8 @@ def _error_numbers(points: Points) -> Found:
     }
 
 
-#: Every law with the erroneous gradient (49) in its visibility rows. The deviation is the greatest
-#: distance, at any time, of a marker from where it is in the run of the same law with exact
+#: All laws with the erroneous gradient (49) in their visibility rows. The deviation is the greatest
+#: distance, at any time, of a marker from its position in the run of the same law with exact
 #: gradients.
 GRADIENT_ERROR = Sweep("gradient-error", _error_spec, _error_lines, _error_numbers)
 
@@ -58,8 +60,9 @@ def _region_spec(case: Any) -> RunSpec:
 
 
 def _region_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Its distances to the sliding-mode law, and what one sample of a row's action moves φ by in
-    its range.
+    """Distances of the run to the sliding-mode law, and greatest step of φ relative to its range.
+
+    The step is the change of φ by one sample of a row's action.
     """
     reference = results.get(case._replace(law="sliding-mode", region=None), NOT_RUN)
     steps = [
@@ -104,7 +107,7 @@ def _shrinking(points: Points, floor: float) -> dict[str, float]:
         found[f"region_{place}"] = point["region"]
         found[f"distance_{place}_region"] = point["joint_distance"]
         found[f"unused_{place}_region"] = point["unused"]
-    # a rise below what sampling alone changes is none
+    # a rise smaller than the effect of sampling alone does not count
     falls = all(b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(own))
     deepest = max(own, key=lambda point: float(point["violation_depth"]))
     found |= {"distance_falls": falls and len(own) == len(points)}
@@ -114,15 +117,15 @@ def _shrinking(points: Points, floor: float) -> dict[str, float]:
     }
 
 
-#: Potential fields with ever smaller regions beside the sliding-mode law. The distance to sliding
-#: mode is the root mean square of ‖q − q_SM‖ over time. How far the sliding-mode law is from itself
-#: at half the sampling time is the scale of what sampling alone changes: no distance below it means
-#: anything.
+#: Potential fields with smaller and smaller regions, compared with the sliding-mode law. The
+#: distance to sliding mode is the root mean square of ‖q − q_SM‖ over time. The distance of the
+#: sliding-mode law to itself at half the sampling time is the effect of sampling alone: smaller
+#: distances are not significant.
 SHRINKING_REGION = Sweep("shrinking-region", _region_spec, _region_lines, _region_numbers)
 
 
 def kept(points: Iterable[dict[str, Any]]) -> Points:
-    """Points of runs that keep their boundaries, and have both what is compared."""
+    """Return points of runs that keep their boundaries and have finite values of both measures."""
     return [
         p
         for p in points
@@ -142,9 +145,7 @@ def _pareto_spec(case: Any) -> RunSpec:
 
 
 def _pareto_numbers(points: Points) -> Found:
-    """What each law leaves unused at best, and how many of its runs are compared, and on the
-    front.
-    """
+    """Smallest unused space of each law, and numbers of its runs compared and on the front."""
     numbers: dict[tuple[Any, ...], Mapping[Any, float]] = {}
     for key, runs in grouped(points, "scenario", "controller").items():
         compared = kept(runs)
@@ -163,7 +164,7 @@ def _pareto_numbers(points: Points) -> Found:
 
 
 def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
-    """Overrides that multiply every u⁺ of a shipped scenario; none for the factor 1."""
+    """Return overrides that multiply every u⁺ of a shipped scenario; none for the factor 1."""
     constraints = Scenario.load(scenario).tables["constraints"] if factor != 1.0 else ()
     return {
         f"constraints.{i}.switching_gain": factor * table["switching_gain"]
@@ -172,8 +173,9 @@ def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
 
 
 def front(points: Sequence[dict[str, Any]]) -> Points:
-    """The runs without violation that no other such run beats in both unused space and acceleration
-    variation.
+    """Return the Pareto front of runs that keep their boundaries.
+
+    The two criteria are unused space and acceleration variation.
     """
     chosen: Points = []
     for point in sorted(kept(points), key=lambda p: (p["unused"], p["acceleration_variation"])):
@@ -183,8 +185,9 @@ def front(points: Sequence[dict[str, Any]]) -> Points:
 
 
 def unused(run: RunSummary) -> float:
-    """Least clearance as a share of the characteristic length, averaged over the challenged rows
-    [%]; NaN without.
+    """Smallest clearance as a share of the characteristic length [%].
+
+    It is averaged over the challenged rows; NaN without challenged rows.
     """
     left = [
         max(0.0, 1.0 - float(row["usage_max"])) for row in run.rows.values() if row["challenged"]
@@ -193,7 +196,7 @@ def unused(run: RunSummary) -> float:
 
 
 def not_kept(run: RunSummary) -> str:
-    """Why a run is not compared with those that keep their boundaries; empty if it is."""
+    """Reason why a run does not keep its boundaries, so that it is not compared; else empty."""
     if run.status != "converged":
         return run.status
     for label, row in run.rows.items():
@@ -209,13 +212,13 @@ def not_kept(run: RunSummary) -> str:
     return ""
 
 
-#: Every law over the range of its own parameter: a factor on every u⁺, a region, or the rate α of a
-#: barrier. Runs are compared if they keep their boundaries: they reach the goal, no row with a σ of
-#: its own is violated, no speed by more than sampling explains, and φ ≥ 0 lasts for two samples at
-#: most, so that where a row acts it slides or stays inside. A run is on the front if it is one of
-#: these and no other both leaves less of the allowed space unused and varies its acceleration less.
-#: What is left unused is the least clearance of a row as a share of its characteristic length,
-#: averaged over the rows that tracking alone violates.
+#: All laws over the range of their own parameter: a factor on every u⁺, a region, or the rate α of
+#: a barrier. Runs are compared if they keep their boundaries: they reach the goal, no row with a
+#: separate σ is violated, no speed exceeds its limit by more than sampling explains, and φ ≥ 0
+#: lasts for at most two samples, so that an active row slides or stays inside. A compared run is on
+#: the front if no other compared run has both less unused space and less variation of acceleration.
+#: Unused space is the smallest clearance of a row as a share of its characteristic length, averaged
+#: over the rows that the unconstrained baseline violates.
 PARETO = Sweep(
     "pareto",
     _pareto_spec,

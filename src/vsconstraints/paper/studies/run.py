@@ -25,7 +25,7 @@ from .study import Study, StudyResult
 from .summary import RunSummary, summarise
 from .unselected_experiments import UNSELECTED_EXPERIMENTS
 
-Progress = Callable[[int, int], None]  #: Called with the number of runs done and their total.
+Progress = Callable[[int, int], None]  #: Called with the number of finished runs and their total.
 
 _SHIPPED: tuple[Study, ...] = (
     SHRINKING_REGION,
@@ -35,20 +35,20 @@ _SHIPPED: tuple[Study, ...] = (
     PARETO,
     NON_STATIC,
 )
-#: Studies by the name files and the command line use.
+#: Studies by their names in files and on the command line.
 STUDIES = {study.name: study for study in (*_SHIPPED, UNSELECTED_EXPERIMENTS)}
-#: Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only
-#: where named.
+#: Campaigns of drawn scenes, each with a separate folder and report. They take long, and run only
+#: if named.
 CAMPAIGNS = ("real-world",)
 
 
 def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:
-    """Where the figure of a study is written, in the format that pages show."""
+    """Path of a study's figure, in the format that pages show."""
     return folder / "figures" / f"study-{name}.{formats[0]}"
 
 
 def data_file(folder: Path, name: str) -> Path:
-    """Where the points of a study are written."""
+    """Path of the table with a study's points."""
     return folder / "studies" / f"{name}.csv"
 
 
@@ -63,13 +63,13 @@ def run_studies(
     formats: Formats = PNG,
     kept: Path | None = None,
 ) -> dict[str, StudyResult]:
-    """Run ``studies``, or those that are named, and write figure and table of each below ``folder``
-    if it is given.
+    """Run ``studies``, or those that are named, and write figures and tables below ``folder``.
 
-    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that
-    does. ``workers`` is the greatest number of processes; with ``small`` a few short runs stand for
-    all; finished runs are ``kept`` there until all are, or below the folder. Raises
-    ConfigurationError for unknown names, and if the folder cannot be made.
+    Without ``folder`` nothing is written. A failed run is listed in its study's ``failures``; so is
+    a failed evaluation or drawing. ``workers`` is the greatest number of processes. With ``small``,
+    a few short runs replace all runs. Finished runs are stored in ``kept`` until all are finished,
+    or else below the folder. Raises ConfigurationError for unknown names, and if the folder cannot
+    be created.
     """
     for name in names or ():
         if name not in studies:
@@ -86,7 +86,7 @@ def run_studies(
         drift_noted |= {
             run: drift_noted.get(run, False) or studies[name].drift_noted for run in own.values()
         }
-    # tracking on the scenario as it is shipped shows which rows are challenged
+    # the baseline on the unchanged scenario determines which rows are challenged
     baselines = {run.name: RunSpec(run.name, ControllerSpec(BASELINE)) for run in drift_noted}
     first = longest_first(baselines.values())
     limits = longest_first(drift_noted)
@@ -115,14 +115,14 @@ def run_studies(
 
 
 def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -> RunSummary:
-    """Simulate a run, or load its summary from an interrupted call; raises whatever goes wrong."""
+    """Simulate a run, or load its summary from an interrupted call; raises any error."""
     file = kept_file(kept, run, "drift" if drift_noted else "summary")
     if (stored := RunSummary.load(file)) is not None:
         return stored
-    # some studies are about runs that diverge
+    # some studies include runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
         performed = perform(run)
-        with suppress(OSError):  # then it can only not be taken up again
+        with suppress(OSError):  # if it fails, an interrupted call cannot reuse the record
             if run == baseline:
                 performed.record.save(kept_file(kept, run))
         summary = summarise(
@@ -136,7 +136,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
 def _finish(
     study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats
 ) -> StudyResult:
-    """Evaluate and draw one study; its own mistakes cost neither its numbers nor other studies."""
+    """Evaluate and draw one study; its errors affect neither its numbers nor other studies."""
     result = StudyResult(study.name)
     doing = "evaluation"
     try:

@@ -1,6 +1,4 @@
-"""What a study is: runs that differ in what is varied, numbers and sentences about them, and one
-figure.
-"""
+"""Base classes of studies: runs that differ in varied values, numbers, sentences, one figure."""
 
 from __future__ import annotations
 
@@ -22,17 +20,18 @@ from .drawing import sweep_figure
 from .summary import RunSummary
 from .tables import TABLES, Numbers, Points, about
 
-#: Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply.
+#: Identifies a run of a study: a NamedTuple of varied values, None if one does not apply.
 Case = Hashable
-Results = Mapping[Any, RunSummary]  #: Of a study's runs, by their cases.
-#: From what numbers are about to these numbers by name.
+Results = Mapping[Any, RunSummary]  #: Summaries of a study's runs, by their cases.
+#: Numbers by name, for each subject.
 Found = Mapping[tuple[Any, ...], Mapping[Any, float]]
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Numbers that verdicts are based on, sentences, the figure's data (failed runs included), and
-    failures.
+    """Result of a study: numbers for verdicts, sentences, data of the figure, and failures.
+
+    The data include failed runs.
     """
 
     study: str
@@ -43,33 +42,33 @@ class StudyResult:
 
 
 class Study(ABC):
-    """A question, the runs that answer it, and one figure; listed in
-    :data:`vsconstraints.paper.studies.STUDIES`.
+    """A question, the runs that answer it, and one figure.
+
+    Studies are listed in :data:`vsconstraints.paper.studies.STUDIES`.
     """
 
-    name: str  #: As files, headings and readers know it.
+    name: str  #: Name in files, headings and texts.
     title: str
     question: str
-    #: Which of the paper's claims it answers, as the reproduction numbers them.
+    #: Numbers of the paper's claims that it answers, as in the reproduction.
     claims: tuple[int, ...]
-    figure_caption: str  #: What the figure shows.
-    #: Whether summaries include what moved φ, which takes about as long as the runs do.
+    figure_caption: str  #: Description of the figure.
+    #: True if summaries include the drift of φ, which takes about as long as the runs.
     drift_noted: bool = False
 
     @abstractmethod
     def runs(self, *, small: bool = False) -> Mapping[Any, RunSpec]:
-        """Every run by its case, in the order of the figure's data; ``small`` asks for a few short
-        ones.
-        """
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
 
     @abstractmethod
     def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
-        """Points, numbers and sentences of :class:`StudyResult`; ``results`` may lack runs, and has
-        failed ones.
+        """Return points, numbers and sentences of :class:`StudyResult`.
+
+        ``results`` contains failed runs, and may lack runs.
         """
 
     def figure(self, result: StudyResult) -> Sheet:
-        """The figure, drawn from the result's points."""
+        """Draw the figure from the result's points."""
         raise NotImplementedError(f"{type(self).__name__} has neither figure nor draw")
 
     def draw(self, result: StudyResult, path: Path) -> None:
@@ -77,7 +76,7 @@ class Study(ABC):
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     def evaluate(self, results: Results) -> StudyResult:
-        """The result, with the runs that ended early as failures."""
+        """Return the result; runs that ended early are listed as failures."""
         points, numbers, sentences = self.measure(results)
         failures = [
             f"{_text(case)}: {run.status}, {run.reason}"
@@ -88,26 +87,26 @@ class Study(ABC):
 
 
 class Sweep(Study):
-    """A study whose texts, varied values and columns are the table of its name in ``studies.toml``.
+    """Study defined by the table of its name in ``studies.toml``: texts, varied values, columns.
 
-    ``varied`` names the fields of a case, None where one does not apply. Each table of ``runs``
-    (``small`` for the small form) is a product: it gives values, or a list of them, for these
+    ``varied`` names the fields of a case, None if one does not apply. Each table of ``runs``
+    (``small`` for the small form) is a product. It gives values, or a list of them, for these
     fields, the last one varied first, and may set keys of the scenario (``overrides``). ``columns``
-    are those of the data, behind the case; ``sentences`` is a template, a sentence a line, of the
-    points, the table, the numbers :func:`.tables.about` something, and the helpers. The figure is
-    that of :func:`.drawing.sweep_figure`.
+    are the columns of the data that follow the case. ``sentences`` is a template with one sentence
+    per line; its variables are the points, the table, the numbers :func:`.tables.about` a subject,
+    and the helpers. The figure is that of :func:`.drawing.sweep_figure`.
 
     Parameters
     ----------
     spec
-        The run of a case, without the table's overrides.
+        Returns the run of a case, without the table's overrides.
     lines
-        The study's own columns of a case's run, given the others too, in one line of data or
-        several.
+        Returns the study's own columns for the run of a case, as one or several lines of data. Its
+        last argument holds the other runs.
     numbers
-        Numbers of :class:`StudyResult`.
+        Returns the numbers of :class:`StudyResult`.
     completed
-        Points with columns that depend on all points.
+        Adds columns that depend on all points.
     """
 
     def __init__(
@@ -148,10 +147,10 @@ class Sweep(Study):
         return runs
 
     def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
-        """A line of data: the case, and the columns of the table; where they are not the study's
-        own, of the summary.
+        """Return a line of data: the case, and the columns of the table.
 
-        ``violation`` is in % of L; what is neither known here nor a score of the run is NaN.
+        Columns that are not the study's own are taken from the summary. ``violation`` is in % of L.
+        A column that is neither known here nor a score of the run is NaN.
         """
         known = {
             **{

@@ -1,6 +1,4 @@
-"""What a study keeps of a run: its scores and coarse trajectories, small enough to hand between
-processes.
-"""
+"""Summary of a run in a study: scores and coarse trajectories, small enough for other processes."""
 
 from __future__ import annotations
 
@@ -22,43 +20,45 @@ from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
 from ...rows import Array
 
-#: Trajectories are kept at these intervals [s], and at greater ones where there would be more
-#: samples than this.
+#: Interval of stored trajectories [s], and greatest number of samples; longer runs have a greater
+#: interval.
 GRID = 0.02
 MAX_SAMPLES = 1000
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """One run of a study."""
+    """Summary of one run of a study."""
 
-    status: str  #: How it ended.
-    reason: str  #: Why, if not converged.
-    #: Its line of results.csv (:class:`vsconstraints.comparisons.metrics.Score`).
+    status: str  #: Status at the end.
+    reason: str  #: Reason, if not converged.
+    #: Line of results.csv (:class:`vsconstraints.comparisons.metrics.Score`).
     result: Mapping[str, Any] = field(default_factory=dict)
-    #: By row label, its line of constraints.csv, its u⁺ as ``switching_gain``, and its scale.
+    #: By row label, line of constraints.csv, with u⁺ as ``switching_gain``, and the scale.
     rows: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     Ts: float = np.nan  #: Sampling time [s].
-    t: Array = field(default_factory=lambda: np.empty(0))  #: (T,) times [s] of what follows.
-    q: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (T, n) joint positions.
+    #: Times (T,) of the following arrays [s].
+    t: Array = field(default_factory=lambda: np.empty(0))
+    q: Array = field(default_factory=lambda: np.empty((0, 0)))  #: Joint positions (T, n).
     clearance: Array = field(
         default_factory=lambda: np.empty((0, 0))
-    )  #: (T, m) clearance of each row, as a fraction of its characteristic length.
+    )  #: Clearance (T, m) of each row, as a fraction of its characteristic length.
     pixels: Array = field(
         default_factory=lambda: np.empty((0, 0, 2))
-    )  #: (T, M, 2) markers from the image's centre [px].
+    )  #: Markers (T, M, 2) relative to the image's centre [px].
     #: Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
     needed_gain: float = np.nan
-    #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what
+    #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active, which
     #: moves φ past zero.
     entry_push: float = np.nan
     phi_max: float = np.nan  #: Greatest φ of any row.
-    longest_run: int = 0  #: Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
-    qd: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (T, n) joint speeds.
+    #: Greatest number of consecutive samples with φ ≥ 0, of any row; 0 if none was active.
+    longest_run: int = 0
+    qd: Array = field(default_factory=lambda: np.empty((0, 0)))  #: Joint speeds (T, n).
 
     @property
     def ended_early(self) -> bool:
-        """Whether the run failed or was aborted."""
+        """True if the run failed or was aborted."""
         return self.status in ("failed", "aborted")
 
     @classmethod
@@ -69,16 +69,17 @@ class RunSummary:
         return None
 
     def value(self, column: str) -> float:
-        """A number of :attr:`result`; NaN if the run has none."""
+        """Return a number of :attr:`result`; NaN if the run has none."""
         return float(self.result.get(column, np.nan))
 
 
-NOT_RUN = RunSummary("failed", "not run")  #: In place of a run that is missing.
+NOT_RUN = RunSummary("failed", "not run")  #: Placeholder for a missing run.
 
 
 def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
-    """The summary of a run; tracking alone on the same scenario, or None, shows the challenged
-    rows.
+    """Summarise a run.
+
+    The unconstrained baseline on the same scenario, if given, determines the challenged rows.
     """
     record = run.record
     moved = run.trajectory
@@ -112,15 +113,17 @@ def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False
 
 
 def joint_distance(a: RunSummary, b: RunSummary) -> float:
-    """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both
-    have.
+    """Root mean square over time of ‖q − q'‖ between two runs [rad or m].
+
+    It covers the time that both runs have.
     """
     return _rms(_difference(a, b, "q"))
 
 
 def clearance_distance(a: RunSummary, b: RunSummary) -> float:
-    """Root mean square over time and rows of the difference of clearances, as a fraction of each
-    row's length.
+    """Root mean square over time and rows of the difference of clearances.
+
+    Clearances are fractions of each row's length.
     """
     return _rms(_difference(a, b, "clearance")) / math.sqrt(max(a.clearance.shape[1], 1))
 
@@ -132,9 +135,7 @@ def pixel_distance(a: RunSummary, b: RunSummary) -> float:
 
 
 def speed_difference(a: RunSummary, b: RunSummary) -> tuple[float, float]:
-    """How joint speeds differ: the greatest difference of one, as a share of the other run's
-    greatest; and both RMS.
-    """
+    """Greatest difference of a joint speed, relative to the other run's greatest; and RMS ratio."""
     apart = _difference(a, b, "qd")
     reference = b.qd
     if not len(apart) or not reference.any():
@@ -148,9 +149,7 @@ def _rms(differences: Array) -> float:
 
 
 def _difference(a: RunSummary, b: RunSummary, name: str) -> Array:
-    """Differences of an array at the times of ``a`` that ``b`` has reached, too; empty if there are
-    none.
-    """
+    """Differences of an array at the times of ``a`` that ``b`` also reached; may be empty."""
     t = a.t[a.t <= b.t[-1]] if len(a.t) and len(b.t) else np.empty(0)
     if not len(t):
         return np.empty((0, 0, 2))
@@ -166,11 +165,10 @@ def _at(t: Array, times: Array, values: Array) -> Array:
 
 
 def gains(run: Run) -> dict[str, float]:
-    """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion and with what its
-    controller knew.
+    """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion.
 
-    Gradient errors and disturbances of what is sensed are left out; without an active row there are
-    none.
+    They are computed from the controller's model. Gradient errors and sensor disturbances are left
+    out. Without an active row the result is empty.
     """
     active = run.trajectory.phi >= 0.0
     if not active.any():

@@ -1,6 +1,4 @@
-"""Lines of a study's data, numbers about them, and the tables that say how they are drawn and
-worded.
-"""
+"""Data points of studies, numbers about them, and the tables that define figures and wording."""
 
 from __future__ import annotations
 
@@ -16,11 +14,10 @@ from ...scenarios.reading import demand_known
 from ..verdicts import ENVIRONMENT
 
 Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
-#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not
-#: measured.
+#: Keyed by subject (a scenario, a law, a gain …) and, last, by name; NaN if not measured.
 Numbers = dict[tuple[str | float, ...], float]
 
-#: The keys of a study's table, and of the tables in it: see :class:`.study.Sweep` and
+#: Permitted keys of a study's table, and of the tables in it: see :class:`.study.Sweep` and
 #: :func:`.drawing.sweep_figure`.
 KEYS = {
     "": "title question varied claims columns drift caption sentences runs small limits obstacles "
@@ -34,7 +31,7 @@ KEYS = {
 
 
 def read_tables(text: str) -> dict[str, dict[str, Any]]:
-    """The tables of studies, by name; raises ConfigurationError for a key that none of them has."""
+    """Parse the tables of studies, by name; raises ConfigurationError for an unknown key."""
     tables = tomllib.loads(text)
     for study, table in tables.items():
         if study in ("titles", "laws"):
@@ -49,26 +46,24 @@ def read_tables(text: str) -> dict[str, dict[str, Any]]:
     return tables
 
 
-#: Texts and varied values of the shipped studies, by name; under ``titles`` what scenarios are
-#: called, and ``laws``.
+#: Texts and varied values of the shipped studies, by name. ``titles`` holds names of scenarios, and
+#: ``laws`` the laws.
 TABLES = read_tables(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
 
 
 def scenario_title(scenario: str) -> str:
-    """What figures call a scenario, and sentences that do not begin with it."""
+    """Name of a scenario in figures, and inside sentences."""
     return str(TABLES["titles"].get(scenario, scenario))
 
 
 def sentence_start(scenario: str) -> str:
-    """What sentences call a scenario that they begin with."""
+    """Name of a scenario at the start of a sentence."""
     title = scenario_title(scenario)
     return title[:1].upper() + title[1:]
 
 
 def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points]:
-    """Points by their value in a column, or their values in several, in the order in which these
-    come.
-    """
+    """Group points by their value in a column, or in several, in order of first occurrence."""
     groups: dict[Any, Points] = {}
     for point in points:
         key = tuple(point[column] for column in columns)
@@ -77,7 +72,7 @@ def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points
 
 
 def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
-    """Points whose columns have these values, or one of them where a list is given."""
+    """Return points whose columns have these values, or one of them if a list is given."""
     lists = {
         column: value if isinstance(value, list) else [value] for column, value in values.items()
     }
@@ -87,12 +82,12 @@ def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
 
 
 def ended_early(point: Mapping[str, Any]) -> bool:
-    """Whether a point's run failed or was aborted."""
+    """True if a point's run failed or was aborted."""
     return point["status"] in ("failed", "aborted")
 
 
 def about(numbers: Numbers, *key: str | float) -> dict[str | float, float]:
-    """Numbers about something by name."""
+    """Return the numbers about a subject by name."""
     return {name: value for (*first, name), value in numbers.items() if tuple(first) == key}
 
 
@@ -102,8 +97,9 @@ def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
 
 
 def smallest_gain(points: Points, outcomes: Collection[str]) -> float:
-    """Smallest switching gain from which on every run has one of these outcomes; NaN if the
-    greatest gain has not.
+    """Smallest switching gain from which on all runs have one of these outcomes.
+
+    NaN if the greatest gain has another outcome.
     """
     downwards = sorted(points, key=lambda point: -float(point["switching_gain"]))
     enough = takewhile(lambda point: point["outcome"] in outcomes, downwards)

@@ -1,11 +1,11 @@
-"""The paper's experiments in scenes that nobody selected by their outcome.
+"""The paper's experiments in scenes that were not selected by their outcome.
 
 The paper does not print where robot and target were. ``examples/draw_experiment_scenes.py`` draws
-an arm with its camera looking down; a horizontal screen in what the camera sees from the goal; and
-by how much the start is off. A scene is one of the experiment's geometry if ideal tracking would
-take exactly one marker across the boundary. No simulation takes part, and no error of a gradient.
-Drawing takes a minute, so the scenes are kept in ``experiment_scenes.json`` beside this file, with
-how many draws were rejected, and why.
+an arm with its camera looking down, a horizontal screen in the camera's view from the goal, and the
+deviation of the start. A scene has the experiment's geometry if ideal tracking would take exactly
+one marker across the boundary. The selection uses no simulation and no gradient error. Drawing
+takes a minute, so the scenes are stored in ``experiment_scenes.json`` beside this file, with the
+number of rejected draws by reason.
 """
 
 from __future__ import annotations
@@ -28,30 +28,29 @@ from .tables import TABLES, Points, grouped, where
 
 EXACT = "exact"
 SHIPPED = "shipped"
-#: ``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone.
+#: Disturbances of each case: none, (49) as printed, with reversed signs, and with ∇σ_e in L_gφ
+#: alone.
 CASES: dict[str, dict[str, Any]] = {
     EXACT: {},
     "plus": {"gradient_error": 0.3},
     "minus": {"gradient_error": 0.3, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]},
     "plus-action": {"gradient_error": 0.3, "gradient_error_in_phi": False},
 }
-#: Greatest distance between the two tracks of a marker, at the same time, as a share of the image's
-#: width.
+#: Greatest distance between two tracks of a marker at the same time that counts as very similar, as
+#: a share of the image's width.
 VERY_SIMILAR = 0.05
-#: Greatest difference of a joint's speed, as a share of the greatest speed without errors, that
-#: counts as little.
+#: Greatest difference of a joint's speed that counts as little, as a share of the greatest speed
+#: without errors.
 LITTLE = 0.1
 APPLIED = 0.01  #: Tracks that differ by less than this show no effect of an error [px].
-SIZE = np.array([640.0, 480.0])  #: Of the experiments' image [px].
-#: The kind of the visibility rows in each experiment.
+SIZE = np.array([640.0, 480.0])  #: Size of the experiments' image [px].
+#: Kind of the visibility rows in each experiment.
 KINDS = {"experiment-1-pbvs": "fov", "experiment-2-ibvs": "occlusion"}
 
 
 @cache
 def kept_scenes() -> dict[str, Any]:
-    """By scenario: ``scenes``, entries by dotted keys, and ``rejected``, how many draws by
-    reason.
-    """
+    """By scenario: ``scenes``, entries by dotted keys; ``rejected``, number of draws by reason."""
     kept: dict[str, Any] = json.loads(
         Path(__file__).with_name("experiment_scenes.json").read_text(encoding="utf-8")
     )
@@ -59,7 +58,7 @@ def kept_scenes() -> dict[str, Any]:
 
 
 def rejected_by_run(points: Points) -> Counter[str]:
-    """Why unselected scenes are not like the experiments', and how many for each reason."""
+    """Count the unselected scenes that differ from the experiments, by reason."""
     scenes = {point["scene"]: point["rejected"] for point in points if point["scene"] != SHIPPED}
     return Counter(filter(None, scenes.values()))
 
@@ -71,21 +70,19 @@ def _spec(case: Any) -> RunSpec:
 
 
 def _lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Why its scene is not like the experiment's, and how it differs from the run without an
-    error.
-    """
+    """Reason why a scene differs from the experiment, and deviation from the errorless run."""
     exact = results.get(case._replace(case=EXACT))
     kind = KINDS[case.scenario]
     reason = "no run without an error" if exact is None else why_not(kind, exact)
     return [{"rejected": reason, **compared(kind, run, exact or NOT_RUN)}]
 
 
-#: What can be said of a scene with an error.
+#: Properties of a scene with an error.
 HOLDS = ("similar", "satisfactory", "little_speed", "applied")
 
 
 def _numbers(points: Points) -> Found:
-    """In how many scenes every error changes little, and whether it does in the shipped one."""
+    """Numbers of scenes in which each error changes little, and the values in the shipped scene."""
     accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
     numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
     names = (*HOLDS, "track_px", "speed_share", "clearance_share")
@@ -95,7 +92,7 @@ def _numbers(points: Points) -> Found:
 
 
 def counted(points: Points) -> dict[str, float]:
-    """In how many unselected scenes what holds, and in how many there is an effect at all."""
+    """Numbers of unselected scenes with each property, and medians."""
     own = [point for point in points if point["scene"] != SHIPPED]
     medians = {
         f"median_{name}": median([point[name] for point in own])
@@ -109,7 +106,10 @@ def counted(points: Points) -> dict[str, float]:
 
 
 def why_not(kind: str, exact: RunSummary) -> str:
-    """Why a scene is not like the experiment's, from the run without an error; empty if it is."""
+    """Reason why a scene differs from the experiment, from the run without an error.
+
+    Empty if it does not differ.
+    """
     acting = acting_rows(exact)
     reasons = {
         exact.status: exact.status != "converged",
@@ -126,12 +126,12 @@ def why_not(kind: str, exact: RunSummary) -> str:
 
 
 def acting_rows(run: RunSummary) -> list[str]:
-    """Rows whose φ is ever at or above zero."""
+    """Return rows whose φ is ever at or above zero."""
     return [label for label, row in run.rows.items() if row["phi_max"] >= 0.0]
 
 
 def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
-    """What the study's data say of a run, and how it differs from that without an error."""
+    """Data columns of a run that compare it with the run without an error."""
     share = {
         label: 100.0 * (1.0 - row["usage_max"])
         for label, row in run.rows.items()
@@ -155,7 +155,7 @@ def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
 
 
 def _runs(most: int | None, cases: int) -> list[dict[str, Any]]:
-    """The shipped scene and every kept one, or so many, in so many cases."""
+    """Return the table of runs: shipped and kept scenes (at most ``most``), and cases."""
     return [
         {
             "scenario": scenario,
@@ -169,9 +169,9 @@ def _runs(most: int | None, cases: int) -> list[dict[str, Any]]:
 TABLES["unselected-experiments"] |= {"runs": _runs(None, 4), "small": _runs(3, 3)}
 
 #: Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
-#: A scene counts if, without an error, the goal is reached and exactly one row acts, which is a
-#: visibility row that is not violated: as in the experiments. No run with an error takes part in
-#: that.
+#: A scene counts if, without an error, the goal is reached and exactly one row is active, which is
+#: a visibility row that is not violated, as in the experiments. Runs with an error do not take part
+#: in this selection.
 UNSELECTED_EXPERIMENTS = Sweep(
     "unselected-experiments",
     _spec,
