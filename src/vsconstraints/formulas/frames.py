@@ -28,7 +28,7 @@ def turned_back_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 @formula
 def differences_in_image(function: Callable[..., Any], parameters: Any, y: Any, v: Any) -> Any:
-    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a formula's gradient along ẏ."""
+    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a gradient along ẏ."""
     h = IN_IMAGE / np.maximum(np.sqrt(v[0] * v[0] + v[1] * v[1]), TINY)
     ahead = function(y[0] + h * v[0], y[1] + h * v[1], *parameters)
     behind = function(y[0] - h * v[0], y[1] - h * v[1], *parameters)

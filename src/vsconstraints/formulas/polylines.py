@@ -97,7 +97,7 @@ def search(
 ) -> None:
     """Write the distances of points (k, 2) to the lines of :func:`prepared` to ``found`` (k,).
 
-    A vertex at or near the closest segment is written to ``nearest``. The segment nearest to a
+    A vertex of the closest segment is written to ``nearest``. The segment nearest to a
     point has one end no farther than √(distance² + (length/2)²). With the length of the longest
     segment, only vertices up to there matter, with the segments at them. Consecutive vertices form
     blocks along chords, and only blocks that may contain such a vertex are searched. The search

@@ -38,10 +38,10 @@ class Reproduction:
     """Result of checking all claims."""
 
     report: Path  #: Path of the report.
-    findings: Mapping[str, Finding]  #: Reasons why something could not be run or drawn, by name.
-    #: What could not be run or drawn, by name, with the reason.
+    findings: Mapping[str, Finding]  #: By the claims' keys, in the report's order.
+    #: Reasons why something could not be run or drawn, by name.
     problems: Mapping[str, str] = field(default_factory=dict)
-    wall_time: float = 0.0  #: [s].
+    wall_time: float = 0.0  #: Wall time [s].
     formats: Formats = PNG  #: Formats of the figures.
 
     @property

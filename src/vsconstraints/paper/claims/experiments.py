@@ -33,8 +33,7 @@ FASTER = tuple(
 )
 PBVS_TEN, PBVS_TEN_FASTER, IBVS_TEN, IBVS_TEN_FASTER = FASTER
 
-#: Greatest speed towards the boundary relative to clearance / K, with a tolerance on 1 of an
-#: exponential approach.
+#: Greatest speed towards the boundary relative to clearance / K; an exponential approach has 1.
 EXPONENTIAL = 1.1
 
 #: Cases of the study of unselected scenes: (49) as printed, with reversed signs, and in L_gφ alone.
