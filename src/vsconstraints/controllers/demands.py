@@ -361,8 +361,27 @@ class Nothing(Demand):
 
 #: Demands that files can name, by their ``name``.
 DEMANDS: tuple[type[Demand], ...] = (
-    Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
-    ConditionedSuperTwisting, Firas, PublishedFiras, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier,
-    PrescribedTimeBarrier, HighOrderBarrier, BackupBarrier, RobustBarrier, ProbabilisticBarrier,
-    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
-)  # fmt: skip
+    Switch,
+    ImplicitSwitch,
+    ImplicitSwitchWithDrift,
+    BoundaryLayer,
+    OuterLayer,
+    SuperTwisting,
+    ImplicitSuperTwisting,
+    ConditionedSuperTwisting,
+    Firas,
+    PublishedFiras,
+    RampRepulsion,
+    Barrier,
+    ReciprocalBarrier,
+    FiniteTimeBarrier,
+    PrescribedTimeBarrier,
+    HighOrderBarrier,
+    BackupBarrier,
+    RobustBarrier,
+    ProbabilisticBarrier,
+    InputToStateSafeBarrier,
+    GradientRobustBarrier,
+    SampledBarrier,
+    Nothing,
+)

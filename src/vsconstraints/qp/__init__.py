@@ -4,6 +4,14 @@ from .backends import FALLBACKS, SolverChain, Verified, make_solver, solver_name
 from .solver import Answer, Infeasible, OptimalityErrors, QPSolver, optimality_errors
 
 __all__ = [
-    "FALLBACKS", "Answer", "Infeasible", "OptimalityErrors", "QPSolver", "SolverChain", "Verified", "make_solver",
-    "optimality_errors", "solver_names",
-]  # fmt: skip
+    "FALLBACKS",
+    "Answer",
+    "Infeasible",
+    "OptimalityErrors",
+    "QPSolver",
+    "SolverChain",
+    "Verified",
+    "make_solver",
+    "optimality_errors",
+    "solver_names",
+]

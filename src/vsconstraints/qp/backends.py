@@ -36,8 +36,10 @@ class DaqpSolver(QPSolver):
     recognises_infeasibility = True
 
     attempts: tuple[dict[str, float], ...] = (
-        {"primal_tol": 1e-9}, {"primal_tol": 1e-9, "sing_tol": 1e-14}, {"primal_tol": 1e-7, "sing_tol": 1e-14},
-    )  # fmt: skip
+        {"primal_tol": 1e-9},
+        {"primal_tol": 1e-9, "sing_tol": 1e-14},
+        {"primal_tol": 1e-7, "sing_tol": 1e-14},
+    )
     """Settings, tried in this order until DAQP has an answer.
 
     Its default ``primal_tol`` lets rows be exceeded by 1e-6. If rows are nearly parallel, the
