@@ -168,6 +168,22 @@ def test_what_stands_twice_says_so_beside_it():
             assert test.strip(" `") in text, f"{file} does not name {test}"
 
 
+def test_names_of_the_glossary_are_names_in_the_code():
+    """Each name of the last column stands in the package, and no term is listed twice."""
+    root = Path(__file__).parents[1]
+    page = (root / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith("| ")]
+    rows = [row for row in rows if row[0].strip() != "term"]
+    assert len(rows) > 25
+    terms = [term.strip() for row in rows for term in row[0].split(",")]
+    assert len(set(terms)) == len(terms)
+    texts = [file.read_text(encoding="utf-8") for file in (root / "src").rglob("*.py")]
+    words = set(re.findall(r"\w+", "".join(texts)))
+    for *_, names in rows:
+        for name in re.findall(r"`(\w+)`", names):
+            assert name in words, name
+
+
 PUBLIC = {"_replace", "_fields", "_exit"}
 """Of named tuples and of ``os``."""
 
