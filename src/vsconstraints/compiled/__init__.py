@@ -1,16 +1,19 @@
-"""Rows, task, laws and the closed loop at compiled speed, as functions that numba compiles.
+"""Rows, tasks, laws and the closed loop at compiled speed, as functions that numba compiles.
 
-Formulas are those of :mod:`vsconstraints.formulas`; here is the rest. :func:`load` imports a module
-when it is first needed, so that nobody waits for a compiler without using it.
+The formulas are in :mod:`vsconstraints.formulas`; this package contains the code around them.
+:func:`load` imports a module on first use, so that programs that do not need it do not wait for the
+compiler.
 
-- ``workspace`` has the arrays that compiled functions share; ``parts`` reaches them, and functions,
-  by address.
-- ``step`` evaluates rows and task; ``*_rows`` are the rows of the kinds of constraints.
-- ``laws`` applies a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the
-  resolvers.
-- ``closed_loop`` runs step, law and robot together; ``samples`` scores and keeps each sample.
-- ``sensing`` is what the control sees; ``arm`` and ``drives`` are an arm with mass.
-- ``compiler`` and ``numba_internals`` compile all that, or leave it to Python for debugging.
+- ``workspace`` declares the arrays that compiled functions share. ``parts`` accesses them, and
+  functions, by address.
+- ``step`` evaluates rows and task. ``*_rows`` contain the rows of each kind of constraint.
+- ``laws`` applies a law, i.e. a demand and a resolver. ``task_priority`` and ``hierarchical_qp``
+  are resolvers.
+- ``closed_loop`` runs step, law and robot together. ``samples`` scores and records each sample.
+- ``sensing`` computes the measurements of the controller. ``arm`` and ``drives`` are an arm with
+  mass.
+- ``compiler`` and ``numba_internals`` compile these functions, or leave them to Python for
+  debugging.
 """
 
 from __future__ import annotations
@@ -19,8 +22,8 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-#: Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with
-#: the first one.
+#: Environment variable. ``0`` turns compilation off; with ``alone``, no second process helps to
+#: compile.
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 
 MODULES = (
@@ -32,26 +35,26 @@ MODULES = (
     "polylines",
     "hierarchical_qp",
 )
-"""Modules whose functions are called from Python, of which any simulation may need each.
+"""Modules with functions that Python calls and that any simulation may need.
 
-A process that compiles them begins with the first ones, and one that helps it with the last, which
-takes longest.
+A process that compiles them begins with the first one. A second process that helps begins with the
+last one, which takes longest.
 """
 
-#: How the warning begins that says why nothing is compiled; processes that another one starts do
-#: not repeat it.
+#: Beginning of the warning that gives the reason why nothing is compiled. Processes that another
+#: one starts do not repeat it.
 COMPLAINT = "vsconstraints runs without its compiler"
-#: Modules by their names: like ``sys.modules``, for as long as the process lives.
+#: Loaded modules by name, like ``sys.modules``, for the lifetime of the process.
 loaded: dict[str, Any] = {}
 
 
 def load(name: str) -> Any:
-    """Module ``vsconstraints.compiled.<name>``, compiled or read from the cache.
+    """Return the module ``vsconstraints.compiled.<name>``, compiled or read from the cache.
 
-    Where numba is missing, broken or does not fit NumPy, or its cache cannot be written, the same
-    functions run in Python, some 200 times slower, and a RuntimeWarning says why; it is not
-    repeated by processes that this one starts. With ``VSCONSTRAINTS_COMPILE=0`` in the environment
-    they do so without a warning.
+    If numba is missing, broken or incompatible with NumPy, or if its cache cannot be written, the
+    same functions run in Python, about 200 times slower. A RuntimeWarning then gives the reason;
+    processes that this one starts do not repeat it. With ``VSCONSTRAINTS_COMPILE=0`` in the
+    environment, the functions run in Python without a warning.
     """
     try:
         return loaded[name]
@@ -61,8 +64,10 @@ def load(name: str) -> Any:
 
 @cache
 def entry(function: Any) -> Any:
-    """The compiled function without the search for the one that fits its arguments: for arrays that
-    are known to.
+    """Return the compiled entry point of a function, without dispatch on the argument types.
+
+    The caller must pass arguments of the compiled types. A function that is not compiled is
+    returned unchanged.
     """
     return (
         function.overloads[function.signatures[0]].entry_point
@@ -72,11 +77,10 @@ def entry(function: Any) -> Any:
 
 
 def prepare(*others: str) -> None:
-    """Compile, or read from the cache, all that a simulation may need: once, before several
-    processes do it.
+    """Compile everything that a simulation may need, or read it from the cache.
 
-    Where that had to be compiled, another process compiles ``others``, and goes on when this one
-    returns.
+    Call it once before several processes need it. If something had to be compiled, another process
+    compiles ``others`` and continues when this function returns.
     """
     load("compiler").compile_ahead([name for name in others if name not in MODULES])
     for name in MODULES:
@@ -84,8 +88,9 @@ def prepare(*others: str) -> None:
 
 
 def available() -> bool:
-    """Whether all that a simulation may need runs compiled here; imports or compiles it to find
-    out.
+    """True if everything that a simulation may need runs compiled here.
+
+    Imports or compiles it to find out.
     """
     prepare()
     return bool(load("compiler").compiles())

@@ -1,6 +1,4 @@
-"""The arrays of an arm with mass: its bodies, its drive, and what both remember; see
-:mod:`.drives`.
-"""
+"""Arrays of an arm with mass: its bodies, its drive and their memory; see :mod:`.drives`."""
 
 from __future__ import annotations
 
@@ -9,17 +7,17 @@ from typing import Annotated, NamedTuple
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, zeros
 
-#: Controllers of the joints: computed torque; a speed loop with a position loop around it; the
-#: speed loop alone.
+#: Joint controllers: computed torque; a speed loop inside a position loop; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)
 
 
 class BodyArrays(NamedTuple):
-    """The moving bodies of an arm, one per joint, and how each is placed on the one before.
+    """Moving bodies of an arm, one per joint, and the placement of each on the previous body.
 
-    Placement at q = 0, the joint's axis in it, whether it moves along the axis; mass [kg], centre
-    of mass [m] and inertia about it [kg m²] in the body's frame; inertia of the motors as the
-    joints feel it [kg m²]; gravity in the base frame [m/s²].
+    ``R`` and ``t`` are the placement at q = 0, ``axis`` is the joint axis in it, and ``prismatic``
+    is true if the joint moves along that axis. ``mass`` [kg], the centre of mass ``centre`` [m] and
+    the ``inertia`` about it [kg m²] are expressed in the body's frame. ``rotor`` is the inertia of
+    the motors as seen by the joints [kg m²], ``gravity`` is expressed in the base frame [m/s²].
     """
 
     R: Annotated[Array, F8, "n", 3, 3]
@@ -34,8 +32,9 @@ class BodyArrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """M(q), of which the lower half counts, its Cholesky factor, and the bias h(q, q̇): M q̈ + h =
-    τ.
+    """Inertia M(q), its Cholesky factor and the bias h(q, q̇), with M q̈ + h = τ.
+
+    Only the lower half of ``M`` is used.
     """
 
     M: Annotated[Array, F8, "n", "n"]
@@ -45,36 +44,38 @@ class Motion(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """How the joints are driven; flags are 0 or 1."""
+    """Drive of the joints; flags are 0 or 1."""
 
     kind: int
-    exact: int  # whether the controller believes in the true model
-    rate: float  # ω of its critically damped loops
+    exact: int  # 1 if the controller's model is the true one
+    rate: float  # ω of the critically damped loops
     outer: float  # κ of the position loop around the speed loop [1/s]
-    # inertia that the speed loop takes each joint to have [kg m²]
+    # inertia of each joint assumed by the speed loop [kg m²]
     weight: Annotated[Array, F8, "n"]
-    effort: Annotated[Array, F8, "n"]  # greatest torque; infinite where there is none
-    speed: Annotated[Array, F8, "n"]  # greatest speed that a reference may have
-    # friction: per speed, at speed, at rest, and the speed at which the last two have met by 63 %
+    effort: Annotated[Array, F8, "n"]  # torque limit; inf if there is none
+    speed: Annotated[Array, F8, "n"]  # speed limit of the reference
+    # friction: viscous, Coulomb and static, and the speed at which 63 % of the difference between
+    # the last two has vanished
     viscous: Annotated[Array, F8, "n"]
     coulomb: Annotated[Array, F8, "n"]
     static: Annotated[Array, F8, "n"]
     stribeck: Annotated[Array, F8, "n"]
     has_friction: int
-    # fraction of the way to the commanded torque that is covered in a substep: 1 − exp(−h/τ)
+    # fraction of the step to the commanded torque that the lag covers in a substep: 1 − exp(−h/τ)
     share: float
-    # whether the commanded torque acts without dead time and lag, and changes within a substep
+    # 1 if the commanded torque acts without dead time and lag, and changes within a substep
     at_once: int
-    fourth_order: int  # whether the motion is integrated by Runge and Kutta's method of that order
+    fourth_order: int  # 1 for integration by the fourth-order Runge-Kutta method
 
 
 class Memory(NamedTuple):
-    """The memory of a driven arm.
+    """Memory of a driven arm.
 
-    The command integrated, which is the controller's reference; the integral of the speed loop's
-    error; the weight that the controller compensates; the torque of the gears; torques commanded in
-    the last substeps, a ring buffer, and the place of the next one; substeps in which the torque
-    limit was exceeded.
+    ``q_c`` and ``qd_c`` are the integrated command, which is the controller's reference.
+    ``integral`` is the integral of the speed loop's error, ``gravity`` the weight that the
+    controller compensates, and ``torque`` the torque of the gears. ``under_way`` is a ring buffer
+    of the torques commanded in the last substeps, and ``at`` the place of the next one.
+    ``at_limit`` counts the substeps in which the torque limit was exceeded.
     """
 
     q_c: Annotated[Array, F8, "n"]
@@ -88,10 +89,11 @@ class Memory(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """An arm, its controller's belief of it, inertia and bias of both, and its integration in
-    substeps of h [s].
+    """Arm, its model in the controller, inertia and bias of both, and integration in substeps.
 
-    The last six are scratch, ``commanded`` the torques that the controller commands.
+    A substep lasts ``h`` [s]. ``motion`` is that of the ``true`` bodies, ``expected`` that of the
+    ``believed`` ones. The last six fields are scratch; ``commanded`` contains the torques that the
+    controller commands.
     """
 
     true: BodyArrays
@@ -113,7 +115,7 @@ class Arm(NamedTuple):
 def blank(
     bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, substeps: int, h: float
 ) -> Arm:
-    """An arm of which nothing has been computed yet; its gears remember so many ``slots``."""
+    """Return an arm with empty memory and room for ``slots`` torques under way."""
     known = {"true": bodies[0], "believed": bodies[1], "drive": drive, "substeps": substeps, "h": h}
     arm: Arm = zeros(Arm, {"n": len(drive.effort), "slots": slots}, known)
     return arm

@@ -1,6 +1,4 @@
-"""The camera of a control step: where it is, how it moves, and where it was in the samples
-before.
-"""
+"""Camera of a control step: its pose, its motion and its pose in previous samples."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ from .workspace import Step
 
 @in_place
 def carry(step: Step, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
-    """Position, velocity and acceleration of the point at r from a body's origin."""
+    """Return position, velocity and acceleration of the point at r from a body's origin."""
     body = step.bodies[number]
     velocity, acceleration = carried(
         r,
@@ -53,14 +51,14 @@ def put_pose(pose: tuple[Matrix, Vector], R: Array, origin: Array) -> None:
 
 @in_place
 def from_target(step: Step, R: Matrix, origin: Vector) -> tuple[Matrix, Vector]:
-    """The camera's pose in the frame of a target that is there."""
+    """Return the camera's pose in the frame of a target with the given pose."""
     eye = step.eye[0]
     return transposed_product(R, matrix(eye.R)), turned_back(R, minus(vector(eye.origin), origin))
 
 
 @in_place
 def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
-    """Where the target is in the base frame at time t [s]."""
+    """Return the target's pose in the base frame at time t [s]."""
     tip = step.bodies[len(step.joints)]
     camera = step.camera[0]
     target = step.target[0]
@@ -78,8 +76,9 @@ def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
 
 @in_place
 def place_camera(step: Step, t: float) -> None:
-    """Write where the camera and the target are in the base frame, and the one relative to the
-    other.
+    """Write the poses of camera and target in the base frame, and their relative pose.
+
+    The relative pose is left unchanged if it is measured.
     """
     tip = step.bodies[len(step.joints)]
     camera = step.camera[0]
@@ -98,7 +97,10 @@ def place_camera(step: Step, t: float) -> None:
 
 @in_place
 def move_camera(step: Step, t: float) -> None:
-    """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
+    """Write the camera's twist and its Jacobian relative to the target.
+
+    The camera's pose must have been written by :func:`place_camera`.
+    """
     n = len(step.joints)
     tip = step.bodies[n]
     camera = step.camera[0]
@@ -108,7 +110,7 @@ def move_camera(step: Step, t: float) -> None:
     origin = vector(eye.origin)
     r = turned(matrix(tip.R), vector(camera.t))
     if camera.fixed:
-        # as if the tip carried it: its motion is that of the target, reversed
+        # treated as if the tip carried it: its motion is that of the target, reversed
         r = minus(vector(camera.t), vector(tip.origin))
     _, velocity, acceleration = carry(step, n, r)
     away = origin
@@ -142,15 +144,17 @@ def move_camera(step: Step, t: float) -> None:
 
 @in_place
 def newest_view(step: Step) -> int:
-    """Where the camera's pose of the present sample is."""
+    """Return the index of the camera view of the current sample."""
     newest: int = (step.last[0].views - 1) % len(step.views)
     return newest
 
 
 @in_place
 def keep_view(step: Step, t: float) -> None:
-    """Keep where the camera is, as far as motion is known; in a sample of the same time in place of
-    the one before.
+    """Store the camera's pose in the target's frame, as far as the motion is known.
+
+    A sample of the same time as the previous one replaces it. A sample of an earlier time clears
+    the stored views.
     """
     last = step.last[0]
     target = step.target[0]
@@ -160,7 +164,8 @@ def keep_view(step: Step, t: float) -> None:
         last.views = last.views - 1 if t == newest else 0
     target_R = matrix(step.target_R)
     target_t = vector(step.target_t)
-    if target.moves and not target.known:  # what moves unknown to the control stands still for it
+    # the controller assumes a target of unknown motion to be at rest
+    if target.moves and not target.known:
         target_R, target_t = target_at(step, 0.0)
     view = views[last.views % len(views)]
     view.time = t
@@ -170,11 +175,10 @@ def keep_view(step: Step, t: float) -> None:
 
 @in_place
 def look_back(step: Step) -> None:
-    """Write where the camera was when the image was taken, and move its measured pose on from there
-    to now.
+    """Write the camera's pose at the image's time, and extrapolate its measured pose to now.
 
-    That is where it was in the sample that is nearest in time, moved by the present twist for the
-    rest of the time.
+    The pose at the image's time is the stored view nearest in time, moved by the current twist for
+    the remaining time.
     """
     eye = step.eye[0]
     measurement = step.measurement[0]
@@ -204,14 +208,16 @@ def look_back(step: Step) -> None:
 
 @in_place
 def in_view(step: Step, view: Any, i: int) -> Vector:
-    """A marker in the frame of a camera that is there."""
+    """Return a marker in the frame of the camera of a view."""
     return turned_back(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
 
 
 @in_place
 def moved_since(step: Step, i: int) -> Vector:
-    """By how much the model has moved a marker in the image, in normalised coordinates, and its
-    depth, since then.
+    """Return the modelled motion of a marker since the image was taken.
+
+    The motion is (Δx, Δy) in normalised coordinates and the change of depth. It is zero unless the
+    marker is in front of the camera in both views.
     """
     before = in_view(step, step.then[0], i)
     now = in_view(step, step.views[newest_view(step)], i)
@@ -224,7 +230,7 @@ def moved_since(step: Step, i: int) -> Vector:
 
 @in_place
 def in_camera(step: Step, i: int) -> Vector:
-    """A marker in the camera frame, where the model has it."""
+    """Return a marker's position in the camera frame according to the model."""
     there = turned(matrix(step.target_R), vector(step.markers[i]))
     away = minus(vector(step.target_t), vector(step.eye[0].origin))
     return turned_back(matrix(step.eye[0].R), plus(there, away))

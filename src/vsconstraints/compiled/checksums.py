@@ -1,7 +1,7 @@
-"""Checksums beside compiled files.
+"""Checksums stored beside compiled files.
 
 A process that runs damaged machine code ends at once, without an error. A file without a checksum
-was not finished. Both kinds are removed, so that they are made again.
+was not completely written. Both kinds of files are removed, so that they are compiled again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-SUFFIX = ".sha256"  #: What is added to a file's name.
+SUFFIX = ".sha256"  #: Suffix added to a file's name.
 
 
 def _sum_file(file: Path) -> Path:
@@ -29,9 +29,9 @@ def _written_sum(file: Path) -> str:
 
 
 def remove_damaged(files: Sequence[Path]) -> None:
-    """Remove the files of one function unless all are as they were written.
+    """Remove the files of one function unless all are intact.
 
-    A note says so where one is damaged.
+    If a file is damaged, a note is printed to stderr.
     """
     sums = [_sum_file(file) for file in files]
     if all(sum_file.is_file() for sum_file in sums):
@@ -47,7 +47,7 @@ def remove_damaged(files: Sequence[Path]) -> None:
 def seal(files: Sequence[Path]) -> None:
     """Write the checksums of files that have none.
 
-    Where they cannot be written, the files are made again next time.
+    If they cannot be written, the files are compiled again next time.
     """
     for file in files:
         sum_file = _sum_file(file)

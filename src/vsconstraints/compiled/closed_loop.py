@@ -1,6 +1,4 @@
-"""The closed loop, compiled whole: step, law, tracking alone beside it, robot, and what is kept of
-a run.
-"""
+"""Closed loop, compiled as a whole: step, law, unconstrained baseline, robot and records."""
 
 from __future__ import annotations
 
@@ -27,15 +25,16 @@ load_loop = struct_loader(zeros(Loop))
 
 @in_place
 def now(clock: IntArray) -> float:
-    """Time of a clock that only goes forward [s], or 0 where nobody asks; ``clock`` (2,) or (0,) is
-    scratch.
+    """Return the time of a monotonic clock [s], or 0 if no time is requested.
+
+    ``clock`` is scratch of shape (2,), or (0,) if no time is requested.
     """
     return monotonic(clock) if clock.size else 0.0
 
 
 @in_place
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
-    """Run a law; False if Python has to run it."""
+    """Run a law. Return False if Python has to run it."""
     code = apply_law(law_address, loop.rows, loop.task, answer)
     return code == SOLVED or code >= RELAXED_ROWS
 
@@ -43,12 +42,12 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
 @checked(Loop)
 @compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
 def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
-    """Go on with sample k, from that stage, until sample ``end``.
+    """Continue with sample k from the given stage until sample ``end``.
 
     Returns
     -------
     tuple
-        The sample, and its stage that Python has to do; ``end`` and ``STEP`` if all is done.
+        The sample and its stage that Python has to execute; ``end`` and ``STEP`` if all is done.
     """
     loop = load_loop(loop_address)
     evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
@@ -63,7 +62,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
                 true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0
             ):
                 return k, STEP
-            # what comes before is the world's part, not the control's
+            # the simulated world precedes; the controller's time starts here
             if observe != 0 and call_int_pointer(observe, (sensing, true, believed, t, k)) != 0:
                 return k, STEP
             started = now(loop.clock)
@@ -78,7 +77,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
                 return k, LAW
             kept.step_time[at] = now(loop.clock) - started
             stage = ALONE
-        # unless the law has found it on its way
+        # the law may already have computed the baseline
         if stage == ALONE and math.isnan(loop.alone[0]):
             tracking = load_law(alone)
             task = loop.task
@@ -89,7 +88,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         samples.finish(loop, k)
         k = k + 1
         stage = STEP
-        # an unbounded motion is for Python to report
+        # Python reports an unbounded motion
         if move != 0 and call_int_pointer(move, (moved, loop.plant.x)) != 0:
             return k, STEP
     return k, STEP

@@ -1,4 +1,4 @@
-"""How functions of this package are compiled, or left to Python, and where the result is kept."""
+"""Compilation of this package's functions, their fallback to Python, and the disk cache."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from .checksums import remove_damaged, seal
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
 
-#: Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat
-#: bit by bit.
+#: Division by zero gives an infinity, as in NumPy. Sums are never reordered, so that results are
+#: reproducible bit by bit.
 OPTIONS = {"error_model": "numpy", "fastmath": False}
-#: For functions that make no arrays: counting references to every view of one takes as long as
-#: computing.
+#: For functions that make no arrays. Counting the references to every view of an array takes as
+#: long as the computation.
 IN_PLACE = {**OPTIONS, "_nrt": False}
-#: Value of the environment variable with which a process compiles everything it needs by itself.
+#: Value of the environment variable with which a process compiles everything without a helper.
 SINGLE_PROCESS = "alone"
-#: States of a module's code that are kept compiled, those used last, without formulas of their own
-#: and with them, and the length of their names' ends.
+#: Number of states of a module's code whose compiled files are kept, most recently used first: of
+#: functions without formulas of their own, and with them. Length of the hash in folder names.
 KEPT = 8
 KEPT_PARTS = 64
 HASH = 16
-_warned: list[Exception] = []  #: Why nothing is compiled, once a warning has said so.
+_warned: list[Exception] = []  #: Reason why nothing is compiled, once a warning has given it.
 
 
 def _warn(error: Exception) -> None:
@@ -61,26 +61,27 @@ def _warn(error: Exception) -> None:
 
 
 def _internals() -> Any:
-    """:mod:`.numba_internals`; None where nothing is to be compiled, or numba is missing or
-    broken.
+    """Return :mod:`.numba_internals`, or None if functions stay in Python.
+
+    They stay in Python if the environment requires it, or if numba is missing or broken.
     """
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
         return import_module(f"{__package__}.numba_internals")
-    except Exception as error:  # whatever is wrong with the compiler, Python runs
+    except Exception as error:  # whatever the failure of the compiler, Python can run the functions
         _warn(error)
         return None
 
 
 internals = _internals()
 numba: Any = internals and internals.numba
-#: Types in signatures; None where nothing is compiled.
+#: Types in signatures; None if nothing is compiled.
 VOID, INT, FLOAT, VECTOR, MATRIX = (
     getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
 )
-#: ``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math``
-#: raises.
+#: ``math`` for functions that run in Python. As in compiled code, the result is NaN or infinity
+#: where ``math`` raises.
 QUIET = SimpleNamespace(
     **{
         **vars(math),
@@ -93,24 +94,25 @@ QUIET = SimpleNamespace(
 
 
 def compiles() -> bool:
-    """Whether functions are compiled; otherwise they run in Python, some 200 times slower, to the
-    same results.
+    """True if functions are compiled.
+
+    Otherwise they run in Python, about 200 times slower, with the same results.
     """
     return internals is not None
 
 
 def type_of(example: Any) -> Any:
-    """The compiler's type of a structure of arrays."""
+    """Return the compiler's type of a structure of arrays, or None if nothing is compiled."""
     return None if internals is None else numba.typeof(example)
 
 
 def signature(result: Any, *arguments: Any) -> Any:
-    """The signature of a function that takes these types."""
+    """Return the signature of a function of these types, or None if nothing is compiled."""
     return None if internals is None else result(*arguments)
 
 
 def _as_compiled(function: Callable[..., Any]) -> None:
-    """Let a function that stays in Python compute as if it were compiled."""
+    """Make a function that stays in Python compute as if it were compiled."""
     if function.__globals__.get("math") is math:
         function.__globals__["math"] = QUIET
 
@@ -119,8 +121,9 @@ _registered: set[Callable[..., Any]] = set()  #: Formulas that compiled code can
 
 
 def register_formulas(*formulas: Callable[..., Any]) -> None:
-    """Let compiled code call these functions and every marked formula: see
-    :mod:`vsconstraints.formulas`.
+    """Let compiled code call these functions and every marked formula.
+
+    See :mod:`vsconstraints.formulas`.
     """
     for function in (*FORMULAS, *formulas):
         if function not in _registered and internals is not None:
@@ -129,7 +132,7 @@ def register_formulas(*formulas: Callable[..., Any]) -> None:
 
 
 def inner(function: F, options: dict[str, Any] = OPTIONS) -> F:
-    """Let compiled functions call this one, which stays as it is in Python."""
+    """Let compiled functions call this one, which stays unchanged in Python."""
     if internals is None:
         _as_compiled(function)
     else:
@@ -138,7 +141,7 @@ def inner(function: F, options: dict[str, Any] = OPTIONS) -> F:
 
 
 def in_place(function: F) -> F:
-    """As :func:`inner`, for what makes no arrays."""
+    """Let compiled functions call this one, which makes no arrays; see :func:`inner`."""
     return inner(function, IN_PLACE)
 
 
@@ -148,16 +151,16 @@ def compiled(
     formulas: Formulas = (),
     from_python: bool = True,
 ) -> Callable[[F], F]:
-    """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or
-    :data:`IN_PLACE`.
+    """Make a decorator that compiles for this signature and caches the result on disk.
 
-    The function may call ``formulas`` beside the marked ones. Arguments of other types raise
-    TypeError. What is only called by its address, not ``from_python``, compiles faster: whole
-    structures take long to be taken apart.
+    ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`. The function may call ``formulas`` besides
+    the marked ones. Arguments of other types raise TypeError. A function that is only called by its
+    address, with ``from_python=False``, compiles faster, because code that unpacks whole structures
+    takes long to compile.
 
-    Where nothing is compiled, the function runs in Python. Where the compiler fails for a function
-    without formulas of its own, a RuntimeWarning says why, and nothing more is compiled in this
-    process.
+    If nothing is compiled, the function runs in Python. If the compiler fails for a function with
+    ``formulas``, its error is raised. If it fails for another function, a RuntimeWarning gives the
+    reason, and nothing more is compiled in this process.
     """
 
     def decorate(function: F) -> F:
@@ -178,8 +181,9 @@ def compiled(
 
 
 def in_python(function: F, signature: Any = None) -> F:
-    """The function as Python runs it: it checks arrays and numbers if its signature is text, and
-    never warns.
+    """Return the function as Python runs it, without floating-point warnings.
+
+    If its signature is text, it checks arrays and numbers, and raises TypeError for other types.
     """
     _as_compiled(function)
     checks = (
@@ -199,7 +203,7 @@ def in_python(function: F, signature: Any = None) -> F:
 
 
 def _checks(signature: str) -> list[Callable[[Any], bool]]:
-    """Whether the arguments, and what is in tuples of them, fit as the compiler would see it."""
+    """Return predicates that check arguments, and entries of tuples, as the compiler would."""
 
     def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
         if not (constant or dtype):
@@ -225,8 +229,8 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
     config = numba.config
     before = config.CACHE_DIR, config.LOOP_VECTORIZE
     with _writable(cache_of(function, formulas)) as folder:
-        # loops are of a few joints or rows: vectors make no step faster, and compiling takes a
-        # tenth longer
+        # loops run over a few joints or rows: vectorisation makes no step faster, but compilation
+        # 10 % slower
         config.CACHE_DIR = str(folder)
         config.LOOP_VECTORIZE = 0
         try:
@@ -241,8 +245,9 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
 
 
 def _compile_or_read(jit: Any, function: F) -> F:
-    """Let numba compile or read a function without looking for garbage, of which there is hardly
-    any before the end.
+    """Let numba compile or read a function without garbage collection.
+
+    Hardly any garbage arises before the end.
     """
     collects = gc.isenabled()
     gc.disable()
@@ -256,11 +261,9 @@ def _compile_or_read(jit: Any, function: F) -> F:
 
 @contextmanager
 def compile_lock(folder: Path) -> Iterator[None]:
-    """One process at a time: of workers that need the same function, one compiles it and the others
-    read it.
-    """
+    """Lock a cache folder, so that one process compiles a function and the others read it."""
     with ExitStack() as stack:
-        # where files cannot be locked each compiles for itself
+        # without file locks, each process compiles for itself
         with suppress(OSError):
             portable.lock(stack.enter_context((folder / "lock").open("w")), wait=True)
         yield
@@ -268,8 +271,9 @@ def compile_lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _writable(folder: Path) -> Iterator[Path]:
-    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing,
-    even to read.
+    """Yield the folder or, if it cannot be written, a temporary copy of it.
+
+    Numba needs a writable folder, even to read.
     """
     if os.access(folder, os.W_OK | os.X_OK):
         yield folder
@@ -281,13 +285,13 @@ def _writable(folder: Path) -> Iterator[Path]:
         yield Path(copy)
 
 
-#: Files outside this room and the formulas' of which compiled code takes constants, which leave no
-#: trace in it.
+#: Files outside this folder and ``formulas`` that define constants of compiled code. Compiled code
+#: contains no reference to them.
 OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
 
 
 def sources() -> list[Path]:
-    """Every file that compiled code may be made of."""
+    """List every file that compiled code may be made of."""
     package = Path(__file__).parent.parent
     folders = (package / "compiled", package / "formulas")
     files = (file for folder in folders for file in sorted(folder.glob("*.py")))
@@ -296,7 +300,7 @@ def sources() -> list[Path]:
 
 @cache
 def _state() -> bytes:
-    """Differs with the code of this package, the compiler, Python and the processor."""
+    """Hash of this package's code, the compiler, Python and the processor."""
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     texts = b"".join(file.read_bytes() for file in sources())
     made_by = f"{numba.__version__} {sys.version} {processor} {internals.CHECKS_BOUNDS}"
@@ -304,10 +308,10 @@ def _state() -> bytes:
 
 
 def _meaning(code: CodeType) -> bytes:
-    """Return bytes that differ with what a function does, and are the same in every process.
+    """Return bytes that identify the behaviour of a function and are equal in every process.
 
-    The ``repr`` of its constants is not: inner functions show their addresses there, and sets of
-    texts their order.
+    The ``repr`` of its constants would differ: it contains the addresses of inner functions, and
+    sets of strings in any order.
     """
     constants = []
     for constant in code.co_consts:
@@ -321,27 +325,27 @@ def _meaning(code: CodeType) -> bytes:
 
 
 def cache_candidates() -> list[Path]:
-    """List where compiled code may be kept.
+    """List the folders in which compiled code may be stored.
 
-    That is ``NUMBA_CACHE_DIR`` if it is set, or else beside the code or in the user's cache, which
-    a user without a home does not have.
+    This is ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is a folder beside the code, then the
+    user's cache, which a user without a home does not have.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return [Path(chosen)]
     beside = Path(__file__).parent / "__pycache__"
     users = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    # without a home the text stays as it is
+    # without a home, ``~`` is not expanded
     return [beside] if users.startswith("~") else [beside, Path(users) / "vsconstraints"]
 
 
 def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
-    """Where a compiled function is kept: one folder for each state of its code, the compiler,
-    Python and the processor.
+    """Return the folder in which a compiled function is stored.
 
-    Numba by itself would compare the file of a function, and not see that one it calls has changed.
-    The folder is made in the first of :func:`cache_candidates` that can be written. One that cannot
-    be written but holds the function is as good.
+    Each state of the function's code, the compiler, Python and the processor has its own folder.
+    Numba alone would compare only the file of the function, and would miss changes of the functions
+    that it calls. The folder is created in the first of :func:`cache_candidates` that can be
+    written. A folder that cannot be written but contains the function is accepted as well.
 
     Raises
     ------
@@ -350,7 +354,7 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
     """
     state = hashlib.sha256(_state())
     for formula in formulas:
-        # the module of an own one may hold whatever it calls
+        # the module of a custom formula may contain the functions that it calls
         with suppress(OSError):
             state.update(Path(inspect.getsourcefile(formula) or "").read_bytes())
         state.update(_meaning(formula.__code__))
@@ -371,13 +375,13 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
     )
 
 
-#: Kept, since the end of a process that nobody holds is complained about.
+#: Kept, because Python warns about a process that nothing refers to.
 _helpers: list[subprocess.Popen[bytes]] = []
-_announced: set[Path] = set()  #: Caches of which this process has said that it fills them.
+_announced: set[Path] = set()  #: Caches that this process has announced to fill.
 
 
 def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
-    """Return the cache folder, and remove old ones; say so if the function has to be compiled."""
+    """Return the cache folder and remove old ones; announce a compilation if it is needed."""
     folder = cache_folder(function, formulas)
     with suppress(OSError):
         os.utime(folder)
@@ -387,7 +391,7 @@ def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
         ]:
             shutil.rmtree(old, ignore_errors=True)
     missing = next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None
-    # the workers of a command compile what it has announced
+    # workers compile what their command has already announced
     if missing and folder.parent not in _announced and multiprocessing.parent_process() is None:
         _announced.add(folder.parent)
         part = folder.name.rpartition("-")[0]
@@ -398,7 +402,7 @@ def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
 
 
 def _announcement(part: str, kept_in: Path) -> str:
-    """Return what is compiled: the control step if nothing is there yet, or what it lacks."""
+    """Return the message about a compilation: of the control step, or of a missing part."""
     state = hashlib.sha256(_state()).hexdigest()[:HASH]
     if next(kept_in.glob(f"*-{state}/**/*.nbi"), None) is None:
         return f"compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
@@ -406,11 +410,10 @@ def _announcement(part: str, kept_in: Path) -> str:
 
 
 def _share(modules: Iterable[str]) -> None:
-    """Let another process compile these modules in the meantime, so that they are there when they
-    are needed.
+    """Let another process compile these modules in parallel.
 
-    Locks keep the two from compiling the same; nothing waits for that process, which ends with this
-    one, and nothing is lost if it fails.
+    Locks keep the two processes from compiling the same function. No process waits for the other
+    one, which ends with this one. Nothing is lost if it fails.
     """
     if (
         os.environ.get(VARIABLE) == SINGLE_PROCESS

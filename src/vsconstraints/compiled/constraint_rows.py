@@ -1,6 +1,6 @@
-"""The rows of the kinds of constraints, each made by a template for the formulas of one constraint.
+"""Rows of each kind of constraint, made by a template from the formulas of one constraint.
 
-A template returns a function (address, i): it writes the rows of part ``i`` of the :class:`.Step`
+A template returns a function (address, i). It writes the rows of part ``i`` of the :class:`.Step`
 at an address.
 """
 
@@ -34,7 +34,7 @@ WriteRows = Callable[[int, int], None]
 
 @in_place
 def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
-    """Displacement, velocity and acceleration of a MOTION."""
+    """Return displacement, velocity and acceleration of a MOTION at time t [s]."""
     x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
     y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
     z = displacement(t, motion.velocity[2], motion.amplitude[2], motion.rate, motion.phase)
@@ -43,7 +43,10 @@ def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
 
 @in_place
 def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
-    """How far what a constraint forbids has moved, and how it moves, as far as that is known."""
+    """Return displacement, velocity and acceleration of the region that a constraint forbids.
+
+    Velocity and acceleration are zero if they are unknown to the controller.
+    """
     moved = (0.0, 0.0, 0.0)
     velocity = (0.0, 0.0, 0.0)
     acceleration = (0.0, 0.0, 0.0)
@@ -57,9 +60,7 @@ def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
 
 @in_place
 def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
-    """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ =
-    0.
-    """
+    """Write a row except L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ for q̈ = 0."""
     rows = step.rows
     rows.sigma[row] = sigma
     rows.sigma_dot[row] = sigma_dot
@@ -69,11 +70,11 @@ def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, dr
 
 @in_place
 def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, float]:
-    """Where the goal that holds at time t [s] begins among the parameters of a funnel; its width
-    and two derivatives.
+    """Return where the parameters of the current goal begin, and width, rate and curvature.
 
-    ``numbers`` are final, decay, the number of goals, when each begins, and ``size`` numbers of
-    each.
+    The goal is the one that holds at time t [s]. The width of the funnel comes with its first two
+    derivatives. ``numbers`` are final, decay, the number of goals, the start time of each goal, and
+    ``size`` parameters of each goal.
     """
     goals = int(numbers[2])
     begins = numbers[3 : 3 + goals]
@@ -83,7 +84,7 @@ def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, 
 
 
 def joint_rows() -> WriteRows:
-    """Rows that are linear in the joint coordinates."""
+    """Return the function that writes rows linear in the joint coordinates."""
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
@@ -95,7 +96,8 @@ def joint_rows() -> WriteRows:
             middle = step.middles[row]
             for j in range(len(g)):
                 q = step.q[j]
-                if middle == middle:  # not NaN: the row is of one joint, which turns without end
+                # not NaN: the row limits a single continuous joint
+                if middle == middle:
                     q -= whole_turns(q - middle)
                 value += g[j] * q
                 rate += g[j] * step.qd[j]
@@ -106,7 +108,10 @@ def joint_rows() -> WriteRows:
 
 
 def speed_rows() -> WriteRows:
-    """Rows that are linear in the joint speeds: φ itself, which no q̈ = 0 changes."""
+    """Return the function that writes rows linear in the joint speeds.
+
+    Their formula is φ itself, whose drift L_fφ is zero.
+    """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
@@ -125,7 +130,10 @@ def speed_rows() -> WriteRows:
 def point_rows(
     formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
 ) -> WriteRows:
-    """Rows on where robot points are in space, from a formula: see :func:`image_rows`."""
+    """Return the function that writes rows on the positions of robot points.
+
+    ``formula`` has ``count`` parameters; see :func:`image_rows`.
+    """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
@@ -140,7 +148,7 @@ def point_rows(
             place = step.places[which]
             p_dot = minus(vector(place.velocity), velocity)
             p_ddot = minus(vector(place.drift), acceleration)
-            # in the frame of the formula
+            # coordinates in the frame of the formula
             y = turned_back(R, minus(minus(vector(place.position), moved), vector(part.t)))
             y_dot = turned_back(R, p_dot)
             value, along_x, along_y, along_z = formula(*(y + parameters))
@@ -161,8 +169,10 @@ def point_rows(
 def image_rows(
     formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
 ) -> WriteRows:
-    """Rows on where markers are in the image, from a formula of so many parameters: see
-    :class:`.ByFormula`.
+    """Return the function that writes rows on the positions of markers in the image.
+
+    ``formula`` has ``count`` parameters; see :class:`.ByFormula`. Without ``curvature``, second
+    derivatives are finite differences.
     """
 
     def rows(address: int, i: int) -> None:
@@ -183,7 +193,7 @@ def image_rows(
             v_dot = focal[1] * marker.velocity[1] - velocity[1]
             u_ddot = focal[0] * marker.drift[0] - acceleration[0]
             v_ddot = focal[1] * marker.drift[1] - acceleration[1]
-            # in the frame of the formula
+            # coordinates in the frame of the formula
             y = turned_back_in_image(R, (u - part.t[0], v - part.t[1]))
             y_dot = turned_back_in_image(R, (u_dot, v_dot))
             value, along_u, along_v = formula(*(y + parameters))
@@ -206,7 +216,10 @@ def image_rows(
 
 
 def image_funnel_rows() -> WriteRows:
-    """Rows of a funnel of markers: see :class:`vsconstraints.constraints.PerformanceFunnel`."""
+    """Return the function that writes the rows of a funnel of markers.
+
+    See :class:`vsconstraints.constraints.PerformanceFunnel`.
+    """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
@@ -239,8 +252,9 @@ def image_funnel_rows() -> WriteRows:
 
 
 def pose_funnel_rows() -> WriteRows:
-    """Rows of a funnel of the camera's pose: see
-    :class:`vsconstraints.constraints.PerformanceFunnel`.
+    """Return the function that writes the rows of a funnel of the camera's pose.
+
+    See :class:`vsconstraints.constraints.PerformanceFunnel`.
     """
 
     def rows(address: int, i: int) -> None:
@@ -287,22 +301,21 @@ def pose_funnel_rows() -> WriteRows:
 
 @cache
 def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> Any:
-    """The compiled function that the template ``kind`` gives; None, with a RuntimeWarning, if numba
-    refuses a formula.
+    """Return the compiled function of the template ``kind``, or None if numba refuses a formula.
 
-    ``count`` is the number of parameters of the formulas.
+    A RuntimeWarning reports the refusal. ``count`` is the number of parameters of the formulas.
     """
     template = globals().get(kind)
     options = IN_PLACE
     if template is None:
-        # makes arrays
+        # these templates make arrays
         template = getattr(load(kind), kind)
         options = OPTIONS
     try:
         return make_part(
             template, formulas, (count,) if formulas else (), "void(int64, int64)", options
         )
-    except Exception as error:  # numba raises anything for code that it does not know
+    except Exception as error:  # numba raises any exception for code that it does not support
         if all(formula is None for formula in formulas):
             raise
         warn_refused(formulas, error)
@@ -310,14 +323,14 @@ def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], co
 
 
 def rows_address(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> int:
-    """Where :func:`rows_function` begins; 0 if there is none."""
+    """Return the address of :func:`rows_function`'s result, or 0 if there is none."""
     function = rows_function(kind, formulas, count)
     return 0 if function is None else address(function)
 
 
 @compiled("void(int64, int64)", IN_PLACE, from_python=False)
 def apply_gradient_error(step_address: int, in_phi: int) -> None:
-    """Put ∇σ_e in place of ∇σ in the rows of a step: in L_gφ, and in φ and L_fφ if so.
+    """Replace ∇σ by ∇σ_e in the rows of a step: in L_gφ and, if ``in_phi``, in φ and L_fφ.
 
     See :class:`vsconstraints.simulation.sensing.GradientError`.
     """
@@ -330,10 +343,10 @@ def apply_gradient_error(step_address: int, in_phi: int) -> None:
             error = gradient_error(rows.Lg[i, j], share[i, j])
             rows.Lg[i, j] += error
             change += error * step.qd[j]
-        # rows on φ itself have no ∇σ in them
+        # rows that give φ itself contain no ∇σ
         if in_phi and rows.K[i] > 0.0:
             rows.phi[i] += change
             rows.Lf[i] += change / rows.K[i]
 
 
-APPLY_GRADIENT_ERROR = address(apply_gradient_error)  #: Where it begins.
+APPLY_GRADIENT_ERROR = address(apply_gradient_error)  #: Its address.

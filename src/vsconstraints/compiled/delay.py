@@ -1,4 +1,4 @@
-"""A law on rows and task of the state in which its command begins to act, compiled."""
+"""Compiled delay compensation: a law applied to the state in which its command begins to act."""
 
 from __future__ import annotations
 
@@ -15,20 +15,19 @@ from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, Ta
 
 
 class DelayArrays(NamedTuple):
-    """The commands of n joints that are under way, and the law that answers."""
+    """Pending commands of n joints, and the law that computes new ones."""
 
-    #: Addresses of the law, of the step in the loop, and of the one that predicts; 0 where Python
+    #: Addresses of the law, of the step in the loop, and of the predicting step; 0 if Python
     #: predicts.
     law: int
     loop: int
     step: int
-    frozen: int  #: Whether all is predicted at the present time.
-    #: T_s, how late commands begin to act, and how much longer the first of those under way acts
-    #: [s].
+    frozen: int  #: 1 if everything is predicted at the current time.
+    #: T_s, delay of commands, and remaining duration of the first pending command [s].
     period: float
     delay: float
     first: float
-    sent: Array  #: (w, n) commands under way, the first that acts first.
+    sent: Array  #: (w, n) pending commands, in the order in which they act.
     now: Array  #: (1 + 2n,) t, q, q̇.
 
     @classmethod
@@ -40,7 +39,10 @@ class DelayArrays(NamedTuple):
         period: float,
         delay: tuple[int, float],
     ) -> DelayArrays:
-        """With no command under way; a delay of so many periods and the rest of it [s]."""
+        """Return arrays whose pending commands are zero.
+
+        ``delay`` is a number of whole periods and the rest [s].
+        """
         whole, rest = delay
         under_way, first = (whole + 1, rest) if rest > 0.0 or whole == 0 else (whole, period)
         late = whole * period + rest
@@ -60,7 +62,7 @@ load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
 
 @in_place
 def foresee(own: DelayArrays) -> None:
-    """Move the state on to when a command of now begins to act."""
+    """Advance the state ``own.now`` to the time at which a command issued now begins to act."""
     commands, n = own.sent.shape
     if own.frozen == 0:
         own.now[0] += own.delay
@@ -74,7 +76,7 @@ def foresee(own: DelayArrays) -> None:
 
 @in_place
 def send(own: DelayArrays, rows: RowArrays, qdd: Array) -> None:
-    """Remember a command as the last under way."""
+    """Append a command to the pending ones."""
     commands, n = own.sent.shape
     for j in range(n):
         for k in range(1, commands):
@@ -84,7 +86,7 @@ def send(own: DelayArrays, rows: RowArrays, qdd: Array) -> None:
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.DelayCompensated`."""
+    """Compute the command of :class:`vsconstraints.controllers.DelayCompensated`."""
     own = load_delay(load_law(address).demand)
     n = answer.qdd.size
     start_from(own.loop, own.step, own.now)
@@ -102,7 +104,7 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         then.phi, then.Lg, then.Lf, then.sigma, then.sigma_dot, then.K, then.switching_gain, then.scale, rows.qdd_min,
         rows.qdd_max,
     )  # fmt: skip
-    # what tracking commands then is not what it commands now
+    # the baseline of the predicted state is not that of the current one: do not report it
     own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
     code = apply_law(own.law, ahead, step.task, own_answer)
     if code == SOLVED or code >= RELAXED_ROWS:

@@ -1,13 +1,12 @@
-"""An arm with mass, compiled: inertia and bias, joint controller, gears, friction, substeps and
-periods.
+"""Arm with mass, compiled: inertia and bias, joint controller, gears, friction, integration.
 
-All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are
-summed as they are: those of the bodies behind a joint, projected on its axis, give the bias
-(recursive Newton–Euler), and the inertia where the joint alone moves them (composite rigid bodies).
-Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code cannot call, give the same:
-``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
+All quantities are expressed in the base frame, twists and momenta about its origin, so that momenta
+of bodies can be added directly. The momenta of the bodies behind a joint, projected on its axis,
+give the bias (recursive Newton–Euler). They give the inertia if the joint alone moves these bodies
+(composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code cannot
+call, give the same results: ``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
 
-A period of ten substeps takes 7 µs within the compiled loop; stepped in MuJoCo, from Python, it
+A period of ten substeps takes 7 µs within the compiled loop. In MuJoCo, stepped from Python, it
 takes 120 µs.
 """
 
@@ -36,23 +35,24 @@ from .workspace import zeros
 
 register_formulas()
 
-BOUND = 1e4  #: Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s].
-#: Most sweeps that balance friction among the joints, and the change at which they end, by the
-#: greatest speed.
+BOUND = 1e4  #: Joint speed beyond which the motion counts as unbounded [rad/s or m/s].
+#: Maximum number of sweeps that balance friction among the joints, and the change at which they
+#: end, relative to the greatest speed.
 SWEEPS = 200
 SETTLED = 1e-12
 
 
 @in_place
 def factor(M: Array, L: Array) -> None:
-    """Write the Cholesky factor of M (n, n), of which the lower half counts, with the inverses of
-    its diagonal.
+    """Write the Cholesky factor of M (n, n), with the inverses of its diagonal.
+
+    Only the lower half of M is used.
     """
     for j in range(len(M)):
         rest = M[j, j]
         for k in range(j):
             rest -= L[j, k] * L[j, k]
-        # NaN where M is not positive definite: whoever looks at the speeds sees it
+        # NaN if M is not positive definite: the speeds become NaN as well, which is detected
         inverse = 1.0 / math.sqrt(rest) if rest > 0.0 else math.nan
         L[j, j] = inverse
         for i in range(j + 1, len(M)):
@@ -64,7 +64,7 @@ def factor(M: Array, L: Array) -> None:
 
 @in_place
 def solve(L: Array, x: Array) -> None:
-    """Set x ← M⁻¹ x (n,) by the factor of :func:`factor`."""
+    """Set x ← M⁻¹ x (n,) with the factor of :func:`factor`."""
     n = len(x)
     for i in range(n):
         for k in range(i):
@@ -86,7 +86,10 @@ def accelerate(motion: Motion, torque: Array, friction: Array, qdd: Array) -> No
 
 @in_place
 def symmetric(row: Array, at: int, v: Vector) -> Vector:
-    """S v, of a symmetric matrix whose xx, xy, xz, yy, yz and zz stand in a row, from there on."""
+    """Return S v for a symmetric matrix S.
+
+    Its entries xx, xy, xz, yy, yz and zz begin at entry ``at`` of ``row``.
+    """
     xx = row[at]
     xy = row[at + 1]
     xz = row[at + 2]
@@ -109,7 +112,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
     o = (0.0, 0.0, 0.0)
     omega = (0.0, 0.0, 0.0)
     alpha = (0.0, 0.0, 0.0)
-    # of the body's frame; gravity is an acceleration of the base upwards
+    # acceleration of the body's frame; gravity is an upward acceleration of the base
     a = times(-1.0, vector(bodies.gravity))
     for i in range(n):
         axis = vector(bodies.axis[i])
@@ -124,7 +127,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         z = turned(R, axis)
         r = along_with(r, along, z)
         o = plus(o, r)
-        # the body before carries the frame's origin
+        # the previous body carries the frame's origin
         a = plus(a, plus(cross(alpha, r), cross(omega, cross(omega, r))))
         if bodies.prismatic[i]:
             a = along_with(a, 2.0 * qd[i], cross(omega, z))
@@ -139,7 +142,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         arm_c = turned(R, vector(bodies.centre[i]))
         c = plus(o, arm_c)
         force = times(m, plus(a, plus(cross(alpha, arm_c), cross(omega, cross(omega, arm_c)))))
-        # I in the base's axes, by its columns
+        # inertia in the base's axes
         local = matrix(bodies.inertia[i])
         half = product(R, local)
         row = work[i]
@@ -179,7 +182,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         turn = (row[3], row[4], row[5])
         motion.bias[i] = dot(S, (row[6], row[7], row[8])) + dot(turn, (row[9], row[10], row[11]))
         p = (row[13], row[14], row[15])
-        # momentum of all behind the joint where it alone moves, with speed 1
+        # momentum of all bodies behind the joint if it alone moves, with speed 1
         P = plus(times(row[12], S), cross(turn, p))
         L = plus(symmetric(row, 16, turn), cross(p, S))
         for j in range(i + 1):
@@ -193,8 +196,9 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
 
 @in_place
 def update_motion(arm: Arm, q: Array, qd: Array) -> None:
-    """Compute inertia and bias at q and q̇ (n,): the true ones, and those that computed torque
-    believes in.
+    """Compute inertia and bias at q and q̇ (n,), and those of the controller's model.
+
+    Only computed torque with an inexact model needs the latter.
     """
     evaluate(arm.true, q, qd, arm.motion)
     if arm.drive.kind == TORQUE and not arm.drive.exact:
@@ -203,8 +207,9 @@ def update_motion(arm: Arm, q: Array, qd: Array) -> None:
 
 @in_place
 def update_gravity(arm: Arm, q: Array) -> None:
-    """Compute the weight on the joints at q (n,) that controllers without a model of inertia
-    compensate.
+    """Compute the weight on the joints at q (n,).
+
+    Controllers without a model of inertia compensate it.
     """
     if arm.drive.kind != TORQUE:
         for j in range(len(q)):
@@ -216,7 +221,7 @@ def update_gravity(arm: Arm, q: Array) -> None:
 
 @in_place
 def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
-    """Error of a joint's speed loop: q̇_c − q̇ + κ (q_c − q)."""
+    """Return the error of a joint's speed loop: q̇_c − q̇ + κ (q_c − q)."""
     memory = arm.memory
     error: float = memory.qd_c[j] - qd[j] + arm.drive.outer * (memory.q_c[j] - q[j])
     return error
@@ -224,9 +229,7 @@ def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
 
 @in_place
 def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Write the torques that the controller commands at q and q̇ (n,), with the command q̈_c
-    (n,).
-    """
+    """Write the torques that the controller commands at q and q̇ (n,) for the command q̈_c (n,)."""
     drive = arm.drive
     memory = arm.memory
     n = len(q)
@@ -254,7 +257,7 @@ def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
 
 @in_place
 def transmit_torque(arm: Arm) -> None:
-    """Take the commanded torques through saturation, dead time and lag."""
+    """Apply saturation, dead time and lag to the commanded torques."""
     drive = arm.drive
     memory = arm.memory
     slots = len(arm.memory.under_way)
@@ -268,9 +271,7 @@ def transmit_torque(arm: Arm) -> None:
 
 @in_place
 def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Advance the controller's reference and integral through a substep that begins at q and q̇
-    (n,).
-    """
+    """Advance the controller's reference and integral by a substep that begins at q and q̇ (n,)."""
     drive = arm.drive
     memory = arm.memory
     h = arm.h
@@ -292,7 +293,7 @@ def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
 
 @in_place
 def dry_friction(drive: Drive, j: int, speed: float) -> float:
-    """Coulomb's friction of a joint at that speed, with Stribeck's rise towards rest [Nm or N]."""
+    """Return a joint's Coulomb friction with the Stribeck effect near rest [Nm or N]."""
     more = drive.static[j] - drive.coulomb[j]
     if more == 0.0:
         return float(drive.coulomb[j])
@@ -304,9 +305,9 @@ def dry_friction(drive: Drive, j: int, speed: float) -> float:
 def apply_friction(arm: Arm, qd: Array) -> None:
     """Write friction (n,) of a substep that begins with q̇ (n,), and q̈ (n,) at its beginning.
 
-    Friction is that at the end of the substep, so that it stops a joint, and never sends it back:
-    with v of the end, M (v − v_free) = −h τ_f(v), where τ_f is anything within ± static friction if
-    v = 0. This is the minimum of a convex function, found joint by joint.
+    The friction is that at the end of the substep, so that it can stop a joint but never reverse
+    it. With v at the end, M (v − v_free) = −h τ_f(v), where τ_f lies within ± static friction if v
+    = 0. The solution minimises a convex function and is found joint by joint.
     """
     drive = arm.drive
     M = arm.motion.M
@@ -345,12 +346,12 @@ def apply_friction(arm: Arm, qd: Array) -> None:
 
 @in_place
 def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Integrate a substep, and compute inertia and bias at its end.
+    """Integrate a substep by the Verlet method, and compute inertia and bias at its end.
 
-    q⁺ = q + h q̇ + ½h² q̈, q̇⁺ = q̇ + ½h (q̈ + q̈⁺), where q̈⁺ takes the speed to be q̇ + h q̈:
-    second order with one evaluation, and exact for constant accelerations. A controller whose
-    torque acts at once is a continuous one: what it commands at the end is in q̈⁺. Otherwise the
-    torque is held.
+    q⁺ = q + h q̇ + ½h² q̈, q̇⁺ = q̇ + ½h (q̈ + q̈⁺), where q̈⁺ is evaluated at the speed q̇ + h q̈.
+    The method is of second order with one evaluation, and exact for constant accelerations. A
+    controller whose torque acts at once is continuous: q̈⁺ contains the torque that it commands at
+    the end. Otherwise the torque is held.
     """
     h = arm.h
     for j in range(len(q)):
@@ -367,8 +368,9 @@ def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
 
 @in_place
 def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
-    """Integrate a substep by the classical method of fourth order, with torque and friction
-    held.
+    """Integrate a substep by the classical fourth-order Runge–Kutta method.
+
+    Torque and friction are held.
     """
     h = arm.h
     n = len(q)
@@ -390,12 +392,13 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
 
 @in_place
 def drive(arm: Arm, q: Array, qd: Array, command: Array, first: bool) -> None:
-    """Torques and friction of a substep, the ``first`` of a period or a later one, and q̈ at its
-    beginning.
+    """Compute torques and friction of a substep, and q̈ at its beginning.
+
+    ``first`` is true for the first substep of a period.
     """
     if first:
         update_gravity(arm, q)
-    # torques that act at once were computed at the end of the substep before
+    # torques that act at once were computed at the end of the previous substep
     if first or not arm.drive.at_once:
         command_torque(arm, q, qd, command)
         transmit_torque(arm)
@@ -409,8 +412,9 @@ load_arm = struct_loader(zeros(Arm))
 @checked(Arm)
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
-    """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is
-    zero.
+    """Begin a run at the state x (s, n).
+
+    The gears transmit the torque that the controller commands for q̈_c = 0.
     """
     arm = load_arm(arm_address)
     q = x[0]
@@ -432,10 +436,9 @@ def begin(arm_address: int, x: Array) -> None:
 @checked(Arm)
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
-    """Move the arm through a period: its state x (s, n) has q and q̇ first, and the command last
-    but one.
+    """Move the arm through a period. Return 0, or 1 if the motion is unbounded.
 
-    Returns 0, or 1 if the motion is unbounded.
+    The state x (s, n) contains q and q̇ first, and the command last but one.
     """
     arm = load_arm(arm_address)
     q = x[0]
@@ -449,7 +452,7 @@ def drive_period(arm_address: int, x: Array) -> int:
             verlet(arm, q, qd, command)
     bounded = True
     for j in range(len(qd)):
-        # NaN is not less than anything
+        # the comparison is false for NaN
         bounded = bounded and abs(qd[j]) < BOUND
     return 0 if bounded else 1
 
@@ -457,15 +460,15 @@ def drive_period(arm_address: int, x: Array) -> int:
 @checked(Arm)
 @compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
 def drive_substep(arm_address: int, x: Array, first: bool) -> None:
-    """As :func:`drive`, where another program integrates the motion."""
+    """Call :func:`drive` in a simulation whose motion another program integrates."""
     drive(load_arm(arm_address), x[0], x[1], x[-2], first)
 
 
 @checked(Arm)
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def end_substep(arm_address: int, x: Array) -> None:
-    """As :func:`update_motion`, likewise."""
+    """Call :func:`update_motion` in a simulation whose motion another program integrates."""
     update_motion(load_arm(arm_address), x[0], x[1])
 
 
-MOVE = address(drive_period)  #: Where the function begins that moves an arm through a period.
+MOVE = address(drive_period)  #: Address of the function that moves an arm through a period.

@@ -1,4 +1,4 @@
-"""From states to commands, and to rows and task at many states, in one call."""
+"""Commands, rows and tasks computed from given states, in one call."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from .linear import copy_vector
 from .parts import call_int_pointer, checked, load_step
 from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
 
-REFUSED = -1  #: The step cannot be evaluated: the NumPy form says why.
+REFUSED = -1  #: The step cannot be evaluated; the NumPy version reports the reason.
 
 
 @in_place
 def start_from(loop: int, predicting: int, now: Array) -> None:
-    """Write the present state t, q, q̇ (1 + 2n,) of the step in the loop, and let the one that
-    predicts remember it.
+    """Write the loop's current state to ``now``, and copy its memory to the predicting step.
+
+    ``now`` (1 + 2n,) receives t, q and q̇. ``loop`` and ``predicting`` are addresses of steps.
     """
     source = load_step(loop)
     target = load_step(predicting)
@@ -38,8 +39,9 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
 def command_by(
     step_address: int, law: int, answer_address: int, t: float, q: Array, qd: Array
 ) -> int:
-    """Evaluate a step at time t [s], q and q̇ (n,), and write the answer of a law; returns its
-    code, or ``REFUSED``.
+    """Evaluate a step at time t [s], q and q̇ (n,), and write the answer of a law.
+
+    Return the law's code, or ``REFUSED``.
     """
     step = load_step(step_address)
     answer = load_answer(answer_address)
@@ -58,9 +60,10 @@ def command_by(
     IN_PLACE,
 )
 def predict(step_address: int, t: Array, q: Array, qd: Array, now: Array, out: Array) -> int:
-    """Copy a step's output ``now`` (s,) at times t (N,) [s], q and q̇ (N, n) to ``out`` (N, s).
+    """Write a step's outputs at N states to ``out`` (N, s).
 
-    Returns how many states there are before the first that cannot be evaluated.
+    The states are times t (N,) [s], q and q̇ (N, n). ``now`` (s,) is the step's output. Return the
+    number of states before the first that cannot be evaluated.
     """
     evaluate = load_step(step_address).evaluate
     for k in range(len(t)):

@@ -1,6 +1,4 @@
-"""The goal governor, compiled: how tracking answers to a reference that stands still, and how far
-it may be moved.
-"""
+"""Goal governor, compiled: predicted response to a fixed reference, and moves of the reference."""
 
 from __future__ import annotations
 
@@ -17,53 +15,56 @@ from .parts import call_int_pointer, load_step, struct_loader
 from .resolving import valid
 from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, TaskArrays, zeros
 
-#: The goal of the reference, −1 before the first sample, and that of now; whether a moved reference
-#: is on trial; and which state is to be evaluated next, −1 if none is.
+#: Entries of ``counts``: goal of the reference (−1 before the first sample), current goal, 1 if a
+#: moved reference is being tested, and next state to evaluate (−1 if none).
 GOAL, PRESENT, MOVES, NEXT, COUNTS = range(5)
-#: The goal's end, the sample before, and the predicted state [s]; and ∞ where a response is known,
-#: −∞ where none is.
+#: Entries of ``times``: end of the goal, previous sample and predicted state [s]; ∞ if a response
+#: is known, −∞ if none is.
 UNTIL, LAST, AHEAD, KNOWN, TIMES = range(5)
-#: v, δ and ζ; α and κ of a barrier, α = 0 of none.
+#: Entries of ``settings``: v, δ and ζ; α and κ of a barrier, α = 0 if there is none.
 SPEED, MARGIN, INFLUENCE, ALPHA, SHARPNESS, SETTINGS = range(6)
-#: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
+#: Stages of a law (option 1). If Python predicts, it requests one at a time.
 ALL, BEGIN, GO_ON, LOST, CONCLUDE = range(5)
-SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
-NEWTON = 2  #: Steps of Newton from where a response ends to where it comes to rest.
-#: The share in the softmin, to that of the nearest row, of rows whose gradients are left out.
+#: The attraction of the goal decreases where the reference is within ``speed`` times this of it
+#: [s].
+SETTLING = 0.1
+NEWTON = 2  #: Newton steps from the end of a response to its state of rest.
+#: Weight in the softmin, relative to the nearest row's, below which a row's gradient is omitted.
 NEGLIGIBLE = 1e-6
 
 
 class GovernorArrays(NamedTuple):
-    """What a goal governor works with: k features, n joints, m rows, N predicted accelerations."""
+    """Arrays of a goal governor: k features, n joints, m rows, N predicted accelerations."""
 
-    #: Addresses of the step in the loop and of the one that predicts, 0 where Python predicts; and
-    #: of the law underneath, 0 where Python asks it; whether all is predicted at the present time.
+    #: Addresses of the step in the loop and of the predicting step, 0 if Python predicts; and of
+    #: the underlying law, 0 if Python calls it. ``frozen``: 1 if everything is predicted at the
+    #: current time.
     loop: int
     step: int
     law: int
     frozen: int
     settings: Annotated[Array, F8, SETTINGS]
     tracking: Annotated[Array, F8, 5]  #: K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
-    K: Annotated[Array, F8, "m"]  #: Of the rows, 0 of those on φ itself.
-    periods: Annotated[Array, F8, "N"]  #: How long each acceleration lasts [s].
+    K: Annotated[Array, F8, "m"]  #: K of the rows, 0 for rows that give φ itself.
+    periods: Annotated[Array, F8, "N"]  #: Duration of each acceleration [s].
     now: Annotated[Array, F8, "1 + 2n"]  #: t, q, q̇.
     times: Annotated[Array, F8, TIMES]
     counts: Annotated[IntArray, I8, COUNTS]
-    #: s_ref less the feature's value at the goal, and one on trial; b and error of the task whose
-    #: goal is there.
+    #: s_ref minus the feature's value at the goal, and a candidate reference; b and error of the
+    #: task whose goal is at the reference.
     reference: Annotated[Array, F8, "k"]
     trial: Annotated[Array, F8, "k"]
     b: Annotated[Array, F8, "k"]
     error: Annotated[Array, F8, "k"]
     state: Annotated[Array, F8, 3, "n"]  #: Predicted q and q̇, and scratch.
     rest: Annotated[Array, F8, "n"]  #: Scratch.
-    #: Of the response: the least −σ of each row on the way and at rest; and at rest σ, L_gφ and Jᵀ.
-    #: σ counts by scale.
+    #: Response: the least −σ of each row on the way and at rest; σ, L_gφ and Jᵀ at rest. σ is
+    #: divided by the row's scale.
     least: Annotated[Array, F8, "m"]
     sigma: Annotated[Array, F8, "m"]
     Lg: Annotated[Array, F8, "m", "n"]
     Jt: Annotated[Array, F8, "n", "k"]
-    #: Of a barrier: ∂s/∂s_ref and ∂ṡ/∂s_ref at the predicted state; and where each row is nearest,
+    #: Barrier: ∂s/∂s_ref and ∂ṡ/∂s_ref at the predicted state; at each row's nearest state, Jᵀ and
     #: Jᵀ (∂σ/∂s_ref)ᵀ.
     rise: Annotated[Array, F8, 2]
     nearest_Jt: Annotated[Array, F8, "m", "n", "k"]
@@ -75,7 +76,7 @@ load_governor = struct_loader(zeros(GovernorArrays))
 
 @in_place
 def nearest(own: GovernorArrays) -> float:
-    """D, how near the response comes to any row."""
+    """Return D, the least distance of the response to any row."""
     least: float = own.times[KNOWN]
     for i in range(own.least.size):
         least = min(least, own.least[i])
@@ -84,8 +85,9 @@ def nearest(own: GovernorArrays) -> float:
 
 @in_place
 def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
-    """Change the reference on trial by the least with which ∇h (s_trial − s_ref) ≥ −α h T, not
-    beyond the speed.
+    """Change the candidate reference by as little as the barrier requires, within the speed limit.
+
+    The barrier requires ∇h (s_trial − s_ref) ≥ −α h T.
     """
     gradient = own.b
     one = own.error
@@ -118,8 +120,9 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
 
 @in_place
 def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
-    """Write the reference to be tried: where v Δ ρ, or what a barrier leaves of v a, leads in a
-    period [s].
+    """Write the candidate reference after a period [s].
+
+    It is moved by v Δ ρ or, with a barrier, by the part of v a that the barrier allows.
     """
     r = own.reference
     outwards = own.error
@@ -143,7 +146,7 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
     for i in range(own.sigma.size if step > 0.0 and not barrier else 0):
         if not (-own.sigma[i] < influence and own.K[i] > 0.0):
             continue
-        # ∇sσ: of the joints' motions that move the feature so, the least counts
+        # ∇sσ for the smallest joint motion that moves the feature in this way
         call_int_pointer(
             law.track, (law.scratch, own.Jt, own.Lg[i], law.options[0], own.rest[:0], outwards)
         )
@@ -159,7 +162,7 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
 
 @in_place
 def start(own: GovernorArrays) -> None:
-    """Begin to predict the response to the reference on trial, with the present state."""
+    """Begin to predict the response to the candidate reference from the current state."""
     if own.loop != 0:
         start_from(own.loop, own.step, own.now)
     copy_vector(own.state[0], own.now[1:])
@@ -175,8 +178,9 @@ def start(own: GovernorArrays) -> None:
 def aim(
     own: GovernorArrays, task: TaskArrays, reference: Array, h: float
 ) -> tuple[float, float, float]:
-    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return
-    K_p, K_v and h.
+    """Write error and b of the task whose goal is at the reference; return K_p, K_v and h.
+
+    q̈ is held for h [s].
     """
     far = near = 0.0
     for i in range(own.b.size):
@@ -185,7 +189,7 @@ def aim(
         near += own.error[i] * own.error[i]
     now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
     Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
-    # a barrier lets the reference get far, and what is far is tracked more slowly
+    # with a barrier the reference may be far away, and far goals are tracked more slowly
     h *= math.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
     then = held_gains(Kp, Kv, h)
     for i in range(own.b.size):
@@ -195,8 +199,9 @@ def aim(
 
 @in_place
 def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -> None:
-    """Write how σ of a row that has not been nearer depends on s_ref, which moves s by its rise;
-    L_gφ = K ∂σ/∂q.
+    """Write the dependence of a row's σ on s_ref at the nearest state so far.
+
+    ``rise`` contains ∂s/∂s_ref and ∂ṡ/∂s_ref, and L_gφ = K ∂σ/∂q.
     """
     share = own.rise[0] / own.K[i] if own.K[i] > 0.0 else own.rise[1]
     for j in range(own.slope.shape[1]):
@@ -207,8 +212,9 @@ def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -
 
 @in_place
 def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArrays) -> None:
-    """Take rows and task at a predicted state, and write the next one, if any: q̈ by eq. (42), held
-    for a period.
+    """Take rows and task at a predicted state, and write the next state, if any.
+
+    q̈ is that of eq. (42), held for a period.
     """
     k = own.counts[NEXT]
     N = own.periods.size
@@ -259,8 +265,9 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
 def go_on(
     own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, task: TaskArrays
 ) -> None:
-    """Go on with rows and task at a predicted state, if they are found there; give a move up that
-    is not acceptable.
+    """Continue with rows and task at a predicted state, if they are found there.
+
+    A moved reference that is not acceptable is discarded.
     """
     counts = own.counts
     acceptable = found
@@ -280,7 +287,7 @@ def go_on(
 
 @in_place
 def fits(own: GovernorArrays, rows: RowArrays, task: TaskArrays) -> bool:
-    """Whether rows and task are of these sizes."""
+    """True if rows and task have the governor's sizes."""
     m, n = own.Lg.shape
     k = own.b.size
     right = rows.Lg.shape[0] == m and rows.Lg.shape[1] == n and rows.scale.size == m
@@ -295,11 +302,10 @@ def fits(own: GovernorArrays, rows: RowArrays, task: TaskArrays) -> bool:
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.GoalGovernor`; the code is that of the law underneath,
-    if that is compiled.
+    """Compute the command of :class:`vsconstraints.controllers.GoalGovernor`.
 
-    Nothing is remembered with ``NEEDS_PYTHON`` of its own. A second call at the same time decides
-    nothing else.
+    Return the code of the underlying law, if that is compiled. With the governor's own
+    ``NEEDS_PYTHON`` nothing is stored. A second call at the same time makes the same decision.
     """
     law = load_law(address)
     own = load_governor(law.demand)
@@ -326,7 +332,7 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
         if counts[GOAL] < 0:
             counts[GOAL], times[LAST] = counts[PRESENT], own.now[0]
             copy_vector(own.reference, task.error)
-        # Python says where another goal sees the reference
+        # Python expresses the reference relative to another goal
         if counts[GOAL] != counts[PRESENT]:
             return NEEDS_PYTHON
         move(own, law, max(own.now[0] - times[LAST], 0.0))
@@ -345,7 +351,7 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
         aim(own, task, own.reference, 0.0)
         if own.law != 0:
             moved = TaskArrays(task.J, own.b, own.error, task.error_rate, task.rest)
-            # what tracking alone commands is not what the moved task asks for
+            # the unconstrained baseline is not the command of the moved task
             own_answer = Answer(
                 answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0]
             )

@@ -1,5 +1,6 @@
-"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, handed to the
-descent.
+"""Resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled.
+
+They pass their bounds and objectives to :func:`vsconstraints.compiled.hierarchy.hierarchy`.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ from .workspace import (
 
 @in_place
 def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float:
-    """Scale the command that tracks by κ of ``scaling``, which is returned; what rows allow is put
-    in ``tracked``.
+    """Scale the unconstrained command by κ of ``scaling``, and return κ.
+
+    The share that each row allows is written to ``law.tracked``.
     """
     kappa = 1.0
     for j in range(qdd.size):
@@ -50,11 +52,12 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
 
 @compiled(RESOLVER, from_python=False)
 def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``.
+    """Compute the command of the resolvers ``Hierarchy``, ``Filter`` and ``Scaling``.
 
-    Their options are the rank tolerance, half the width of their own box or infinity, the damping,
-    and ``STRICT`` for the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task
-    space, or ``SCALED`` for scaling. Returns the code of
+    See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``. Their
+    options are the rank tolerance, half the width of the resolver's box or infinity, the damping,
+    and the objective: ``STRICT`` for the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in
+    joint or task space, or ``SCALED`` for scaling. Return the code of
     :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
     """
     law = load_law(address)

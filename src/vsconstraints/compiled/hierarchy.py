@@ -1,7 +1,7 @@
-"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict
-priorities.
+"""Resolver ``hierarchy``, compiled: bounds, task and least acceleration with strict priorities.
 
-A pair with :mod:`vsconstraints.controllers.cascade`: ``test_the_two_descents_agree`` compares them.
+Its counterpart is :mod:`vsconstraints.controllers.cascade`: ``test_the_two_descents_agree``
+compares them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .scratch import blank, flags, matrix
 from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
-#: Stages: all rows; the points that violate least; level 2 by itself.
+#: Stages: all rows are met; violations are at their minimum; level 2 is solved separately.
 HARD = constant(0)
 RELAXING = constant(1)
 STRICT_TASK = constant(2)
@@ -42,9 +42,10 @@ STRICT_TASK = constant(2)
 class Priorities(NamedTuple):
     """Options of the levels.
 
-    ``box`` (2, n) has the least and greatest q̈, level 0; ``damping`` weighs level 3 within the QP,
-    relative to ‖J‖²; singular values of J below the ``tolerance`` times the largest one count as
-    zero; ``strict`` tells to find level 2 by itself where the damping has cost it something.
+    ``box`` (2, n) contains the least and greatest q̈, level 0. ``damping`` weighs level 3 within
+    the QP, relative to ‖J‖². Singular values of J below the ``tolerance`` times the largest one
+    count as zero. If ``strict``, level 2 is solved separately where the damping has increased its
+    residual.
     """
 
     box: Array
@@ -54,11 +55,11 @@ class Priorities(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What the levels below the rows want: least ‖G (x − center)‖, then least distance to q̈₀.
+    """Objective of the levels below the rows: least ‖G (x − center)‖, then least distance to q̈₀.
 
-    ``G`` (k, n + 1) is the task without its null space, X[levels.CENTER] of the work space ``X``
-    the best without rows; the first ``rank`` of the reflections ``F`` and ``T`` span the rows of G,
-    and ``gain`` is a lower bound of its gain there.
+    ``G`` (k, n + 1) is the task without its null space. X[levels.CENTER] of the workspace ``X`` is
+    the optimum without rows. The first ``rank`` of the reflections ``F`` and ``T`` span the rows of
+    G. ``gain`` is a lower bound of the gain of G there.
     """
 
     G: Array
@@ -71,8 +72,9 @@ class Aim(NamedTuple):
 
 @inner
 def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scratch) -> Aim:
-    """J q̈ = b, with J (k, n), b (k,) and q̈₀ ``rest`` (n,), or (0,) for zero: the center is J†b
-    nearest to q̈₀.
+    """Return the objective J q̈ = b, whose center is J†b nearest to q̈₀.
+
+    J is (k, n) and b (k,); ``rest`` is q̈₀ (n,), or (0,) for zero.
     """
     n = J.shape[1]
     G = matrix(scratch, J.shape[0], n + 1)
@@ -92,7 +94,7 @@ def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scra
 
 @inner
 def aim_at(center: Array, scratch: Scratch) -> Aim:
-    """An acceleration (n,), in the metric of the joints."""
+    """Return the objective of an acceleration (n,), in the metric of the joints."""
     n = center.size
     G = blank(scratch, n, n + 1)
     X = blank(scratch, levels.ROWS_OF_X, n)
@@ -113,11 +115,10 @@ def solve_stage(
     point: Array,
     scratch: Scratch,
 ) -> tuple[int, int]:
-    """Find the point of origin + Z y of levels 2 and 3 within the rows, and mark those that hold
-    it.
+    """Find the point origin + Z y of levels 2 and 3 within the rows, and mark the active rows.
 
-    ``SOLVED``; another code where the point fails the check; −1 if a side is no number. And the
-    rows that were added.
+    Return ``SOLVED``, another code if the point fails the check, or −1 if a side is not a number;
+    and the number of rows that were added.
     """
     w = walls.sides.size
     H = matrix(scratch, p, w)
@@ -140,7 +141,7 @@ def solve_stage(
 
 @inner
 def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
-    """Whether the null space of the task moves a row of the walls; ``row`` (1, n) is scratch."""
+    """True if the null space of the task moves row i of ``normals``; ``row`` (1, n) is scratch."""
     n = row.shape[1]
     copy(row, START, normals, i, n)
     apply_transposed(aim.F, aim.T, aim.rank, row, START)
@@ -152,13 +153,15 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
 def solve_in_span(
     walls: Walls, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch
 ) -> tuple[bool, int]:
-    """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about
-    its hand alone.
+    """Solve levels 2 and 3 of a redundant arm within the span of the task.
 
-    Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈,
-    and what level 3 wants of these, if the null space of the task moves no row that holds it.
-    False, with the walls as they were, if it does, or moves one that J†b exceeds, or the task is
-    nearly singular. And the rows that were added.
+    This works if the active rows, like the task, depend on the motion of the hand alone. Within the
+    span of the task, level 2 has a single minimiser without damping. It is optimal among all q̈,
+    and level 3 prefers it among the optimal ones, if the null space of the task moves no active
+    row.
+
+    Return False, with the walls unchanged, if the null space moves an active row or one that J†b
+    violates, or if the task is nearly singular. Also return the number of rows that were added.
     """
     box, damping, tolerance, _ = priorities
     G, X, F, T, rank, gain = aim
@@ -188,12 +191,14 @@ def solve_in_span(
 def descend_levels(
     walls: Walls, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
-    """Go down the levels from rows that resist: the code, whether levels 2 and 3 may be better met,
-    the iterations.
+    """Solve the levels in turn where the unconstrained command violates rows or box.
 
-    x = origin + Z y, in all directions first, or in those of the task of a redundant arm; if that
-    is in vain, in those which the least violations leave; and in those which level 2 leaves, where
-    the damping has cost it something or no answer has passed the check.
+    Return the code, True if levels 2 and 3 may be improved, and the number of iterations.
+
+    In x = origin + Z y, Z first spans all directions, or those of the task of a redundant arm. If
+    this fails, Z spans the directions that keep the violations at their minimum. If the damping has
+    increased the residual of level 2, or no answer has passed the check, Z finally spans the
+    directions that keep level 2 at its minimum.
     """
     G, X, _, _, rank, _ = aim
     box, damping, tolerance, strict = priorities
@@ -269,16 +274,15 @@ def descend_levels(
 def hierarchy(
     demands: Demands, aim: Aim, priorities: Priorities, resolved: Resolved, scratch: Scratch
 ) -> tuple[int, int]:
-    """Of q̈ in the box those that violate the demands least, of these those nearest to what the
-    task aims at.
+    """Find the q̈ in the box that violates the bounds least and then is nearest to the objective.
 
-    The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how
-    strict level 2 is. Shapes, signs and finite numbers are for the caller to check before; and
-    after, that ``resolved`` is finite.
+    Level 1 minimises ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP`
+    for how strict level 2 is. The caller checks shapes, signs and finite numbers before, and
+    afterwards that ``resolved`` is finite.
 
-    Returns ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3
-    may be better met; ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set
-    method, at least 1 if it was needed.
+    Return ``SOLVED``; ``RELAXED_ROWS`` if bounds are violated; ``SHORT`` if levels 2 and 3 may be
+    improved; ``RELAXED_SHORT`` for both; or ``FAILED``. Also return the number of iterations of the
+    active-set method, at least 1 if it was needed.
     """
     fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)

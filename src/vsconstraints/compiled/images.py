@@ -1,5 +1,6 @@
-"""Images as they come: late, noisy or lost. Written once, in operations that compile, as
-:mod:`.samples` is.
+"""Delayed, noisy or lost images.
+
+As in :mod:`.samples`, the functions use only operations that compile.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from .workspace import BOOL, F8, Scratch
 
 
 class Images(NamedTuple):
-    """Images of M markers [px]: what goes wrong with each of N, and the last ones, filled round and
-    round.
+    """Images of M markers [px]: errors of N images, and a ring buffer of the last ones.
 
-    An image is taken in ``every`` so many-th sample; ``noise`` is added to its pixels, or it is
-    ``lost``. If they are ``dated``, the control knows when they were ``taken`` [s].
+    An image is taken in every ``every``-th sample. ``noise`` is added to its pixels, or the image
+    is ``lost``. If images are ``dated``, the controller knows when they were ``taken`` [s].
+    ``held`` are the last images.
     """
 
     every: int
@@ -27,11 +28,10 @@ class Images(NamedTuple):
 
 
 class Lenses(NamedTuple):
-    """The true and the believed eye of a camera (:attr:`vsconstraints.vision.camera.Camera.eye`),
-    and scratch.
+    """True and believed eye of a camera, and scratch.
 
-    ``address`` is that of the function that takes pixels through such a lens, or 0 where there is
-    no distortion.
+    See :attr:`vsconstraints.vision.camera.Camera.eye`. ``address`` is that of the function that
+    takes pixels through such a lens, or 0 without distortion.
     """
 
     address: int
@@ -41,7 +41,7 @@ class Lenses(NamedTuple):
 
 
 class Sensing(NamedTuple):
-    """What the compiled sensor works with: images, lenses, and scratch for the camera's pose."""
+    """Arrays of the compiled sensor: images, lenses, and scratch for the camera's pose."""
 
     images: Images
     lenses: Lenses
@@ -49,11 +49,10 @@ class Sensing(NamedTuple):
 
 
 def usable(images: Images, k: int, t: float, pixels: Array) -> int:
-    """Which of the held images can be used in sample k, at t [s]; one that is taken in it, of
-    pixels (M, 2), is held.
+    """Return the slot of the image that can be used in sample k, at t [s].
 
-    Where a lost one is looked for, the one before stands. What was seen before the beginning is
-    what is seen at it.
+    An image that is taken in this sample, of ``pixels`` (M, 2), is stored first. The previous image
+    replaces a lost one. Before any image has arrived, the first image is used.
     """
     number = k // images.every
     slots = len(images.held)

@@ -1,9 +1,8 @@
-"""Kinematics of a serial chain in the base frame: where every joint is, and how it moves when q̈ =
-0.
+"""Kinematics of a serial chain in the base frame: pose and motion of every joint for q̈ = 0.
 
-Body 0 is the base; body i is what joint i moves. Pinocchio, which compiled code cannot call,
-computes the same in :mod:`vsconstraints.robots.kinematics`:
-``test_every_robot_and_constraint_in_every_world`` compares the two.
+Body 0 is the base; joint i moves body i. Pinocchio, which compiled code cannot call, computes the
+same in :mod:`vsconstraints.robots.kinematics`: ``test_every_robot_and_constraint_in_every_world``
+compares the two.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ def place(step: Step, q: Array) -> None:
             placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
         turn = product(R, placement)
         r = turned(R, vector(joint.t))
-        # a turn about the axis leaves the axis
+        # a rotation about the axis does not change the axis
         axis = turned(turn, axis)
         put_matrix(turn, body.R)
         put(axis, body.axis)
@@ -87,7 +86,7 @@ def move(step: Step, q: Array, qd: Array) -> None:
             vector(before.acceleration),
             vector(before.angular_acceleration),
         )
-        # ω × z q̇: how the axis turns
+        # ω × z: rate of the axis
         turning = cross(omega, axis)
         put(along_with(omega, about, axis), body.angular_velocity)
         put(

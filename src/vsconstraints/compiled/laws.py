@@ -1,6 +1,4 @@
-"""Compiled laws, demand and resolver: the part that is made of a demand's formula, and the way in
-from Python.
-"""
+"""Compiled laws, i.e. demand and resolver: the function of a demand, and calls from Python."""
 
 from __future__ import annotations
 
@@ -52,29 +50,29 @@ ROWS = type_of(RowArrays(_one, _two, *(_one,) * 8))
 TASK = type_of(TaskArrays(_two, *(_one,) * 4))
 SCRATCH = type_of(_law.scratch)
 
-#: Signature of a resolver, and so of a law: see :class:`.LawArrays`.
+#: Signature of a resolver, and therefore of a law: see :class:`.LawArrays`.
 RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
 #: Signature of a demand: see :func:`demand_part`.
 DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
-load_law = struct_loader(_law)  #: The law at an address, and the answer at one.
+load_law = struct_loader(_law)  #: Loaders of the law and of the answer at an address.
 load_answer = struct_loader(_answer)
 
 
 @in_place
 def or_nan(x: Array, i: int) -> float:
-    """x[i], or NaN where nothing is given."""
+    """Return x[i], or NaN if x has no such entry."""
     return x[i] if i < x.size else math.nan
 
 
 def demand_part(
     formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int, ahead: int
 ) -> Any:
-    """What :func:`demand` compiles.
+    """Make the function that :func:`demand` compiles.
 
-    It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law
-    does not need it), what is asked for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what
-    is to be remembered and (m,) what is asked for. It returns 0, or 1 if a demand is not a number.
-    The margin stands behind the ``count`` parameters.
+    The function takes the address of a law, its rows, L_gφ q̈ (m,) of the unconstrained command (or
+    (0,) if the law does not need it), and a purpose (``BOUND``, ``EQUAL`` or ``PUSH``). It writes
+    the next memory (m, f) and the bounds (m,). It returns 0, or 1 if a bound is not a number. The
+    margin follows the ``count`` parameters.
     """
 
     def demands(
@@ -86,7 +84,7 @@ def demand_part(
             total = 0.0
             for j in range(rows.Lg.shape[1]):
                 total += abs(rows.Lg[i, j])
-            # constants decide at compilation
+            # branches on constants are decided at compilation
             inside = law.parameters[count] * rows.scale[i]
             phi = rows.phi[i] + inside
             if ahead == 1:
@@ -130,10 +128,11 @@ def demand(
     everywhere: bool,
     ahead: bool,
 ) -> Any:
-    """The demands of all rows by a formula of a :class:`.Row` and ``count`` parameters, compiled.
+    """Return the compiled function that computes the bounds of all rows, or None if numba refuses.
 
-    None if numba refuses it: a RuntimeWarning then says why. With ``memory``, it returns a tuple of
-    c and that many floats; ``relative``, ``everywhere`` and ``ahead`` are those of
+    ``formula`` is a function of a :class:`.Row` and ``count`` parameters. A RuntimeWarning gives
+    the reason of a refusal. With ``memory``, the formula returns a tuple of c and that many floats.
+    ``relative``, ``everywhere`` and ``ahead`` are those of
     :class:`vsconstraints.controllers.demands.Demand`.
     """
     try:
@@ -143,20 +142,20 @@ def demand(
             (count, memory, int(relative), int(everywhere), int(ahead)),
             DEMAND,
         )
-    except Exception as error:  # numba raises anything for code that it does not know
+    except Exception as error:  # numba raises any exception for code that it does not support
         warn_refused((formula,), error)
         return None
 
 
 @in_place
 def within(rows: RowArrays, j: int, x: float) -> float:
-    """The acceleration of joint j that is nearest to x of those that the rows allow."""
+    """Return the acceleration of joint j nearest to x within the limits of the rows."""
     return min(max(x, rows.qdd_min[j]), rows.qdd_max[j]) if rows.qdd_max.size else x
 
 
 @in_place
 def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
-    """Write L_gφ q̈, as many as there is room for."""
+    """Write L_gφ q̈ of as many rows as ``out`` has entries."""
     for i in range(out.size):
         total = 0.0
         for j in range(qdd.size):
@@ -166,8 +165,9 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 @in_place
 def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """Ask the resolver of the law at an address, and bring what it answers into the box of the
-    rows; its code.
+    """Call the resolver of the law at an address, and clip its answer to the box of the rows.
+
+    Return the resolver's code.
     """
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
@@ -180,7 +180,7 @@ def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
 
 @in_place
 def bounds(least: Array, greatest: Array, n: int) -> bool:
-    """Whether these are bounds of q̈ (n,) that leave room, or none is given."""
+    """True if these are nonempty bounds of q̈ (n,), or if none are given."""
     wrong = least.size != greatest.size or (least.size != n and least.size != 0)
     for j in range(0 if wrong else least.size):
         wrong |= not (least[j] <= greatest[j] and least[j] < math.inf and greatest[j] > -math.inf)
@@ -189,15 +189,15 @@ def bounds(least: Array, greatest: Array, n: int) -> bool:
 
 @in_place
 def fits(x: Array, size: int) -> bool:
-    """Whether it has that size, or is not given, and holds finite numbers."""
+    """True if the vector has the given size, or is empty, and its numbers are finite."""
     wrong = x.size != size and x.size != 0
     for i in range(x.size):
         wrong |= not abs(x[i]) < math.inf
     return not wrong
 
 
-#: Types of a vector, of one that may be read-only as those of a set of constraints are, of a
-#: matrix, and of outputs.
+#: Types of a vector, of a vector that may be read-only like those of a set of constraints, of a
+#: matrix, and of the outputs.
 V = "float64[::1]"
 CONSTANT = "Array(float64, 1, 'C', readonly=True)"
 M = "float64[:, ::1]"
@@ -212,10 +212,10 @@ def follow(
     law: int, of_rows: tuple[Array, ...], J: Array, b: Array,
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
-    """Apply the law at an address to a task and φ, L_gφ, L_fφ, switching gain and scale of rows;
-    returns its code.
+    """Apply the law at an address to a task and rows, and return its code.
 
-    Rows come as a plain tuple: numba takes four times as long to find the types of a named one.
+    ``of_rows`` are φ, L_gφ, L_fφ, switching gain and scale. They are a plain tuple: numba takes
+    four times as long to find the types of a named one.
     """
     phi, Lg, Lf, gain, scale = of_rows
     m = load_law(law).asked.size
@@ -241,7 +241,10 @@ def follow_whole(
     law: int, of_rows: tuple[Array, ...], of_task: tuple[Array, ...],
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
-    """As :func:`follow`, with every field of :class:`.RowArrays` and of :class:`.TaskArrays`."""
+    """Apply a law to all fields of rows and task; see :func:`follow`.
+
+    The fields are those of :class:`.RowArrays` and :class:`.TaskArrays`.
+    """
     rows = RowArrays(*of_rows)
     task = TaskArrays(*of_task)
     m = load_law(law).asked.size

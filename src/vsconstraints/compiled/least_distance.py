@@ -1,6 +1,6 @@
-"""The point of a polyhedron nearest to the origin, compiled: a dual active-set method.
+"""Point of a polyhedron nearest to the origin, compiled: a dual active-set method.
 
-Its steps serve :mod:`.plan_program` too, which has rows of its own.
+Its steps also serve :mod:`.plan_program`, whose rows have another form.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from .linear import S_ROWS, START, constant
 from .scratch import integers, matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
-EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms is met.
-#: A row of unit norm whose part outside the span of the active ones is below this depends on them.
+EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms counts as met.
+#: A row of unit norm depends on the active rows if its part outside their span is below this.
 DEPENDENT = 1e-11
 OPTIMAL = 1e-9  #: Largest error in the optimality conditions, relative to the size of the answer.
-NONE = constant(-1)  #: No row; no point meets all of them.
+NONE = constant(-1)  #: No row; no point meets all rows.
 STUCK = constant(-2)
-#: Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made
-#: it of unit norm; and how many of these there are.
+#: Entries for every row of the problem: its side, its excess, its multiplier, and the factor that
+#: makes it of unit norm; number of these entries.
 SIDE = constant(0)
 EXCESS = constant(1)
 MULTIPLIER = constant(2)
 SCALE = constant(3)
 KINDS = constant(4)
-#: Rows of the work space.
+#: Rows of the workspace ``X``.
 POINT = constant(0)
 NEW = constant(1)
 DIRECTION = constant(2)
@@ -37,7 +37,7 @@ RATIO = constant(4)
 
 @in_place
 def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
-    """State the rows in u = R y + r, with unit norms; False if a side is no number then."""
+    """Express the rows in u = R y + r, with unit norms. Return False if a side is not finite."""
     p, m = G.shape
     for i in range(m):
         rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
@@ -63,7 +63,7 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
 
 @in_place
 def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
-    """The row that the point exceeds most, by more than rounding; writes all excesses."""
+    """Return the row that the point violates most beyond rounding, and write all excesses."""
     p, m = G.shape
     chosen = NONE
     worst = 0.0
@@ -81,7 +81,7 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
 
 @in_place
 def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
-    """Let one of the active rows leave, of which q are left, and factor those behind it anew."""
+    """Remove one active row, so that q are left, and refactor the rows behind it."""
     for j in range(leaving, q):
         active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
         for i in range(F.shape[1]):
@@ -92,8 +92,9 @@ def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int,
 
 @in_place
 def longest_step(X: Array, q: int) -> tuple[int, float]:
-    """Which active row's multiplier is the first to become zero on the way, if any does, and at
-    what step.
+    """Return the active row whose multiplier becomes zero first along the step, and the step.
+
+    Return ``NONE`` and infinity if no multiplier becomes zero.
     """
     leaving = NONE
     step = math.inf
@@ -106,11 +107,11 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
 
 @in_place
 def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p: int) -> int:
-    """Move the point (p,) until a row that it exceeds is met, or the multiplier of an active one
-    would turn negative.
+    """Move the point (p,) until a violated row is met or an active row's multiplier becomes zero.
 
-    X[turned] is the row's normal in the basis of the QR of the q active ones. Returns which of
-    these is to leave; ``NONE``; or ``STUCK`` if no point meets the row together with them.
+    X[turned] is the violated row's normal in the basis of the QR of the q active rows. Return the
+    active row that has to leave; ``NONE``; or ``STUCK`` if no point meets the row together with
+    them.
     """
     la.copy(X, RATIO, X, turned, q)
     la.solve_upper(F, T, q, X, RATIO)
@@ -137,11 +138,10 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
 def reach(
     G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int
 ) -> int:
-    """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how
-    many are left.
+    """Move the point until a row is met, and remove rows whose multiplier would become negative.
 
-    −1 if no point meets the row together with the active ones. X[NEW] becomes its normal in the
-    basis of the QR.
+    Return how many of the q active rows are left, or −1 if no point meets the row together with
+    them. X[NEW] becomes the row's normal in the basis of the QR.
     """
     p = G.shape[0]
     while True:
@@ -159,8 +159,9 @@ def reach(
 
 @in_place
 def minimise(F: Array, T: Array, X: Array, q: int) -> None:
-    """Compute point and multipliers anew, so that errors do not add up: X[POINT] has sides of q
-    active rows, then 0.
+    """Recompute point and multipliers from the QR, so that errors do not accumulate.
+
+    On input X[POINT] contains the sides of the q active rows, then zeros.
     """
     la.solve_lower(F, T, q, X, POINT)
     la.copy(X, FORCE, X, POINT, q)
@@ -172,14 +173,14 @@ def minimise(F: Array, T: Array, X: Array, q: int) -> None:
 
 @in_place
 def clip_forces(X: Array, q: int) -> None:
-    """Multipliers that rounding makes negative are zero."""
+    """Set multipliers to zero that rounding has made negative."""
     for j in range(q):
         X[FORCE, j] = max(0.0, X[FORCE, j])
 
 
 @in_place
 def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
-    """Likewise, from the rows of the problem."""
+    """Recompute point and multipliers from the rows of the problem; see :func:`minimise`."""
     for j in range(F.shape[0]):
         X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
     minimise(F, T, X, q)
@@ -188,8 +189,10 @@ def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: in
 
 @in_place
 def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: float) -> bool:
-    """Whether rows are met, multipliers only where a row is reached, and the point a sum of those
-    rows.
+    """True if the point satisfies the optimality conditions.
+
+    Rows are met, multipliers are positive only for rows that are reached, and the point is a sum of
+    the normals of those rows.
     """
     p, m = G.shape
     met = size < math.inf
@@ -209,21 +212,22 @@ def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: floa
 def nearest(
     G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch
 ) -> tuple[int, int]:
-    """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h: the code, and how many rows were added.
+    """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h. Return the code and the number of added rows.
 
     In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin.
-    The most violated row is added to the active ones; those whose multiplier would turn negative on
-    the way leave. The active rows are kept as a QR factorization, and the point and the multipliers
-    are computed from it anew after every addition. Each addition makes the point longer, so that no
-    set of active rows returns; one that does not, by rounding, ends the search. (Goldfarb, Idnani,
-    "A numerically stable dual method for solving strictly convex quadratic programs", Mathematical
-    Programming, 1983.)
+    The most violated row is added to the active ones. Active rows whose multiplier would become
+    negative on the way are removed. The active rows are stored as a QR factorization, from which
+    the point and the multipliers are recomputed after every addition. Each addition increases the
+    norm of the point, so that no set of active rows recurs. If rounding prevents the increase, the
+    search ends. (Goldfarb, Idnani, "A numerically stable dual method for solving strictly convex
+    quadratic programs", Mathematical Programming, 1983.)
 
-    ``G`` (p, m) has a column for each row of the problem, so that all are worked on at once, and is
-    used up. ``rows`` (4, m) has h in SIDE, where ∞ is no row at all, and gets the multipliers of
-    rows of unit norm and the inverses of the norms. ``R`` (p + 1, p) is upper triangular by
-    columns, with r as the last one; ``S`` (3, p) has the inverses of its diagonal in the first row.
-    The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
+    ``G`` (p, m) has a column for each row of the problem, so that all rows are processed at once;
+    it is overwritten. ``rows`` (4, m) contains h in SIDE, where ∞ is an absent row. It receives the
+    multipliers of rows of unit norm and the inverses of the norms. ``R`` (p + 1, p) is upper
+    triangular by columns, with r as the last one. The first row of ``S`` (3, p) contains the
+    inverses of its diagonal. The first p entries of the first row of ``X`` (5, p) or wider are the
+    answer y.
     """
     p, m = G.shape
     F = matrix(scratch, p, p)

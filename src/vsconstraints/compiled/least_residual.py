@@ -1,4 +1,4 @@
-"""Level 2 of the hierarchy by itself, compiled: a primal active-set method."""
+"""Level 2 of the hierarchy as a separate problem, compiled: a primal active-set method."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .linear import ONE, S_ROWS, START, WORK, constant
 from .scratch import blank, integers, matrix
 from .workspace import Scratch
 
-#: A step that changes the residual by less than this fraction of its terms is none.
+#: A step that changes the residual by less than this fraction of its terms counts as zero.
 REACHED = 1e-12
 #: A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient.
 PUSHING = 1e-9
@@ -26,7 +26,7 @@ ROWS_OF_POINT = constant(2)
 
 @inner
 def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
-    """Add the row A[i] to the q rows that F and T are the QR of; 1, or 0 if it depends on them."""
+    """Add row A[i] to the QR of q rows in F and T. Return 1, or 0 if it depends on them."""
     n = F.shape[1]
     size = la.length(A, i, n)
     if q == n or size == 0.0:
@@ -44,8 +44,9 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
 def task_step(
     G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array, scratch: Scratch
 ) -> float:
-    """Write the step of least norm within the null space of q rows and the force of the task; how
-    far G goes by it.
+    """Write the task's step of least norm in the null space of q rows, and the task's force.
+
+    Y[ONE] receives the step and Y[WORK] the force. Return ‖G step‖.
     """
     k = G.shape[0]
     n = X.shape[1]
@@ -72,7 +73,10 @@ def task_step(
 def first_in_the_way(
     walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int
 ) -> tuple[float, int]:
-    """How far the step leads, 1 at most, and which row, not yet active, is in the way, or −1."""
+    """Return the feasible share of the step and the inactive row that blocks it, or −1.
+
+    The share is at most 1.
+    """
     n = X.shape[1]
     step = 1.0
     blocking = -1
@@ -101,19 +105,20 @@ def least_residual(
     tolerance: float,
     scratch: Scratch,
 ) -> bool:
-    """Minimise ‖G (x − c)‖ subject to walls x ≤ sides, with E x staying as it is, from x, which
-    becomes the answer.
+    """Minimise ‖G (x − c)‖ subject to walls x ≤ sides, with constant E x.
 
-    A primal active-set method. It starts at a point that meets every row, and never leaves these
-    points. On the rows that are active it takes the step of eq. (15): the task's step of least norm
-    within their null space. The first row in the way becomes active, and where no step is left the
-    one that pulls most the wrong way is let go.
+    This is a primal active-set method. It starts at the given x, which has to meet every row. All
+    iterates meet every row as well, and x becomes the answer. Each iteration takes the step of eq.
+    (15) on the active rows: the task's step of least norm within their null space. The first row
+    that blocks the step becomes active. If no step is left, the active row with the most negative
+    multiplier is released.
 
-    ``G`` (k, n) or wider is the task, ``X`` (2, n) has x and the task's minimiser without rows c;
-    ``E`` (e, n) or wider, ``walls`` (w, n), ``sides`` (w,). ``active`` (w,) are the rows that are
-    active at first; then those that hold the task back. Singular values of G within the null space
-    of the active rows below the tolerance times ‖G‖ count as zero: the task does not ask for
-    directions that the rows nearly take from it. Returns whether no point has a smaller residual.
+    ``G`` (k, n) or wider is the task. ``X`` (2, n) contains x and c, the task's minimiser without
+    rows. ``E`` is (e, n) or wider, ``walls`` (w, n), ``sides`` (w,). ``active`` (w,) marks the rows
+    that are active at first, and on return those that hold the task back. Singular values of G
+    within the null space of the active rows below the tolerance times ‖G‖ count as zero: directions
+    that the rows nearly remove from the task are not used. Return True if no point has a smaller
+    residual.
     """
     n = X.shape[1]
     w = walls.shape[0]
@@ -169,7 +174,7 @@ def least_residual(
 
 @inner
 def cut(G: Array, n: int, damping: float, tolerance: float, scratch: Scratch) -> float:
-    """Relative gain below which level 2 by itself leaves directions within the rows alone."""
+    """Return the relative gain below which :func:`least_residual` does not use a direction."""
     k = G.shape[0]
     W = matrix(scratch, k, n)
     for i in range(k):

@@ -1,8 +1,8 @@
 """Least squares and task priority, compiled, with decisions about ranks.
 
-Where full rank can be proved, by the norm of an inverse, the answer is by Householder reflections.
-Elsewhere singular values are computed, by Jacobi rotations of as few rows as there are: what rows
-leave of the task of a redundant arm loses ranks by construction.
+If full rank can be proved by the norm of an inverse, the answer is computed by Householder
+reflections. Otherwise singular values are computed by Jacobi rotations of as few rows as there are.
+This is common: the part of a redundant arm's task that rows leave loses ranks by construction.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from .scratch import blank, matrix
 from .workspace import Scratch
 
 CERTAIN = 30.0
-"""Full rank is certain if the bound of the least singular value exceeds the tolerance by this
-factor.
+"""Full rank is certain if the bound of the least singular value exceeds this times the tolerance.
 
-1 would do for the rank. More keeps the fast way to matrices for which it is as accurate as singular
-values are.
+A factor of 1 would suffice for the rank. A larger factor restricts the fast method to matrices for
+which it is as accurate as singular values.
 """
 
-#: Least singular value, over the norm, with which triangular factors alone are accurate, whatever
-#: the tolerance.
+#: Least singular value, relative to the norm, for which triangular factors alone are accurate,
+#: whatever the tolerance.
 WELL = 1e-4
-#: Square of the answer over that of J†b below which :func:`bring` has lost digits.
+#: Squared norm of the answer, relative to that of J†b, below which :func:`bring` has lost digits.
 CANCELLED = 1e-6
-SWEEPS = 60  #: Jacobi sweeps at most; some six are usual.
+SWEEPS = 60  #: Maximum number of Jacobi sweeps; about six are usual.
 
 
 @in_place
 def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -> bool:
-    """Make two rows orthogonal in the columns from ``first`` to ``last`` by one rotation; whether
-    there was need.
+    """Make two rows orthogonal in columns [first, last) by one rotation.
+
+    Return True if a rotation was needed.
     """
     a = la.dot(X, p, X, p, first, last)
     b = la.dot(X, q, X, q, first, last)
     d = la.dot(X, p, X, q, first, last)
-    # a row of rounding alone has no direction to get right
+    # the direction of a row of rounding errors does not matter
     if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * math.sqrt(a) * math.sqrt(b):
         return False
     z = (b - a) / (2.0 * d)
@@ -55,11 +55,11 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
 
 @in_place
 def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
-    """Turn the first rows of X, by an orthogonal matrix from the left, into ones orthogonal in
-    columns [first, last).
+    """Make the first rows of X orthogonal in columns [first, last), and return the largest length.
 
-    All columns from ``first`` on are turned alike. The lengths of the rows within these columns are
-    then the singular values of that part of X; returns the largest. One-sided Jacobi rotations.
+    All columns from ``first`` on are transformed alike, by an orthogonal matrix from the left. The
+    lengths of the rows within these columns are then the singular values of that part of X. The
+    method is one-sided Jacobi rotations.
     """
     total = largest = 0.0
     for i in range(rows):
@@ -80,8 +80,9 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
 def largest_of_whole(
     W: Array, rows: int, first: int, tolerance: float, whole: Array, scale: float, X: Array
 ) -> float:
-    """The greatest singular value of ``whole`` over scale, or its norm where that serves as well; X
-    (n, n) is blank.
+    """Return the largest singular value of ``whole`` over scale, or its norm if that suffices.
+
+    X (n, n) must contain zeros.
     """
     n = W.shape[1] - 1
     size = 0.0
@@ -89,12 +90,12 @@ def largest_of_whole(
         for j in range(n):
             size += (whole[i, j] / scale) ** 2
     for i in range(rows):
-        # the square of the greatest singular value is between ‖whole‖_F² / n and that: which one
+        # the squared largest singular value is between ‖whole‖_F² / n and ‖whole‖_F²; its value
         # seldom matters
         gain = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
         if 0.99 * size <= n * gain and gain <= 1.01 * size:
-            # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all
-            # digits
+            # it is the largest singular value of wholeᵀ whole, which this matrix represents with
+            # all digits
             for a in range(whole.shape[0]):
                 for b in range(n):
                     for j in range(n):
@@ -107,13 +108,14 @@ def largest_of_whole(
 def shorten(
     W: Array, rows: int, first: int, tolerance: float, whole: Array, scratch: Scratch
 ) -> int:
-    """Make the first rows of :func:`pseudoinverse` orthogonal and drop those too short; how many
-    are left.
+    """Make the first rows of :func:`pseudoinverse` orthogonal and drop those that are too short.
+
+    Return the number of rows left.
     """
     n = W.shape[1] - 1
     scale = 0.0
     left = 0
-    # the squares of very small numbers would vanish
+    # squares of very small numbers would underflow
     for i in range(whole.shape[0]):
         for j in range(n):
             scale = max(scale, abs(whole[i, j]))
@@ -136,7 +138,7 @@ def shorten(
 
 @in_place
 def triangular(W: Array, first: int, F: Array, S: Array) -> None:
-    """[M | b] ← [R | Qᵀb] of the QR in F and S, with Qᵀb in S[WORK]."""
+    """Set [M | b] ← [R | Qᵀb] from the QR in F and S, with Qᵀb in S[WORK]."""
     p = F.shape[0]
     for i in range(W.shape[0]):
         for j in range(p):
@@ -157,22 +159,21 @@ def pseudoinverse(
     row: int,
     scratch: Scratch,
 ) -> tuple[Array, Array, int, float]:
-    """Solve y ← M† b for W = [· | M | b] (k, n + 1), M beginning with the column ``first``; y is
-    Y[row, first:].
+    """Solve y ← M† b for W = [· | M | b] (k, n + 1), and write y to Y[row, first:].
 
-    QR of M (k, p), or of Mᵀ where it has more columns than rows. Unless that proves full rank, the
-    rows of [M | b], or of [R | Qᵀb] where k ≥ p, are turned until those of M are orthogonal. Those
-    that are too short are dropped: they are left zero. The others have full rank, and the same M†
-    b.
+    M begins with the column ``first``. The method is a QR of M (k, p), or of Mᵀ if it has more
+    columns than rows. Unless that proves full rank, the rows of [M | b], or of [R | Qᵀb] if k ≥ p,
+    are rotated until those of M are orthogonal. Rows that are too short are dropped, i.e. set to
+    zero. The others have full rank, and the same M† b.
 
-    W is used up: M stays if its rank is full for certain, its least singular value above
-    ``certain`` times ‖whole‖_F, and is otherwise replaced by a matrix with the same MᵀM up to a
-    factor, apart from singular values below the ``tolerance`` times the largest one of ``whole``
-    (k', n), which is W where ``first`` is 0.
+    W is overwritten. M remains if its rank is full for certain, i.e. if its least singular value
+    exceeds ``certain`` times ‖whole‖_F. Otherwise it is replaced by a matrix with the same MᵀM up
+    to a factor, apart from singular values below the ``tolerance`` times the largest one of
+    ``whole`` (k', n), which is W if ``first`` is 0.
 
-    Returns F, S and the rank; where this is less than p, its number of columns of Q of
-    :func:`factor` span the rows of M. Then a lower bound of its least singular value above that,
-    negative where F and S are not the QR of M itself.
+    Return F, S, the rank and a bound. If the rank is less than p, that number of columns of Q of
+    :func:`factor` spans the rows of M. The bound is a lower bound of the least singular value that
+    counts, negative if F and S are not the QR of M itself.
     """
     k = W.shape[0]
     n = W.shape[1] - 1
@@ -214,13 +215,14 @@ def pseudoinverse(
 def resolve(
     A1: Array, A2: Array, b2: Array, tolerance: float, rest: Array, qdd: Array, scratch: Scratch
 ) -> tuple[int, Array, Array, float]:
-    """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), eq. (15); with q̈₀ all of it for q̈ − q̈₀, b₁ −
-    A₁q̈₀ and b₂ − A₂q̈₀.
+    """Set q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), eq. (15).
 
-    ``A1`` (b, n + 1) is [A₁ | b₁], b ≥ 0, and used up; ``A2``, ``b2`` are (k, n) and (k,); ``rest``
-    is q̈₀ (n,) or (0,). Singular values below the tolerance times the largest one count as zero.
-    Returns the rank of A₁; and F, S and the bound of :func:`pseudoinverse` for what it leaves of
-    A₂: all, without A₁.
+    With q̈₀, the equation holds for q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
+
+    ``A1`` (b, n + 1) is [A₁ | b₁], b ≥ 0, and is overwritten. ``A2`` and ``b2`` are (k, n) and
+    (k,); ``rest`` is q̈₀ (n,) or (0,). Singular values below the tolerance times the largest one
+    count as zero. Return the rank of A₁; and F, S and the bound of :func:`pseudoinverse` for the
+    part of A₂ that A₁ leaves, which is all of A₂ without A₁.
     """
     n = qdd.size
     k = A2.shape[0]
@@ -265,13 +267,14 @@ def resolve(
 def bring(
     F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array, scratch: Scratch
 ) -> bool:
-    """Bring x = J†b to A x = d with the least change of ‖J x − b‖: x ← x + R⁻¹ (A R⁻¹)† (d − A x),
-    with J = Q R.
+    """Change x = J†b so that A x = d, with the least change of ‖J x − b‖.
 
-    Where J has full column rank, :func:`resolve` of A before J comes to the same. F, S and
-    ``least`` are those of J of :func:`resolve`; ``A`` (b, n + 1) is [A | d]. Returns False, with
-    nothing done, unless J and A have full rank for certain, A fewer rows than columns, and J†b is
-    not much larger than the answer.
+    x ← x + R⁻¹ (A R⁻¹)† (d − A x), with J = Q R. If J has full column rank, :func:`resolve` with A
+    before J gives the same result. F, S and ``least`` are those of J from :func:`resolve`; ``A``
+    (b, n + 1) is [A | d].
+
+    Return False, without any change, unless J and A have full rank for certain, A has fewer rows
+    than columns, and J†b is not much larger than the answer.
     """
     n = qdd.size
     b = A.shape[0]
@@ -301,7 +304,7 @@ def bring(
         T[WORK, j] += qdd[j]
         before += qdd[j] * qdd[j]
         after += T[WORK, j] * T[WORK, j]
-    # what cancels leaves its rounding
+    # cancellation leaves rounding errors
     if after < CANCELLED * before:
         return False
     for j in range(n):

@@ -1,4 +1,4 @@
-"""Level 1 of the hierarchy, compiled: the points that violate rows least."""
+"""Level 1 of the hierarchy, compiled: the points of least violation."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from .linear import ONE, START, constant, dot, length
 from .scratch import filled, flags, matrix, vector
 from .workspace import FAILED, SOLVED, Scratch
 
-ROUNDING = 1e-13  #: Below this fraction of its terms a row counts as met while iterating.
-#: A step that would change no violation by more than this fraction of their norm, or by more than
-#: rounding, is none.
+#: A row exceeded by less than this fraction of its terms counts as met during the iteration.
+ROUNDING = 1e-13
+#: A step counts as zero if it changes no violation by more than this fraction of their norm, or by
+#: more than rounding.
 CONVERGED = 1e-12
 RANK = 1e-14  #: Singular values below this fraction of the largest count as zero in a step.
-#: Rows of a box: (2, n) least and greatest x, infinite where there is no bound.
+#: Rows of a box (2, n): least and greatest x, infinite if there is no bound.
 LEAST = constant(0)
 GREATEST = constant(1)
 
 
 class Violations(NamedTuple):
-    """Weighted rows B x ≤ d of norms ‖Bᵢ‖: by what they are exceeded, what of it is rounding, and
-    which take part.
+    """Weighted rows B x ≤ d of norms ‖Bᵢ‖, with their residuals, rounding errors and states.
 
-    ``change`` is what a step makes of the residual; ``reached`` rows are just met and would be
-    exceeded by it, ``pulled`` ones take part in it; ``held`` (n,) says at which end the box holds a
-    coordinate: −1, 1, or 0 if at none.
+    ``residual`` is B x − d, and ``rounding`` the rounding error in it. ``change`` is the change of
+    the residual by a step. ``reached`` rows are just met and would be violated by the step.
+    ``pulled`` rows take part in the step. ``held`` (n,) is the end of the box at which a coordinate
+    is held: −1, 1, or 0 if at none.
     """
 
     B: Array
@@ -45,7 +46,7 @@ class Violations(NamedTuple):
 
 @inner
 def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
-    """W A x ≤ W c, with no row reached and no coordinate held."""
+    """Return the rows W A x ≤ W c, with no row reached and no coordinate held."""
     m, n = A.shape
     B = matrix(scratch, m, n)
     d = vector(scratch, m)
@@ -66,7 +67,7 @@ def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
 
 @inner
 def measure(rows: Violations, X: Array) -> tuple[bool, float]:
-    """Write what is violated at X[0]; whether nothing is, and the sum of the squares."""
+    """Write the violations at X[0]. Return True if all rows are met, and the sum of the squares."""
     n = X.shape[1]
     met = True
     value = 0.0
@@ -75,7 +76,7 @@ def measure(rows: Violations, X: Array) -> tuple[bool, float]:
         residual = rows.residual[i] = dot(rows.B, i, X, START, START, n) - rows.d[i]
         rounding = rows.rounding[i] = ROUNDING * (rows.norms[i] * size + abs(rows.d[i]))
         met = met and residual <= rounding
-        # rows exceeded by rounding alone count here: a row of large scale holds small ones by just
+        # rows exceeded by rounding alone count here: a row of large scale blocks small ones by just
         # that much
         rows.violated[i] = residual > 0.0
         rows.reached[i] = rows.reached[i] and residual >= -rounding
@@ -87,8 +88,9 @@ def measure(rows: Violations, X: Array) -> tuple[bool, float]:
 
 @inner
 def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> None:
-    """Write the step that takes the pulled rows to their bounds in the least-squares sense, held
-    coordinates apart.
+    """Write the step that moves the pulled rows to their bounds in the least-squares sense.
+
+    Held coordinates do not move.
     """
     B = rows.B
     held = rows.held
@@ -118,8 +120,9 @@ def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> No
 
 @inner
 def look_along(rows: Violations, step: Array, still: float) -> tuple[bool, bool]:
-    """Write how the step changes rows; whether it changes none that is violated, and whether one
-    blocks it at once.
+    """Write the change of the rows by the step, and return two flags.
+
+    The first is True if the step changes no violated row, the second if a row blocks it at once.
     """
     stationary = True
     blocked = False
@@ -128,7 +131,7 @@ def look_along(rows: Violations, step: Array, still: float) -> tuple[bool, bool]
         stationary = stationary and (
             not rows.violated[i] or abs(change) <= still + rows.rounding[i]
         )
-        # a row of large scale that is just met ends a step before it begins, unless it takes part
+        # a row of large scale that is just met blocks the step at once, unless it takes part in it
         if (
             not rows.pulled[i]
             and rows.residual[i] >= -rows.rounding[i]
@@ -140,8 +143,9 @@ def look_along(rows: Violations, step: Array, still: float) -> tuple[bool, bool]
 
 @inner
 def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
-    """Which held coordinate the violations pull inward the most, and whether by more than
-    rounding.
+    """Return the held coordinate that the violations pull inward the most.
+
+    Also return True if the pull exceeds rounding.
     """
     worst = 0
     strongest = -math.inf
@@ -162,10 +166,10 @@ def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
 
 @inner
 def line_search(residual: Array, change: Array, limit: float) -> float:
-    """Length t in [0, limit] that minimises ½‖max(0, residual + t·change)‖².
+    """Return the length t in [0, limit] that minimises ½‖max(0, residual + t·change)‖².
 
-    The derivative is nondecreasing and piecewise linear, with kinks where a row is just met: the
-    kinks on either side of its zero are found by evaluating it at every one of them.
+    The derivative is nondecreasing and piecewise linear, with kinks where a row is just met. It is
+    evaluated at every kink to find the two on either side of its zero.
     """
     lower = 0.0
     upper = limit
@@ -194,8 +198,9 @@ def line_search(residual: Array, change: Array, limit: float) -> float:
 
 @inner
 def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array) -> bool:
-    """Go along the step as far as it helps within the box, and hold coordinates that reach it;
-    whether any does.
+    """Move along the step as far as it helps within the box, and hold coordinates that reach it.
+
+    Return True if a coordinate reaches the box.
     """
     limit = math.inf
     for j in range(x.size):
@@ -216,21 +221,20 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
 def least_violation(
     A: Array, c: Array, weights: Array, box: Array, x: Array, scratch: Scratch
 ) -> int:
-    """Minimise ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights), beginning at x, which becomes the
-    minimiser.
+    """Minimise ½‖max(0, W(Ax − c))‖² in a box, with W = diag(weights).
 
-    The function is convex and piecewise quadratic: Newton's method on the rows that are violated,
-    with an exact line search, ends after finitely many steps with an exact minimiser. Coordinates
-    that the box holds are kept in a working set and released when the gradient pulls them inward.
-    The minimiser need not be unique, but its violations are.
+    The search begins at x, which becomes the minimiser. The function is convex and piecewise
+    quadratic. Newton's method on the violated rows, with an exact line search, ends after finitely
+    many steps with an exact minimiser. Coordinates that the box holds are kept in a working set and
+    released when the gradient pulls them inward. The minimiser need not be unique, but its
+    violations are.
 
-    Beside large rows small ones are lost in rounding. The result exceeds the least value of ‖max(0,
-    W(Ax − c))‖ by at most a fraction of 1e-9 of it and a part of the largest wᵢ(‖Aᵢ‖‖x‖ + |cᵢ|):
-    1e-7 where the norms of weighted rows are up to 1e10 apart, some of them nearly repeating
-    others, and 1e-3 of that where they are up to 1e6 apart.
+    Beside large rows, small ones are lost in rounding. The result exceeds the least value of
+    ‖max(0, W(Ax − c))‖ by at most a fraction of 1e-9 of it plus a part of the largest wᵢ(‖Aᵢ‖‖x‖ +
+    |cᵢ|). This part is 1e-7 if the norms of weighted rows are up to 1e10 apart and some rows nearly
+    repeat others, and 1e-3 of that if the norms are up to 1e6 apart.
 
-    Returns ``SOLVED``, or ``FAILED`` at the limit of iterations, which only rounding could bring
-    about.
+    Return ``SOLVED``, or ``FAILED`` at the limit of iterations, which only rounding could cause.
     """
     m, n = A.shape
     rows = weigh(A, c, weights, scratch)
@@ -254,11 +258,10 @@ def least_violation(
         if blocked:
             continue
         if stationary or value >= last:
-            # stationary on this face of the box; in a corner several releases may be needed before
-            # there is descent
+            # stationary on this face of the box; in a corner, descent may need several releases
             worst, inward = most_pulled(rows, box, still)
             fruitless = fruitless + 1 if value >= released_at else 0
-            # more than n are a cycle of rounding
+            # more than n fruitless releases are a cycle caused by rounding
             if not inward or fruitless > n:
                 return SOLVED
             rows.held[worst] = 0.0

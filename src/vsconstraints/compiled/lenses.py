@@ -1,5 +1,6 @@
-"""Pixels through a lens and back, compiled: see
-:class:`vsconstraints.vision.distortion.Distortion`.
+"""Distortion and undistortion of pixels by a lens, compiled.
+
+See :class:`vsconstraints.vision.distortion.Distortion`.
 """
 
 from __future__ import annotations
@@ -13,17 +14,16 @@ from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, e
 from ..rows import Array
 from .parts import address, make_part, to_fixed_tuple
 
-#: Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's
-#: reach.
+#: Entries of an eye before the coefficients of its lens: F_u, F_v, the principal point, and the
+#: reach of the lens.
 FIXED = 5
 
 
 def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:
-    """Make the function that takes pixels (M, 2) through a lens with so many coefficients, or back
-    if asked so.
+    """Make the function that distorts pixels (M, 2) by a lens, or undistorts them if ``back``.
 
-    It writes them to ``out`` (M, 2), and returns how many cannot be undistorted. What is NaN stays
-    so.
+    ``count`` is the number of coefficients of the lens. The function writes the pixels to ``out``
+    (M, 2), and returns the number of those that cannot be undistorted. NaN remains NaN.
     """
 
     def through(eye: Array, pixels: Array, out: Array, back: bool) -> int:
@@ -62,7 +62,7 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
 
 @cache
 def through(model: str) -> Any:
-    """The compiled function of a kind of lens, which is kept as long as the process runs."""
+    """Return the compiled function of a kind of lens, kept for the lifetime of the process."""
     kind = MODELS[model]
     numbers = "float64[:, ::1]"
     signature = f"int64(float64[::1], {numbers}, {numbers}, boolean)"
@@ -70,5 +70,5 @@ def through(model: str) -> Any:
 
 
 def address_of(model: str) -> int:
-    """Where that function begins."""
+    """Return the address of the compiled function of a kind of lens."""
     return address(through(model))

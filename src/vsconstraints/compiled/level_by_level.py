@@ -1,5 +1,6 @@
-"""Levels 1 and 2 of the hierarchy by themselves, for a hierarchy whose QPs a solver with a name
-answers.
+"""Levels 1 and 2 of the hierarchy as separate functions.
+
+They serve a hierarchy whose QPs are solved by a solver chosen by name.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ MATRIX = "float64[:, ::1]"
 
 @compiled(f"int64({MATRIX}, {VECTOR}, {VECTOR}, {MATRIX}, {VECTOR})")
 def violate_least(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
-    """See :func:`.least_violation`."""
+    """Minimise the violation from x (n,); see :func:`.least_violation`."""
     code: int = least_violation(A, c, weights, box, x, no_scratch())
     return code
 
@@ -35,7 +36,10 @@ def track_best(
     active: BoolArray,
     tolerance: float,
 ) -> bool:
-    """See :func:`.least_residual`: from x (n,), with the task's minimiser ``center`` (n,)."""
+    """Minimise the task's residual from x (n,); see :func:`.least_residual`.
+
+    ``center`` (n,) is the task's minimiser without rows.
+    """
     scratch = no_scratch()
     X = matrix(scratch, ROWS_OF_POINT, x.size)
     copy_vector(X[1], center)

@@ -1,6 +1,4 @@
-"""Parts of the resolver ``hierarchy``, compiled: metric of lower levels, what level 1 leaves them,
-and the check.
-"""
+"""Parts of the compiled resolver ``hierarchy``: metric of levels 2 and 3, freedom, and checks."""
 
 from __future__ import annotations
 
@@ -16,12 +14,12 @@ from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length
 from .scratch import blank, matrix
 from .workspace import Scratch
 
-#: Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the
-#: metric of √damping.
+#: Largest remaining gradient of levels 2 and 3, relative to the size of the cost in the metric of
+#: √damping.
 CHECKED = 1e-5
-ROUNDED = 1e-13  #: What rounding leaves of the gradient, as a fraction of its terms.
-#: Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it;
-#: their number.
+ROUNDED = 1e-13  #: Rounding error of the gradient, as a fraction of its terms.
+#: Rows of the workspace X (8, n) behind those of :func:`nearest`: J†b, a point, and its offset from
+#: J†b; number of rows.
 CENTER = constant(5)
 ORIGIN = constant(6)
 OFFSET = constant(7)
@@ -30,8 +28,9 @@ ROWS_OF_X = constant(8)
 
 @in_place
 def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> None:
-    """√damping [Z | offset] to the columns of R and, below it, G [Z | offset] / ‖G‖ to those of B
-    (p + 1, k).
+    """Write √damping [Z | offset] to the columns of R and G [Z | offset] / ‖G‖ to those of B.
+
+    B (p + 1, k) stands below R.
     """
     k = G.shape[0]
     n = X.shape[1]
@@ -57,14 +56,15 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
 def metric(
     G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch
 ) -> None:
-    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to
-    a constant.
+    """Express the cost of levels 2 and 3 as ½‖R y + r‖² up to a constant.
 
-    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j
-    leaves all of the former but the j-th alone, so that the work grows with the square of the
-    number of columns. ``G`` (k, n) or wider is the task, without what counts as its null space;
-    ``Z`` (p, n) an orthonormal basis, or none: the identity. Outputs are ``R`` (p + 1, p), by
-    columns with r as the last one, and in ``S`` (3, p) the inverses of the diagonal.
+    The cost is ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖². The method is a Householder
+    QR of the rows √damping I above those of G Z / ‖G‖. The reflection of column j changes only the
+    j-th of the former rows, so that the work grows with the square of the number of columns.
+
+    ``G`` (k, n) or wider is the task, without what counts as its null space. ``Z`` (p, n) is an
+    orthonormal basis, or empty for the identity. Outputs are ``R`` (p + 1, p), by columns with r as
+    the last one, and in ``S`` (3, p) the inverses of the diagonal.
     """
     k = G.shape[0]
     p = R.shape[1]
@@ -92,13 +92,12 @@ def settle(
     violation: Array,
     scratch: Scratch,
 ) -> Array:
-    """What every point that violates least has in common with X[ORIGIN], which does: rows A of
-    equalities, as [A | 0].
+    """Return equalities [A | 0] that all points of least violation share with X[ORIGIN].
 
-    Rows ``walls`` (w, n) from m on, those of the box, have no ``weights`` (m,). Writes ``relaxed``
-    (w,), sides that the point meets, with a little room, since the rows may leave a set without
-    interior; and ``violation`` (m,), what it exceeds the ``sides`` by, where that is more than
-    rounding.
+    X[ORIGIN] is such a point. The rows ``walls`` (w, n) from m on are those of the box and have no
+    ``weights`` (m,). ``relaxed`` (w,) receives sides that the point meets with a little room, since
+    the rows may leave a set without interior. ``violation`` (m,) receives the excess over the
+    ``sides`` if that is more than rounding.
     """
     w, n = walls.shape
     m = weights.size
@@ -119,8 +118,8 @@ def settle(
                 pull[1, j] += abs(force)
                 A[at, j] = walls[i, j] / norm
             at += 1
-    # where the violations pull a coordinate against the box, every point that violates least has it
-    # at that bound
+    # if the violations pull a coordinate against the box, all points of least violation are at that
+    # bound
     for j in range(n):
         pinned = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
         if pinned and abs(pull[0, j]) > SIGNIFICANT * pull[1, j]:
@@ -131,8 +130,9 @@ def settle(
 
 @in_place
 def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, float]:
-    """Write that of levels 2 and 3 at a point to X[NEW]; the size of the cost there, and of the
-    terms of the point.
+    """Write the gradient of levels 2 and 3 at a point to X[NEW].
+
+    Return the size of the cost there, and of the terms of the point.
     """
     n = point.shape[1]
     size = squares(G, point.shape[1])
@@ -163,12 +163,12 @@ def optimal(
     X: Array,
     point: Array,
 ) -> bool:
-    """Whether ``point`` (1, n) minimises levels 2 and 3, by its optimality conditions, on the rows
-    as they were stated.
+    """True if ``point`` (1, n) minimises levels 2 and 3, by its optimality conditions.
 
-    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more
-    than ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds. G,
-    damping and Z are those of :func:`metric`, ``rows`` what :func:`nearest` made of the walls.
+    The conditions are evaluated on the rows as they were given. With the gradient g, the
+    multipliers μ and the rows a, the cost exceeds its minimum by at most ‖Zᵀ(g + Σ μ a)‖² / (2
+    damping), if the rows with a multiplier are at their bounds. G, damping and Z are those of
+    :func:`metric`; ``rows`` is the result of :func:`nearest` for the walls.
     """
     n = point.shape[1]
     p = Z.shape[0]
@@ -194,9 +194,7 @@ def optimal(
 
 @in_place
 def damped(G: Array, X: Array, point: Array) -> bool:
-    """Whether the damping may have cost the point a residual that level 2 by itself does not
-    have.
-    """
+    """True if the damping may have increased the residual of level 2 at the point."""
     n = point.shape[1]
     residual = 0.0
     far = 0.0
@@ -214,8 +212,10 @@ def damped(G: Array, X: Array, point: Array) -> bool:
 
 @in_place
 def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
-    """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on
-    a long way.
+    """True if the point meets all rows except the violated ones.
+
+    The check detects rounding errors of a long step. The point must be in the box; only the rows of
+    constraints are checked.
     """
     n = point.shape[1]
     size = length(point, START, n)
@@ -232,7 +232,7 @@ def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
 
 @in_place
 def with_room(walls: Array, sides: Array, point: Array) -> None:
-    """Make the sides some that the point meets, with room for rounding."""
+    """Relax the sides so that the point meets them, with room for rounding."""
     n = point.shape[1]
     size = length(point, START, n)
     for i in range(walls.shape[0]):
@@ -243,7 +243,7 @@ def with_room(walls: Array, sides: Array, point: Array) -> None:
 
 @inner
 def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) -> Array:
-    """Rows of E, the walls that are held, and the task, of unit norm, as [A | 0]."""
+    """Return rows of E, held walls and task, of unit norm, as [A | 0]."""
     n = walls.shape[1]
     at = E.shape[0]
     size = math.sqrt(squares(G, walls.shape[1]))
@@ -262,9 +262,7 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
 
 @in_place
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
-    """Make the point, brought into the box, the origin of what follows, and the answer if nothing
-    does.
-    """
+    """Clip the point to the box, and make it the next stage's origin and the current answer."""
     for j in range(qdd.size):
         X[ORIGIN, j] = qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
         X[OFFSET, j] = qdd[j] - X[CENTER, j]
@@ -272,8 +270,9 @@ def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
 
 @inner
 def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scratch) -> Array:
-    """Columns of Q of :func:`.pseudoinverse`, as rows: the first ``rank`` span the rows, the others
-    the null space.
+    """Return columns [first, last) of Q of :func:`.pseudoinverse` as rows.
+
+    The first ``rank`` columns span the rows, the others the null space.
     """
     Q = blank(scratch, last - first, F.shape[1])
     for d in range(last - first):
@@ -284,10 +283,10 @@ def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scrat
 
 @inner
 def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) -> tuple[Array, int]:
-    """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where
-    there are none.
+    """Return an orthonormal basis (p, n) of the null space of equalities [A | 0], and p.
 
-    Then the origin may be the center, which is taken if that is asked for.
+    Without equalities the basis is empty and p = n. The center is then taken as the origin if
+    ``from_center``.
     """
     n = X.shape[1]
     if equal.shape[0] == 0:
@@ -303,7 +302,7 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
 
 @in_place
 def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
-    """Write origin + Z y, with y of X[POINT], to the point, in the box."""
+    """Write origin + Z y, clipped to the box, to the point; y is in X[POINT]."""
     n = X.shape[1]
     for j in range(n):
         point[0, j] = X[POINT, j] if p == n else 0.0

@@ -1,8 +1,8 @@
 """Small linear algebra, compiled: rows of matrices, and Householder reflections.
 
-A function is compiled anew for every type of its arguments, and all that it calls is optimised once
-more together with it. So vectors are rows of matrices, all of one type, and levels of calls are
-few.
+A function is compiled anew for every type of its arguments, and all functions that it calls are
+optimised again together with it. Therefore vectors are rows of matrices, all of one type, and calls
+have few levels.
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ from .compiler import in_place
 
 
 def constant(value: int) -> int:
-    """Make a constant to be handed to compiled functions: they are compiled anew for every plain
-    one.
+    """Return a constant that can be passed to compiled functions.
+
+    Numba would compile them anew for every plain constant.
     """
     return cast("int", np.int64(value))
 
 
-#: The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it
-#: has.
+#: The first column, or row; the next; the free row of S of :func:`factor`; and the number of its
+#: rows.
 START = constant(0)
 ONE = constant(1)
 WORK = constant(2)
 S_ROWS = constant(3)
-LARGE = 1e280  #: Squares beyond this are not for compiled laws.
+LARGE = 1e280  #: Compiled laws do not accept squares beyond this.
 
 
 @in_place
 def finite(x: Array) -> bool:
-    """Whether every number of a vector is finite."""
+    """True if every number of a vector is finite."""
     wrong = 0
     for i in range(x.size):
         wrong |= not abs(x[i]) < math.inf
@@ -43,17 +44,13 @@ def finite(x: Array) -> bool:
 
 @in_place
 def out_of_range(squared: float) -> bool:
-    """Whether a square is not finite, or near where squares leave the range of floating point,
-    unless it is zero.
-    """
+    """True if a square is nonzero, and not finite or near the limits of floating point."""
     return not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
 
 
 @in_place
 def in_range(X: Array) -> bool:
-    """Whether every row of X is finite, and far from where squares leave the range of floating
-    point, or zero.
-    """
+    """True if the squared norm of every row of X is zero or well within floating point."""
     wrong = 0
     for i in range(X.shape[0]):
         wrong |= out_of_range(dot(X, i, X, i, START, X.shape[1]))
@@ -62,7 +59,7 @@ def in_range(X: Array) -> bool:
 
 @in_place
 def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
-    """Σ x y of the rows X[i] and Y[j], from entry ``first`` up to ``last``."""
+    """Return Σ x y of the rows X[i] and Y[j], from entry ``first`` up to ``last``."""
     total = 0.0
     for a in range(first, last):
         total += X[i, a] * Y[j, a]
@@ -71,13 +68,13 @@ def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
 
 @in_place
 def length(X: Array, i: int, last: int) -> float:
-    """‖X[i]‖ up to entry ``last``."""
+    """Return ‖X[i]‖ up to entry ``last``."""
     return math.sqrt(dot(X, i, X, i, START, last))
 
 
 @in_place
 def squares(X: Array, last: int) -> float:
-    """‖X‖² (Frobenius) of the columns up to ``last``."""
+    """Return ‖X‖² (Frobenius) of the columns up to ``last``."""
     total = 0.0
     for i in range(X.shape[0]):
         total += dot(X, i, X, i, START, last)
@@ -86,7 +83,7 @@ def squares(X: Array, last: int) -> float:
 
 @in_place
 def away(G: Array, i: int, X: Array, row: int, C: Array, center: int) -> float:
-    """Σ Gᵢ (x − c) of the rows X[row] and C[center], as many entries as X has."""
+    """Return Σ Gᵢ (x − c) of the rows X[row] and C[center], over as many entries as X has."""
     total = 0.0
     for j in range(X.shape[1]):
         total += G[i, j] * (X[row, j] - C[center, j])
@@ -95,28 +92,28 @@ def away(G: Array, i: int, X: Array, row: int, C: Array, center: int) -> float:
 
 @in_place
 def add(X: Array, i: int, scale: float, Y: Array, j: int, first: int, last: int) -> None:
-    """X[i] ← X[i] + scale Y[j], from entry ``first`` up to ``last``."""
+    """Set X[i] ← X[i] + scale Y[j], from entry ``first`` up to ``last``."""
     for a in range(first, last):
         X[i, a] += scale * Y[j, a]
 
 
 @in_place
 def copy(X: Array, i: int, Y: Array, j: int, last: int) -> None:
-    """X[i] ← Y[j] up to entry ``last``."""
+    """Set X[i] ← Y[j] up to entry ``last``."""
     for a in range(last):
         X[i, a] = Y[j, a]
 
 
 @in_place
 def copy_vector(x: Array, y: Array) -> None:
-    """X ← y."""
+    """Set x ← y."""
     for j in range(x.size):
         x[j] = y[j]
 
 
 @in_place
 def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
-    """Reflect a row of X by the j-th reflection of :func:`factor`."""
+    """Apply the j-th reflection of :func:`factor` to a row of X."""
     scale = dot(F, j, X, row, j, F.shape[1]) * S[1, j]
     for i in range(j, F.shape[1]):
         X[row, i] -= scale * F[j, i]
@@ -124,13 +121,14 @@ def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
 
 @in_place
 def make_reflection(F: Array, S: Array, j: int) -> None:
-    """Turn F[j], which the reflections before have been applied to, into the j-th column of R and
-    its reflection.
+    """Turn F[j] into the j-th column of R and its reflection.
+
+    The previous reflections must have been applied to F[j].
     """
     size = math.sqrt(dot(F, j, F, j, j, F.shape[1]))
     outward = math.copysign(size, F[j, j])
     F[j, j] += outward
-    # 1 / outward is beta F[j, j], without another division
+    # 1 / outward equals beta F[j, j] and saves another division
     beta = 1.0 / (outward * F[j, j]) if size > 0.0 else 0.0
     S[0, j] = -beta * F[j, j] if size > 0.0 else math.inf
     S[1, j] = beta
@@ -138,22 +136,23 @@ def make_reflection(F: Array, S: Array, j: int) -> None:
 
 @in_place
 def apply_transposed(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Apply x ← Qᵀ x, Q being the first c reflections of :func:`factor` and x a row of X."""
+    """Set x ← Qᵀ x, with the first c reflections of :func:`factor` as Q and a row of X as x."""
     for j in range(c):
         reflect(F, S, j, X, row)
 
 
 @in_place
 def apply(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Apply x ← Q x, likewise."""
+    """Set x ← Q x, with the first c reflections of :func:`factor` as Q and a row of X as x."""
     for j in range(c - 1, -1, -1):
         reflect(F, S, j, X, row)
 
 
 @in_place
 def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Solve x ← R⁻¹ x for the first c columns of R of :func:`factor`, x being the beginning of a
-    row of X.
+    """Set x ← R⁻¹ x with the first c columns of R of :func:`factor`.
+
+    x is the beginning of a row of X.
     """
     for j in range(c - 1, -1, -1):
         X[row, j] *= S[0, j]
@@ -163,7 +162,10 @@ def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 
 @in_place
 def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Solve x ← R⁻ᵀ x, likewise."""
+    """Set x ← R⁻ᵀ x with the first c columns of R of :func:`factor`.
+
+    x is the beginning of a row of X.
+    """
     for j in range(c):
         total = X[row, j]
         for i in range(j):
@@ -173,14 +175,14 @@ def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 
 @in_place
 def factor(F: Array, S: Array) -> float:
-    """Householder QR in place of the (r, c) matrix whose columns are the rows of F (c, r), c ≤ r.
+    """Compute a Householder QR in place; return a lower bound of the least singular value.
 
-    Entry i < j of F[j] becomes R[i, j], and the rest of F[j] the vector v of the reflection I −
-    beta v vᵀ. S (3, r) gets the inverses of the diagonal of R, and beta; its last row is used up.
-    Returns 1/‖R⁻¹‖_F, a lower bound of the least singular value.
+    The (r, c) matrix has the rows of F (c, r) as columns, c ≤ r. Entry i < j of F[j] becomes R[i,
+    j], and the rest of F[j] the vector v of the reflection I − beta v vᵀ. S (3, r) receives the
+    inverses of the diagonal of R, and beta; its last row is overwritten. The bound is 1/‖R⁻¹‖_F.
     """
     c, r = F.shape
-    # columns to the right do not wait for each other, nor do entries of a row of R⁻¹: the processor
+    # columns to the right are independent, and so are entries of a row of R⁻¹: the processor
     # overlaps them
     for j in range(c):
         make_reflection(F, S, j)

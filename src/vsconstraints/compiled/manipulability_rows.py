@@ -1,7 +1,7 @@
-"""The row of manipulability: see :class:`vsconstraints.constraints.Manipulability`.
+"""Row of manipulability: see :class:`vsconstraints.constraints.Manipulability`.
 
-Twists are in the base frame's axes, about the tip's origin: singular values, and brackets up to
-that rotation, are the same there as in the tip's axes.
+Twists are in the base frame's axes, about the tip's origin. Singular values, and brackets up to
+that rotation, are the same as in the tip's axes.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
-#: Singular value below which the curvature is taken as that at this value, so that it stays finite.
+#: Below this singular value the curvature is that at this value, so that it stays finite.
 SINGULAR = 1e-9
-#: Singular value, relative to the largest, below which the vector that belongs to it is only
-#: rounding.
+#: Below this singular value, relative to the largest, its singular vector is only rounding.
 GONE = 1e-14
 
 
@@ -39,7 +38,7 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
 
 @inner
 def tip_twists(step: Step, T: Array) -> None:
-    """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
+    """Write J, J̇ and J̈ of the tip for q̈ = 0, by columns (3, n, 6)."""
     n = len(step.joints)
     J = step.J_point
     body = step.bodies[len(step.joints)]
@@ -54,15 +53,16 @@ def tip_twists(step: Step, T: Array) -> None:
 
 @inner
 def write_rates(T: Array, qd: Array) -> None:
-    """Write J̇ and J̈ when q̈ = 0 behind the columns of J, in the base's axes or the tip's (3, n,
-    6).
+    """Write J̇ and J̈ for q̈ = 0 behind the columns of J (3, n, 6).
+
+    The columns are in the base's axes or in the tip's.
     """
     after = np.zeros((2, 6))
     for j in range(T.shape[1] - 1, -1, -1):
         for i in range(6):
             T[1, j, i] = T[2, j, i] = 0.0
-        # a joint moves the columns of those before it, as seen from the tip: J̇_j = [J_j, sum of
-        # J_k q̇_k after it]
+        # seen from the tip, a joint moves the columns of those before it: J̇_j = [J_j, sum of J_k
+        # q̇_k after it]
         add_bracket(T[0, j], after[0], T[1, j])
         add_bracket(T[0, j], after[1], T[2, j])
         add_bracket(T[1, j], after[0], T[2, j])
@@ -73,11 +73,11 @@ def write_rates(T: Array, qd: Array) -> None:
 
 @inner
 def singular(M: Array, s: Array, U: Array) -> Array:
-    """Singular values s (c,) of M (l, c), l ≥ c, decreasing, with unit vectors u (c, l), and [M v |
-    v] (c, l + c).
+    """Write singular values and vectors of M (l, c), l ≥ c, and return [M v | v] (c, l + c).
 
-    The last u is orthogonal to the others in any case. Without it, w would have no side to leave a
-    singular configuration on.
+    The singular values s (c,) are decreasing, the unit vectors u are (c, l). The last u is
+    orthogonal to the others in any case. Otherwise w could not leave a singular configuration to a
+    definite side.
     """
     l, c = M.shape  # noqa: E741
     last = c - 1
@@ -122,14 +122,15 @@ def singular(M: Array, s: Array, U: Array) -> Array:
 
 @inner
 def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, float]:
-    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of J, and write ∂w/∂q (n,); T (3, n, 6) is
-    :func:`tip_twists`'.
+    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of ``count`` rows of J, and write ∂w/∂q (n,).
+
+    The rows begin with ``first``. T (3, n, 6) is written by :func:`tip_twists`.
     """
     n = T.shape[1]
     wide = count <= n
     c = min(count, n)
     l = max(count, n)  # noqa: E741
-    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives, in the
+    # P = Σ s v uᵀ is J, or Jᵀ if there are fewer joints than directions; its derivatives, in the
     # basis of v
     M = np.empty((l, c))
     U = np.empty((c, l))
@@ -182,8 +183,9 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
 
 
 def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
-    """w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of the tip's J (6, n), from the first one
-    on, in Python.
+    """Return w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of rows of the tip's J (6, n), in Python.
+
+    ``count`` rows are used, from ``first`` on.
     """
     T = np.zeros((3, J.shape[1], 6))
     slope = np.empty(J.shape[1])
@@ -194,11 +196,10 @@ def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Arr
 
 
 def manipulability_rows() -> WriteRows:
-    """Make the function that writes the row of manipulability, by its number among the parts of the
-    step at an address.
+    """Make the function that writes the row of manipulability.
 
-    Its parameters are the least w, the scale, and the first and the number of the rows of the
-    Jacobian that count.
+    It takes the address of a step and the row's number among the parts. The parameters are the
+    least w, the scale, and the first and the number of the rows of the Jacobian that count.
     """
 
     def rows(address: int, i: int) -> None:

@@ -1,9 +1,9 @@
-"""Everything that touches private parts of numba: ``tests/test_numba_internals.py`` runs what is
-assumed of them.
+"""Code that depends on private parts of numba.
 
-``pyproject.toml`` bounds numba's version from above by the last one with which these tests have
-passed. Calls by address and structures at an address are why: first-class functions of numba would
-take fifty arrays one by one, through a wrapper in C, and cannot be stored in records.
+``tests/test_numba_internals.py`` tests the assumptions about them. ``pyproject.toml`` bounds
+numba's version from above by the last one with which these tests have passed. Private parts are
+needed for calls by address and structures at an address: numba's first-class functions would take
+fifty arrays one by one, through a wrapper in C, and cannot be stored in records.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ untyped_passes = import_module("numba.core.untyped_passes")
 if numba.config.DISABLE_JIT:
     raise RuntimeError("NUMBA_DISABLE_JIT is set")
 
-#: Whether ``NUMBA_BOUNDSCHECK`` asks for an IndexError where code would leave an array.
+#: True if ``NUMBA_BOUNDSCHECK`` requests an IndexError for accesses outside an array.
 CHECKS_BOUNDS = bool(numba.config.BOUNDSCHECK)
 
 VOID = numba.types.void
@@ -35,8 +35,9 @@ MATRIX = FLOAT[:, ::1]
 
 
 class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
-    """Code that is not optimised by itself: the compiled functions that contain it optimise it
-    again anyway.
+    """Library of code that is not optimised separately.
+
+    The compiled functions that contain the code optimise it again anyway.
     """
 
     _final_module: Any
@@ -45,10 +46,10 @@ class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         """Do nothing."""
 
     def _finalize_final_module(self) -> None:
-        """Make machine code of nothing but what numba insists on, a place for the environment of
-        each function.
+        """Make machine code only of the place that numba requires for each function's environment.
 
-        Nobody reads there: environments serve exceptions with arguments, and Python objects.
+        These places are never read: environments serve exceptions with arguments, and Python
+        objects.
         """
         whole = self._final_module
         common = codegen.ll.Linkage.common
@@ -63,7 +64,7 @@ class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
 
 
 def where(condition: Any, x: Any, y: Any) -> Any:
-    """``np.where``, of which compiled code makes no arrays for single numbers."""
+    """Return ``np.where``; compiled code makes no arrays of it for single numbers."""
     return np.where(condition, x, y)
 
 
@@ -81,9 +82,9 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
 
 @machinery.register_pass(mutates_CFG=False, analysis_only=False)
 class WhereOfNumbers(machinery.FunctionPass):  # type: ignore[misc, name-defined]
-    """Replace ``np.where`` by :func:`where` in the functions of this package alone.
+    """Replace ``np.where`` by :func:`where` in the functions of this package only.
 
-    Another overload of ``np.where`` itself would change what functions of others return.
+    Another overload of ``np.where`` itself would change the results of other packages' functions.
     """
 
     _name = "where_of_numbers"
@@ -92,7 +93,7 @@ class WhereOfNumbers(machinery.FunctionPass):  # type: ignore[misc, name-defined
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Return whether anything was replaced."""
+        """Replace the calls in a function. Return True if anything was replaced."""
         code = state.func_ir
         replaced = False
         for block in code.blocks.values():
@@ -105,7 +106,7 @@ class WhereOfNumbers(machinery.FunctionPass):  # type: ignore[misc, name-defined
 
 
 def _is_where(code: Any, value: Any) -> bool:
-    """Return whether a value is ``np.where``, as an attribute of NumPy or imported by name."""
+    """Return True if a value is ``np.where``, as an attribute of NumPy or imported by name."""
     if isinstance(value, ir.Expr) and value.op == "getattr" and value.attr == "where":
         module = ir_utils.guard(ir_utils.get_definition, code, value.value)
         return getattr(module, "value", None) is np
@@ -113,10 +114,10 @@ def _is_where(code: Any, value: Any) -> bool:
 
 
 class PartCompiler(import_module("numba.core.compiler").Compiler):  # type: ignore[misc]
-    """Compiles with a :class:`Library`, and with :class:`WhereOfNumbers`."""
+    """Compiler with a :class:`Library` and with :class:`WhereOfNumbers`."""
 
     def define_pipelines(self) -> Any:
-        """As numba does, but for the library and the pass."""
+        """Return numba's pipelines, with this library and this pass."""
         state = self.state
         state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
         pipelines = super().define_pipelines()
@@ -127,15 +128,13 @@ class PartCompiler(import_module("numba.core.compiler").Compiler):  # type: igno
 
 
 def part_of_others(function: Callable[..., Any], options: dict[str, Any]) -> None:
-    """Let compiled functions call this one, which stays as it is in Python."""
+    """Let compiled functions call this one, which stays unchanged in Python."""
     inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": PartCompiler}
     numba.extending.register_jitable(**options, **inner)(function)
 
 
 def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[..., Any]:
-    """Make a decorator that compiles for a signature, and keeps the result in numba's cache
-    folder.
-    """
+    """Make a decorator that compiles for a signature and caches the result in numba's folder."""
     compiler: Callable[..., Any] = numba.njit(
         signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
     )
@@ -143,8 +142,9 @@ def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[
 
 
 def address(function: Any) -> int:
-    """Where a compiled function of one signature begins; it stays there as long as the function is
-    kept.
+    """Return the address of a compiled function of one signature.
+
+    It is valid as long as the function is kept.
     """
     result = function.overloads[function.signatures[0]]
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
@@ -153,8 +153,9 @@ def address(function: Any) -> int:
 def intrinsic(
     function: Callable[..., Any], prefer_literal: bool = False
 ) -> Callable[[Callable[..., Any]], Any]:
-    """Let compiled code use what is decorated wherever Python calls ``function``: see
-    ``numba.extending.intrinsic``.
+    """Make a decorator of the definition that compiled code uses where Python calls ``function``.
+
+    See ``numba.extending.intrinsic``.
     """
 
     def decorate(definition: Callable[..., Any]) -> None:
@@ -168,9 +169,9 @@ def intrinsic(
 
 
 class Stored(numba.types.Type):  # type: ignore[misc, name-defined]
-    """A structure of arrays that is stored at an address: only the fields that are used are read.
+    """Structure of arrays stored at an address, of which only the used fields are read.
 
-    Code that has whole structures at hand takes several times as long to compile.
+    Code that handles whole structures takes several times as long to compile.
     """
 
     def __init__(self, structure: Any) -> None:
@@ -200,15 +201,16 @@ def _read(context: Any, builder: Any, kind: Stored, value: Any, name: str) -> An
     field = numba.core.cgutils.gep_inbounds(builder, begin, 0, i)
     if isinstance(kind.structure.types[i], numba.types.BaseNamedTuple):
         return builder.ptrtoint(field, value.type)
-    # where references are counted, what is returned counts as one more
+    # with reference counting, the returned field is one more reference
     return numba.core.imputils.impl_ret_borrowed(
         context, builder, kind.structure.types[i], builder.load(field)
     )
 
 
 def load_as(function: Callable[..., Any], example: Any) -> None:
-    """Let compiled code call ``function(address)`` for the structure at an address, of the types of
-    an example.
+    """Let compiled code call ``function(address)`` to load the structure at an address.
+
+    The fields have the types of the example's.
     """
     structure = numba.typeof(example)
 
@@ -218,8 +220,9 @@ def load_as(function: Callable[..., Any], example: Any) -> None:
 
 
 def call_as(function: Callable[..., Any], result: Any) -> None:
-    """Let compiled code call ``function(address, arguments)`` for what begins at an address;
-    structures pass whole.
+    """Let compiled code call ``function(address, arguments)`` for the function at an address.
+
+    Structures are passed as a whole.
     """
 
     @intrinsic(function)
@@ -241,7 +244,7 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
             status, answer = context.call_conv.call_function(
                 builder, pointer, result, types, unpacked
             )
-            # nothing else raises in compiled code
+            # only bounds checks raise in compiled code
             if CHECKS_BOUNDS:
                 with builder.if_then(status.is_error):
                     context.call_conv.return_status_propagate(builder, status)
@@ -251,8 +254,9 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
 
 
 def matrix_at_as(function: Callable[..., Any]) -> None:
-    """Let compiled code call ``function(numbers, at, rows, columns)`` for a matrix without counted
-    references.
+    """Let compiled code call ``function(numbers, at, rows, columns)`` for a part of a vector.
+
+    The references to the resulting matrix are not counted.
     """
 
     @intrinsic(function)
@@ -278,15 +282,17 @@ def matrix_at_as(function: Callable[..., Any]) -> None:
 
 
 def fixed_tuple_as(function: Callable[..., Any]) -> None:
-    """Let compiled code call ``function(array, count)`` for a tuple, whose size is known when it is
-    compiled.
+    """Let compiled code call ``function(array, count)`` for a tuple of fixed size.
+
+    The size is known when the tuple is compiled.
     """
     intrinsic(function)(import_module("numba.np.unsafe.ndarray").to_fixed_tuple._defn)
 
 
 def monotonic_as(function: Callable[..., Any], clock: int) -> None:
-    """Let compiled code call ``function(clock)`` for the time of a clock [s], by way of two
-    integers of scratch.
+    """Let compiled code call ``function(scratch)`` for the time of a clock [s].
+
+    ``scratch`` contains two integers.
     """
     clock_gettime = numba.types.ExternalFunction(
         "clock_gettime", numba.types.int32(numba.types.int32, numba.types.intp)
@@ -303,6 +309,6 @@ def monotonic_as(function: Callable[..., Any], clock: int) -> None:
 
 
 def state_of(formulas: tuple[Any, ...]) -> bytes:
-    """Bytes that differ wherever formulas do, closures among them."""
+    """Return bytes that differ if formulas, or their closures, differ."""
     dumped: bytes = numba.core.serialize.dumps(formulas)
     return dumped

@@ -1,6 +1,4 @@
-"""A law on rows whose drift is observed, compiled: corrects the rows, and asks the law at another
-address.
-"""
+"""Law on rows with observed drift, compiled: corrects the rows and calls another law."""
 
 from __future__ import annotations
 
@@ -19,16 +17,16 @@ from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, Ta
 
 
 class ObserverArrays(NamedTuple):
-    """An observer of the drift of m rows, and the address of the law that answers."""
+    """Observer of the drift of m rows, and the address of the law that computes the command."""
 
     law: int
     period: float  #: T_s [s].
     time_constant: float
     dead_time: float
-    #: (3, m) σ and σ̇ of the sample before, NaN if there was none, and the drift d̂ [1/s].
+    #: (3, m) σ and σ̇ of the previous sample, NaN if there was none, and the drift d̂ [1/s].
     seen: Array
-    after: Array  #: (3, m) what is remembered of this sample once the law has answered.
-    #: (m,) of the corrected rows.
+    after: Array  #: (3, m) values of this sample, stored once the law has answered.
+    #: (m,) fields of the corrected rows.
     phi: Array
     Lf: Array
     sigma: Array
@@ -38,7 +36,7 @@ class ObserverArrays(NamedTuple):
     def of(
         cls, m: int, law: int, period: float, time_constant: float, dead_time: float
     ) -> ObserverArrays:
-        """One that has seen nothing."""
+        """Return an observer that has no observations yet."""
         seen = np.full((3, m), math.nan)
         rows = [np.zeros(m) for _ in range(4)]
         seen[2] = 0.0
@@ -50,8 +48,9 @@ load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
 
 @in_place
 def correct(own: ObserverArrays, rows: RowArrays) -> None:
-    """Observe the drift of this sample, and write the rows with it: σ̇ + d̂, and σ after the dead
-    time.
+    """Observe the drift of this sample, and write the corrected rows.
+
+    They contain σ̇ + d̂, and σ after the dead time.
     """
     for i in range(own.phi.size):
         drift = 0.0
@@ -70,7 +69,7 @@ def correct(own: ObserverArrays, rows: RowArrays) -> None:
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.Observed`."""
+    """Compute the command of :class:`vsconstraints.controllers.Observed`."""
     own = load_observer(load_law(address).demand)
     m = own.phi.size
     if rows.sigma.size != m or rows.sigma_dot.size != m or rows.K.size != m or rows.phi.size != m:

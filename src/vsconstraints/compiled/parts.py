@@ -1,10 +1,9 @@
-"""What compiled code reaches by its address: workspaces, and functions compiled for one formula
-each.
+"""Access by address: workspaces, and functions that are compiled for one formula each.
 
-Rows of a constraint and laws vary from scene to scene. Each is compiled into a function of its own,
-and called by its address, so that the step and the loop are compiled once for all constraints and
-laws, those of users among them. From Python nobody calls by address: functions take a
-:class:`.Workspace`, and look what it is.
+Rows of constraints and laws vary from scene to scene. Each is compiled into a separate function and
+called by its address. Therefore the step and the loop are compiled once for all constraints and
+laws, including custom ones. Python does not call by address: functions take a :class:`.Workspace`
+and check its type.
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ from .workspace import Size, demand_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Functions whose address was taken, as Python calls them.
+#: Functions by their addresses, as Python calls them.
 _functions: dict[int, Callable[..., Any]] = {}
 
 
 @lru_cache(maxsize=256)
 def address(function: Any) -> int:
-    """Where a function of one signature begins; it stays there as long as the function is kept.
+    """Return the address of a function of one signature, valid as long as the function is kept.
 
-    Numba looks for it for as long as ten control steps take.
+    The result is cached: numba needs as long as ten control steps to find it.
     """
     function = getattr(function, "unchecked", function)
     is_compiled = hasattr(function, "overloads") and compiler.internals is not None
@@ -42,36 +41,38 @@ def address(function: Any) -> int:
 
 
 def call_void_pointer(address: int, arguments: tuple[Any, ...]) -> None:
-    """Call by its address a function that returns nothing."""
+    """Call a function that returns nothing by its address."""
     _functions[int(address)](*arguments)
 
 
 def call_int_pointer(address: int, arguments: tuple[Any, ...]) -> int:
-    """Call by its address a function that returns an integer."""
+    """Call a function that returns an integer by its address."""
     code: int = _functions[int(address)](*arguments)
     return code
 
 
 def to_fixed_tuple(array: Array, count: int) -> tuple[float, ...]:
-    """The first so many entries of an array as a tuple; their number has to be known when a
-    function is compiled.
+    """Return the first ``count`` entries of an array as a tuple.
+
+    Their number has to be known when a function is compiled.
     """
     return tuple(array[:count])
 
 
 def matrix_at(numbers: Array, at: int, rows: int, columns: int) -> Array:
-    """The matrix of that shape which begins with entry ``at`` of a vector."""
+    """Return the matrix of the given shape that begins with entry ``at`` of a vector."""
     return numbers[at : at + rows * columns].reshape(rows, columns)
 
 
 def monotonic(scratch: IntArray) -> float:
-    """Time of a clock that only goes forward [s]; ``scratch`` (2,) is for compiled code."""
+    """Return the time of a monotonic clock [s]; ``scratch`` (2,) is used by compiled code."""
     return time.monotonic()
 
 
 def struct_loader(example: Any) -> Callable[[int], Any]:
-    """A function that gives back the structure at an address; its fields are of the types of the
-    example's.
+    """Return a function that loads the structure at an address.
+
+    The fields have the types of the example's.
     """
 
     def load_struct(address: int) -> Any:
@@ -91,12 +92,12 @@ if compiler.internals is not None:
 
 
 def checked(*kinds: type) -> Callable[[Any], Any]:
-    """Make a decorator of a compiled function that takes the addresses of structures of these
-    classes first.
+    """Make a decorator of a compiled function whose first arguments are addresses of structures.
 
-    Python calls the result with workspaces instead: anything else raises InvalidInput. Its
-    ``bind(*workspaces)`` checks them once, and gives a function of the other arguments for loops,
-    whose types are only checked if ``typed``. ``unchecked`` is the function that takes addresses.
+    ``kinds`` are the classes of these structures. Python calls the result with workspaces instead:
+    anything else raises InvalidInput. Its ``bind(*workspaces)`` checks them once, and returns a
+    function of the other arguments for loops, whose types are only checked if ``typed``.
+    ``unchecked`` is the function that takes addresses.
     """
 
     def decorate(function: Any) -> Any:
@@ -112,7 +113,7 @@ def checked(*kinds: type) -> Callable[[Any], Any]:
 
         def bind(*workspaces: Any, typed: bool = False) -> Callable[..., Any]:
             bound = partial(function if typed else entry(function), *addresses(workspaces))
-            # they live as long as the function
+            # the workspaces live as long as the function
             return _with(bound, workspaces=workspaces)
 
         return _with(demanding, bind=bind, unchecked=function)
@@ -125,7 +126,7 @@ def _with(function: F, **attributes: Any) -> F:
     return function
 
 
-#: The :class:`.Step` at an address: entry points take a number in place of fifty arrays.
+#: Loader of the :class:`.Step` at an address: entry points take one number instead of fifty arrays.
 load_step = struct_loader(Size().step()[0])
 
 
@@ -137,17 +138,16 @@ def make_part(
     options: dict[str, Any] = IN_PLACE,
     from_python: bool = False,
 ) -> Any:
-    """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and
-    kept on disk.
+    """Compile the function ``template(*formulas, *constants)`` and cache it on disk.
 
-    ``formulas`` are elementwise functions, or None where there is none; the last three are those of
-    :func:`.compiled`.
+    ``formulas`` are elementwise functions, or None if absent. The last three arguments are those of
+    :func:`.compiled`. The function is compiled for ``signature``.
     """
     function = template(*formulas, *constants)
     if compiler.internals is None:
         return in_python(function, signature)
     own = tuple(formula for formula in formulas if formula is not None)
-    # functions from the disk are found by their names, of which every process counts its own
+    # cached functions are found by their names, and numba's own counters differ between processes
     made_of = hashlib.sha256(
         repr(constants).encode() + compiler.internals.state_of(formulas)
     ).hexdigest()[:16]
@@ -156,8 +156,9 @@ def make_part(
 
 
 def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
-    """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it
-    runs in NumPy.
+    """Warn that the compiler refuses one of these formulas, which then runs in NumPy.
+
+    The warning contains name, file and line of each formula, and the compiler's reason.
     """
     names = " and ".join(
         f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line "

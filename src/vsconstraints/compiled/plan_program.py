@@ -1,18 +1,18 @@
-"""The plan of constant accelerations that tracks best of those that meet every row, compiled.
+"""Plan of constant accelerations that tracks best among those that meet every row, compiled.
 
-A plan u has H blocks for n joints; x = (q, q̇) is how far it moves them, as double integrators.
-Minimised is
+A plan u has H blocks for n joints. x = (q, q̇) is the motion of the joints by the plan, as double
+integrators. The plan minimises
 
     ½ Σₖ ‖Jₖ (uₖ + K_p qₖ + K_v q̇ₖ) − bₖ‖² + λ ‖uₖ + s qₖ + d q̇ₖ − rₖ‖²
 
 subject to rows σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ), linear in x, at N instants, and to a box of u. A Riccati
 recursion turns the cost into ½‖w‖² with Lₖᵀ uₖ = wₖ + yₖ − Yₖ xₖ, in a time linear in H. In w the
 plan is the point nearest to the origin, which a dual active-set method finds (Goldfarb and Idnani
-1983): every row is evaluated at every point, but only those that are added are differentiated, by
-an adjoint recursion.
+1983). Every row is evaluated at every point, but only the added rows are differentiated, by an
+adjoint recursion.
 
-Where rows contradict each other, each has a slack zᵢ ≥ 0, common to all instants, of the cost ½zᵢ²
-+ π zᵢ.
+If rows contradict each other, each has a slack zᵢ ≥ 0, common to all instants, with the cost ½zᵢ² +
+π zᵢ.
 """
 
 from __future__ import annotations
@@ -30,34 +30,36 @@ from .least_distance import FORCE, NEW, NONE, POINT, advance, clip_forces
 from .linear import START, add, apply_transposed, constant, copy, dot, make_reflection
 from .workspace import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 
-#: π by the greatest distance of a row from the plan without rows; the weaker one where the stronger
-#: one fails.
+#: π relative to the greatest distance of a row from the plan without rows. The weaker one is used
+#: if the stronger one fails.
 STRONG = 1e6
 WEAK = 1e4
-NEGLIGIBLE = 1e-14  #: Slack by π that is none.
-#: Square of the part of a unit normal outside the span of others from which on a row is begun with.
+NEGLIGIBLE = 1e-14  #: A slack below this share of π counts as zero.
+#: The search starts with a row if the squared part of its unit normal outside the span of the
+#: others exceeds this.
 INDEPENDENT = 1e-12
-#: A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and
+#: A row exceeded by less than this fraction of its scale counts as met: if rows are compatible, and
 #: with slacks.
 MET = 1e-11
 MET_SOFT = 1e-6
-#: Rows that change by more than their scale over this way [rad or m] are divided by as much. Far
-#: outside the image a row may be 10¹² times its scale: rounding then exceeds any fraction of it,
-#: and no other row would count beside it.
+#: Rows that change by more than their scale over this distance [rad or m] are divided by the same
+#: factor. Far outside the image a row may be 10¹² times its scale: rounding then exceeds any
+#: fraction of it, and no other row would count beside it.
 WAY = 1e-2
-#: Rows of the work space behind those of :mod:`.least_distance`, and how many there are in all.
+#: Rows of the workspace behind those of :mod:`.least_distance`, and the total number of rows.
 TURNED = constant(5)
 SIDE = constant(6)
 VECTORS = 7
 
 
 class Cost(NamedTuple):
-    """What a plan is to follow."""
+    """Cost that a plan minimises."""
 
-    #: Of a block [s], and λ.
+    #: Duration of a block [s], and λ.
     length: float
     damping: float
-    #: (H, 2) K_p and K_v, s and d; zero in blocks that cannot be predicted, like the following.
+    #: (H, 2) K_p and K_v, s and d. These and the following fields are zero in blocks that cannot be
+    #: predicted.
     gains: Array
     rest: Array
     #: (H, n, n) JᵀJ, (H, n) Jᵀb, and (H, n) r.
@@ -67,8 +69,10 @@ class Cost(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """Y (H, n, 2n), y (H, n), L (H, n, n) and the inverses of its diagonal (H, n); P (2n + 1, 2n)
-    of the cost to go.
+    """Riccati factors of the cost.
+
+    Y (H, n, 2n), y (H, n), L (H, n, n) and the inverses of its diagonal (H, n); P (2n + 1, 2n) of
+    the cost-to-go.
     """
 
     Y: Array
@@ -81,14 +85,13 @@ class Factor(NamedTuple):
 class Limits(NamedTuple):
     """Rows along a plan."""
 
-    instants: int  #: N, of those that can be predicted.
-    #: (N,) in which block each instant is, and how long it has lasted [s]; the block H is that of
-    #: the brake.
+    instants: int  #: N, number of instants that can be predicted.
+    #: (N,) block of each instant, and the time since it began [s]; block H is that of the brake.
     block: IntArray
     since: Array
-    stop: float  #: How long the brake takes [s].
-    #: (N, m) of the plan without any acceleration, and (N, m, n) by q, or by q̇ where ``by_speed``
-    #: (m,) is not 0.
+    stop: float  #: Duration of the brake [s].
+    #: (N, m) values for the plan without any acceleration, and (N, m, n) gradients with respect to
+    #: q, or to q̇ if ``by_speed`` (m,) is not 0.
     value: Array
     gradient: Array
     by_speed: IntArray
@@ -97,18 +100,18 @@ class Limits(NamedTuple):
     falls: Array
     left: Array
     share: Array
-    scale: Array  #: (m,) of the rows.
-    #: (H, n) the box.
+    scale: Array  #: (m,) scales of the rows.
+    #: (H, n) bounds of the box.
     low: Array
     high: Array
 
 
 class Space(NamedTuple):
-    """Where to compute, with p unknowns: x (H + 1, 2n), moved (2, N, n), work (VECTORS, p),
-    normals, F (p, p), T.
+    """Workspace of the search, with p unknowns.
 
-    ``active`` (p,) are the rows that hold the plan, ``held`` (1,) how many did in the sample
-    before; ``slack`` (m,) and ``gives`` (m,) how far rows give.
+    x is (H + 1, 2n), moved (2, N, n), work (VECTORS, p), normals and F are (p, p), and T is (2, p).
+    ``active`` (p,) are the active rows, ``held`` (1,) is their number in the previous sample.
+    ``slack`` (m,) contains the slacks and ``gives`` (m,) their units.
     """
 
     p: int
@@ -127,7 +130,7 @@ class Space(NamedTuple):
 
     @classmethod
     def of(cls, H: int, N: int, n: int, m: int) -> Self:
-        """For H blocks, up to N instants, n joints and m rows."""
+        """Return a workspace for H blocks, up to N instants, n joints and m rows."""
         p = H * n + m
         zeros = np.zeros
         states = (zeros((H, n)), zeros((H + 1, 2 * n)), zeros((2, N, n)))
@@ -139,8 +142,9 @@ class Space(NamedTuple):
 
 @in_place
 def factorise(cost: Cost, factor: Factor) -> bool:
-    """The Riccati recursion, from the last block to the first; False where rounding exceeds the
-    damping.
+    """Run the Riccati recursion from the last block to the first.
+
+    Return False if rounding exceeds the damping.
     """
     H, n = cost.pull.shape
     T = cost.length
@@ -168,7 +172,7 @@ def factorise(cost: Cost, factor: Factor) -> bool:
                 L[k, i, j] = square + unit + h * by_q + T * by_qd
                 Y[k, i, j] = Kp * square + s * unit + by_q
                 Y[k, i, n + j] = Kv * square + d * unit + T * by_q + by_qd
-        # a block later q is q + T q̇
+        # after a block, q becomes q + T q̇
         for i in range(linear + 1):
             for j in range(n):
                 P[i, n + j] += T * P[i, j]
@@ -194,7 +198,10 @@ def factorise(cost: Cost, factor: Factor) -> bool:
 
 @in_place
 def eliminate(k: int, factor: Factor) -> bool:
-    """Take the acceleration of block k out of the cost to go, by Cholesky's factorisation."""
+    """Eliminate the acceleration of block k from the cost-to-go, by Cholesky factorization.
+
+    Return False if the factorization fails.
+    """
     P = factor.P
     Y = factor.Y[k]
     y = factor.y[k]
@@ -225,7 +232,7 @@ def eliminate(k: int, factor: Factor) -> bool:
 
 @in_place
 def roll_out(cost: Cost, factor: Factor, space: Space) -> None:
-    """Write the plan and the states that w makes."""
+    """Write the plan and the states that follow from w."""
     H, n = cost.pull.shape
     T = cost.length
     u = space.u
@@ -245,7 +252,7 @@ def roll_out(cost: Cost, factor: Factor, space: Space) -> None:
 
 @in_place
 def follow_block(T: float, u: Array, x: Array, k: int, n: int) -> None:
-    """The state after block k."""
+    """Write the state after block k."""
     for j in range(n):
         x[k + 1, j] = x[k, j] + T * (x[k, n + j] + 0.5 * T * u[k, j])
         x[k + 1, n + j] = x[k, n + j] + T * u[k, j]
@@ -269,7 +276,7 @@ def move(limits: Limits, u: Array, x: Array, moved: Array) -> None:
 
 @in_place
 def at(limits: Limits, moved: Array, t: int, i: int) -> float:
-    """The value of a row at an instant."""
+    """Return the value of a row at an instant."""
     order = 1 if limits.by_speed[i] else 0
     value: float = limits.value[t, i] + dot(
         limits.gradient[t], i, moved[order], t, START, moved.shape[2]
@@ -279,8 +286,9 @@ def at(limits: Limits, moved: Array, t: int, i: int) -> float:
 
 @in_place
 def excess(limits: Limits, space: Space, row: int) -> float:
-    """By how much a row is exceeded: those of all instants, then the upper and the lower side of
-    the box.
+    """Return the excess of a row.
+
+    The rows are those of all instants, then the upper and the lower bounds of the box.
     """
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
@@ -308,7 +316,10 @@ def excess(limits: Limits, space: Space, row: int) -> float:
 
 @in_place
 def most_exceeded(limits: Limits, space: Space, met: float) -> int:
-    """The row that is exceeded most, by its scale, or the width of the box; −1 if all are met."""
+    """Return the row with the greatest excess relative to its scale, or −1 if all rows are met.
+
+    The scale of a bound is the width of the box.
+    """
     N = limits.instants
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
@@ -338,11 +349,11 @@ def most_exceeded(limits: Limits, space: Space, met: float) -> int:
 
 @in_place
 def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, inside: bool) -> None:
-    """Add the gradient of a row at an instant by the acceleration of its block, adjoint[0], and by
-    the state before it.
+    """Add the gradient of a row at an instant to the adjoint.
 
-    That is adjoint[1] by q and adjoint[2] by q̇; the state is that of the end of the block before
-    unless ``inside``.
+    adjoint[0] is the gradient with respect to the acceleration of the row's block. adjoint[1] and
+    adjoint[2] are those with respect to q and q̇ of the state before the block. Unless ``inside``,
+    the instant is the end of the previous block.
     """
     tau = limits.since[t] if inside else 0.0
     for j in range(adjoint.shape[1]):
@@ -360,7 +371,7 @@ def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, insid
 def differentiate(
     cost: Cost, factor: Factor, limits: Limits, row: int, adjoint: Array, X: Array
 ) -> None:
-    """Write the gradient of a row by w to X[NEW], block after block backwards."""
+    """Write the gradient of a row with respect to w to X[NEW], block after block backwards."""
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
     rows = limits.left.size
@@ -404,8 +415,10 @@ def differentiate(
 
 @in_place
 def step_back(T: float, adjoint: Array) -> None:
-    """From the gradient by the state after a block to those by its acceleration and by the state
-    before it.
+    """Propagate the adjoint of the state after a block to its acceleration and its first state.
+
+    adjoint[0] becomes the gradient with respect to the acceleration. adjoint[1] and adjoint[2]
+    become those with respect to q and q̇ of the state before the block.
     """
     for j in range(adjoint.shape[1]):
         adjoint[0, j] = T * (0.5 * T * adjoint[1, j] + adjoint[2, j])
@@ -414,7 +427,7 @@ def step_back(T: float, adjoint: Array) -> None:
 
 @in_place
 def drop(space: Space, leaving: int, q: int) -> None:
-    """Let one of the active rows leave, of which q are left, and factor those behind it anew."""
+    """Remove one active row, so that q are left, and refactor the rows behind it."""
     X = space.work
     F = space.F
     p = space.p
@@ -432,10 +445,10 @@ def drop(space: Space, leaving: int, q: int) -> None:
 
 @in_place
 def reach(space: Space, side: float, q: int) -> int:
-    """Move the point until the row with the normal X[NEW] is met; rows whose multiplier would turn
-    negative leave.
+    """Move the point until the row with the normal X[NEW] is met.
 
-    Returns how many of the q are left, or −1 if no point meets the row together with them.
+    Active rows whose multiplier would become negative are removed. Return how many of the q active
+    rows are left, or −1 if no point meets the row together with them.
     """
     X = space.work
     F = space.F
@@ -454,8 +467,9 @@ def reach(space: Space, side: float, q: int) -> int:
 
 @in_place
 def append(space: Space, row: int, side: float, q: int) -> None:
-    """Add the row with the normal X[NEW], X[TURNED] in the basis of the QR, to the q active
-    ones.
+    """Add the row with the normal X[NEW] to the q active ones.
+
+    X[TURNED] is the normal in the basis of the QR.
     """
     X = space.work
     copy(space.normals, q, X, NEW, space.p)
@@ -467,7 +481,7 @@ def append(space: Space, row: int, side: float, q: int) -> None:
 
 @in_place
 def minimise(space: Space, q: int) -> None:
-    """Compute the point nearest to the origin on the q active rows, and multipliers."""
+    """Compute the point nearest to the origin on the q active rows, and the multipliers."""
     X = space.work
     for j in range(space.p):
         X[POINT, j] = X[SIDE, j] if j < q else 0.0
@@ -478,11 +492,10 @@ def minimise(space: Space, q: int) -> None:
 def state_row(
     cost: Cost, factor: Factor, limits: Limits, space: Space, row: int, penalty: float
 ) -> float:
-    """Write the unit normal of a row to X[NEW]; its side, or NaN where no plan has any influence on
-    it.
+    """Write the unit normal of a row to X[NEW], and return its side.
 
-    Rows behind those of the box are those of the slacks, z ≥ 0, in units of the size of the
-    problem.
+    Return NaN if no plan has any influence on the row. The rows behind those of the box are the
+    bounds of the slacks, z ≥ 0, in units of the size of the problem.
     """
     X = space.work
     m = limits.gradient.shape[1]
@@ -499,7 +512,7 @@ def state_row(
         X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
     length = math.sqrt(dot(X, NEW, X, NEW, START, space.p))
-    # rows of the box have no gradient that could vanish, and there may be no others
+    # the gradient of a bound of the box cannot vanish, and there may be no other rows
     if row < limits.left.size and length <= ZERO_GRADIENT * limits.scale[row % m]:
         return math.nan
     for j in range(space.p):
@@ -509,7 +522,10 @@ def state_row(
 
 @in_place
 def deepest_slack(space: Space, penalty: float, first: int) -> int:
-    """Write the slacks, zeros where they are negligible; the most negative one, or −1."""
+    """Write the slacks, and return the index of the most negative one, or −1.
+
+    Negligible slacks are set to zero.
+    """
     X = space.work
     sunk = -1
     deep = -NEGLIGIBLE * penalty
@@ -524,8 +540,9 @@ def deepest_slack(space: Space, penalty: float, first: int) -> int:
 
 @in_place
 def cost_of(space: Space, penalty: float, first: int) -> float:
-    """Twice the cost of the point beyond that of no acceleration at all: it grows with every
-    row.
+    """Return twice the cost of the point beyond that of the plan without rows.
+
+    It increases with every added row.
     """
     X = space.work
     total = dot(X, POINT, X, POINT, START, first)
@@ -539,7 +556,7 @@ def cost_of(space: Space, penalty: float, first: int) -> float:
 def search(
     cost: Cost, factor: Factor, limits: Limits, space: Space, q: int, penalty: float, met: float
 ) -> tuple[int, int]:
-    """Add rows until all are met: the code, and how many are active."""
+    """Add rows until all are met; return the code and the number of active rows."""
     m = limits.gradient.shape[1]
     plan = limits.low.size
     bounds = limits.left.size + 2 * plan
@@ -558,7 +575,7 @@ def search(
         if math.isnan(side) and row >= limits.left.size:
             return FAILED, q
         if math.isnan(side):
-            # what no plan changes is slack, whatever it costs
+            # a row that no plan changes becomes slack, whatever the cost
             space.slack[row % m] = max(space.slack[row % m], excess(limits, space, row))
             continue
         if not now > before:
@@ -577,9 +594,7 @@ def search(
 
 @in_place
 def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
-    """Begin with the rows that held the plan before, as far as they still do: how many are
-    active.
-    """
+    """Start with the previously active rows that are still active, and return their number."""
     X = space.work
     q = 0
     last = limits.left.size + 2 * limits.low.size
@@ -613,10 +628,10 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
 def soften(
     cost: Cost, factor: Factor, limits: Limits, space: Space, weights: Array, strength: float
 ) -> tuple[int, float]:
-    """Begin with slacks, all of them zero: how many rows are active, and the penalty π.
+    """Start with slacks of zero; return the number of active rows and the penalty π.
 
-    π is ``strength`` times the greatest distance of a row from the plan without rows; a slack is of
-    the unit by which a step moves the exceeded rows, in the geometric mean by weight.
+    π is ``strength`` times the greatest distance of a row from the plan without rows. The unit of a
+    slack is that by which a step moves the exceeded rows, in the geometric mean by weight.
     """
     m = limits.gradient.shape[1]
     X = space.work
@@ -654,8 +669,9 @@ def soften(
 def plan_best(
     cost: Cost, factor: Factor, limits: Limits, space: Space, weights: Array
 ) -> tuple[int, int]:
-    """Write the plan to ``space.u``, with slacks where rows contradict each other: code and number
-    of active rows.
+    """Write the best plan to ``space.u``, with slacks if rows contradict each other.
+
+    Return the code and the number of active rows.
     """
     hard = Space(
         limits.low.size, space.u, space.x, space.moved, space.work, space.normals, space.F, space.T, space.active,

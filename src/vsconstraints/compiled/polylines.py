@@ -1,4 +1,4 @@
-"""The search for distances to polylines, compiled: see :mod:`vsconstraints.formulas.polylines`."""
+"""Compiled search for distances to polylines; see :mod:`vsconstraints.formulas.polylines`."""
 
 from __future__ import annotations
 

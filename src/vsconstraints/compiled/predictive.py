@@ -1,5 +1,6 @@
-"""The predictive safety filter, compiled: the last plan carried on, rows and task along it, and the
-best plan there.
+"""Predictive safety filter, compiled.
+
+It shifts the last plan in time, predicts rows and task along it, and finds the best plan there.
 """
 
 from __future__ import annotations
@@ -31,54 +32,56 @@ from .workspace import (
     TaskArrays,
 )
 
-#: Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀.
+#: Parts of a prediction: φ, σ, L_gφ, J, b, e and q̈₀.
 PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
-#: What is reported: at how many instants rows and task were predicted, of how many, how many rows
-#: hold the plan, and the code of its program.
+#: Reported numbers: instants at which rows and task were predicted, instants requested, active rows
+#: of the plan, and the code of its program.
 PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)
-#: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
+#: Stages of a law (option 1). If Python predicts, it requests one at a time.
 ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
 
 
 class PlanArrays(NamedTuple):
-    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k
-    features.
-    """
+    """Arrays of a predictive law: H blocks, up to N instants, n joints, m rows, k features."""
 
-    #: Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
+    #: Addresses of the step in the loop and of the predicting step; 0 if Python predicts.
     loop: int
     step: int
-    frozen: int  #: Whether all is predicted at the present time.
-    #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade; 0 at once.
+    frozen: int  #: 1 if everything is predicted at the current time.
+    #: Time constant [s] with which the current difference of σ̇ from the model is assumed to decay;
+    #: 0 if at once.
     fading: float
-    #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of rows' scales.
+    #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of the rows'
+    #: scales.
     period: float
     length: float
     approach: float
     damping: float
     margin: float
     tracking: Array  #: (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
-    #: (n,) greatest |q̈|; (m,) K of rows, 0 of those on φ itself, and weights of violations.
+    #: (n,) greatest |q̈|; (m,) K of the rows, 0 for rows that give φ itself, and weights of
+    #: violations.
     most: Array
     K: Array
     weights: Array
     now: Array  #: (1 + 2n,) t, q, q̇.
-    #: (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the
-    #: step's outputs (s,).
+    #: (PARTS,) first entries of the parts of a prediction, or −1; (N, s) predictions; (s,) outputs
+    #: of the step.
     at: IntArray
     seen: Array
     out: Array
-    #: (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the
-    #: brake.
+    #: (N,) instants from now [s], their blocks, and the time since the block began [s]; the last
+    #: instant is that of the brake.
     times: Array
     block: IntArray
     since: Array
     states: Array  #: (2, N, n) q and q̇.
-    #: (H, n) q̈, (n,) what comes after it, and (1,) when it was made, NaN if there is none.
+    #: (H, n) q̈, (n,) q̈ after the plan, and (1,) time at which it was made, NaN if there is no
+    #: plan.
     plan: Array
     then: Array
     made: Array
-    #: (OUTCOMES,), and (1,) how long the brake takes [s].
+    #: (OUTCOMES,) reported numbers, and (1,) duration of the brake [s].
     outcome: IntArray
     braking: Array
     #: See :class:`.Cost` and :class:`.Factor`.
@@ -101,7 +104,7 @@ class PlanArrays(NamedTuple):
 
 
 def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
-    """The arrays that plans are computed in, by the fields of :class:`PlanArrays`."""
+    """Return the arrays in which plans are computed, by the fields of :class:`PlanArrays`."""
     zeros = np.zeros
     return {
         "states": zeros((2, N, n)),
@@ -147,7 +150,7 @@ load_plans = struct_loader(_example())
 
 @in_place
 def set_box(plans: PlanArrays, rows: RowArrays) -> None:
-    """Write the bounds of all blocks; what rows say of now holds for the first."""
+    """Write the bounds of all blocks; the current limits of the rows hold for the first block."""
     for k in range(plans.low.shape[0]):
         for j in range(plans.low.shape[1]):
             most = plans.most[j]
@@ -171,7 +174,7 @@ def brake(plans: PlanArrays) -> None:
 
 @in_place
 def carry_on(plans: PlanArrays) -> None:
-    """Move the last plan on in time, by means over the new blocks; brake if there is none."""
+    """Shift the last plan in time, by means over the new blocks; brake if there is no plan."""
     H, n = plans.plan.shape
     after = plans.now[0] - plans.made[0]
     if not 0.0 <= after < H * plans.length:
@@ -189,8 +192,9 @@ def carry_on(plans: PlanArrays) -> None:
 
 @in_place
 def stopping_time(plans: PlanArrays) -> float:
-    """Time [s] in which all joints can stop together after the plan; 0 if a joint that moves has no
-    bound.
+    """Return the time [s] in which all joints can stop together after the plan.
+
+    Return 0 if a joint that moves has no bound.
     """
     longest = 0.0
     free = False
@@ -203,7 +207,7 @@ def stopping_time(plans: PlanArrays) -> float:
 
 @in_place
 def end_speed(plans: PlanArrays, j: int) -> float:
-    """Speed of a joint at the end of the plan."""
+    """Return the speed of a joint at the end of the plan."""
     qd: float = plans.now[1 + plans.then.size + j]
     for k in range(plans.plan.shape[0]):
         qd += plans.length * plans.plan[k, j]
@@ -212,7 +216,7 @@ def end_speed(plans: PlanArrays, j: int) -> float:
 
 @in_place
 def walk(plans: PlanArrays) -> int:
-    """Write the states at all instants along the plan; returns their number."""
+    """Write the states at all instants along the plan, and return their number."""
     H, n = plans.plan.shape
     N = plans.times.size - 1
     stop = stopping_time(plans)
@@ -225,7 +229,7 @@ def walk(plans: PlanArrays) -> int:
     move(limits, plans.plan, plans.space.x, plans.space.moved)
     for t in range(count):
         for j in range(n):
-            # what is moved at now's speed: half as far while that is braked
+            # displacement at the current speed: half as far while that is braked
             tau = plans.times[t] if t < N else plans.times[N - 1] + 0.5 * stop
             plans.states[0, t, j] = (
                 plans.now[1 + j] + tau * plans.now[1 + n + j] + plans.space.moved[0, t, j]
@@ -239,7 +243,7 @@ def walk(plans: PlanArrays) -> int:
 
 @in_place
 def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
-    """What of the limits is written, at the first instants."""
+    """Return the limits at the first ``count`` instants."""
     return Limits(
         count, plans.block, plans.since, plans.braking[0], plans.value, plans.gradient, plans.by_speed, plans.falls,
         plans.left, plans.share, scale, plans.low, plans.high,
@@ -248,8 +252,9 @@ def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
 
 @in_place
 def predict(plans: PlanArrays) -> int:
-    """Evaluate the step along the plan; returns how many states there are before the first that has
-    none.
+    """Evaluate the step along the plan.
+
+    Return the number of states before the first that cannot be evaluated.
     """
     count = walk(plans)
     evaluate = load_step(plans.step).evaluate
@@ -266,8 +271,10 @@ def predict(plans: PlanArrays) -> int:
 
 @in_place
 def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) -> None:
-    """Write value and gradient of rows: what is predicted otherwise of now than rows say stays
-    so.
+    """Write value and gradient of the rows along the plan.
+
+    The current difference between the rows and their prediction is assumed to persist. With
+    ``fading``, that of σ̇ decays.
     """
     m, n = plans.gradient.shape[1:]
     for i in range(m):
@@ -295,8 +302,10 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
 
 @in_place
 def limit(plans: PlanArrays, count: int, scale: Array) -> None:
-    """Write by how much rows fall from instant to instant, how far they may be exceeded while
-    braking, and shares.
+    """Write decay of rows, allowed violations while braking, and shares.
+
+    ``falls`` is the factor by which rows decrease from instant to instant, ``left`` how far they
+    may be exceeded while braking, and ``share`` the factor that a row is multiplied by.
     """
     m = plans.gradient.shape[1]
     N = plans.times.size - 1
@@ -308,8 +317,8 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
         for i in range(m):
             plans.left[t, i] = 0.0
             if brakes:
-                # what is outside now may come back as slowly; the first state does not depend on
-                # the plan
+                # a row violated now may return as slowly; the first state does not depend on the
+                # plan
                 outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
             steepest = 0.0
@@ -321,7 +330,7 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
 
 @in_place
 def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
-    """Write the cost of the blocks that begin where the task is predicted; returns λ."""
+    """Write the cost of the blocks that begin where the task is predicted; return λ."""
     H, n = plans.plan.shape
     k = task.b.size
     seen = plans.seen
@@ -356,7 +365,7 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
                     )
         for i in range(n):
             for j in range(n):
-                # b is that along the plan so far
+                # b was predicted along the plan so far
                 own = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
                 plans.pull[block, i] += plans.square[block, i, j] * own
         if task.rest.size:
@@ -376,15 +385,15 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
 
 @in_place
 def begin_of(plans: PlanArrays, block: int) -> int:
-    """The instant at which a block begins: the end of the one before."""
-    # one instant more lies within the first block, unless that is one period long
+    """Return the instant at which a block begins, i.e. the end of the previous one."""
+    # the first block contains one more instant, unless it is one period long
     first: int = plans.times.size - 2 - plans.plan.shape[0]
     return block + first if block > 0 else 0
 
 
 @in_place
 def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
-    """Mark the rows that hold the plan, and report how many there are."""
+    """Mark the active rows of the plan, and report the number of active rows and bounds."""
     work = plans.space.work
     rows = plans.left.size
     most = 0.0
@@ -403,7 +412,7 @@ def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
 
 @in_place
 def settle(plans: PlanArrays) -> None:
-    """Remember when the plan was made, and what comes after it."""
+    """Store the time of the plan and the acceleration after it."""
     stop = stopping_time(plans)
     plans.made[0] = plans.now[0]
     for j in range(plans.then.size):
@@ -414,7 +423,10 @@ def settle(plans: PlanArrays) -> None:
 def decide(
     law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays, answer: Answer
 ) -> int:
-    """The best plan where rows and task are predicted, and its first acceleration."""
+    """Find the best plan where rows and task are predicted; write its first acceleration.
+
+    Return the code of the law.
+    """
     m = rows.phi.size
     qdd = answer.qdd
     count = plans.outcome[PREDICTED]
@@ -436,7 +448,7 @@ def decide(
     plans.outcome[CODE] = code
     planned = code in (SOLVED, RELAXED_ROWS)
     if planned:
-        # bounds are met up to rounding
+        # the program meets the bounds only up to rounding
         for k in range(plans.low.shape[0]):
             for j in range(plans.low.shape[1]):
                 plans.plan[k, j] = min(max(plans.space.u[k, j], plans.low[k, j]), plans.high[k, j])
@@ -450,7 +462,7 @@ def decide(
         answer.slack[i] = plans.space.slack[i]
         unmet = max(unmet, answer.slack[i])
     if plans.outcome[ACTIVE] == 0 and unmet == 0.0:
-        # bit by bit what tracking alone commands
+        # no row is active: command exactly the unconstrained baseline, bit by bit
         follow_alone(law, task, answer)
     if count < plans.outcome[ASKED]:
         return FAILED
@@ -459,9 +471,9 @@ def decide(
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.PredictiveControl`.
+    """Compute the command of :class:`vsconstraints.controllers.PredictiveControl`.
 
-    ``FAILED`` where something is to be said beside the acceleration that is written.
+    Return ``FAILED`` if the written acceleration requires a message.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):

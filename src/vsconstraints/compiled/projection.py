@@ -1,4 +1,4 @@
-"""The resolver ``projection``, compiled."""
+"""Resolver ``projection``, compiled."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from .scratch import blank, emptied
 from .task_priority import pushed
 from .workspace import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 
-#: Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of
-#: J.
+#: Rows of the workspace: the pushes, Jᵀe / ‖Jᵀe‖, and the part of the pushes in the null space of
+#: J; number of rows.
 Z = START
 UNIT = ONE
 NULL = constant(2)
@@ -26,7 +26,7 @@ ROWS_OF_X = constant(3)
 
 @in_place
 def direction(J: Array, e: Array, X: Array, along: Array) -> float:
-    """Write J z to ``along`` (k,) and Jᵀe / ‖Jᵀe‖, or 0, to X[UNIT]; ‖e‖."""
+    """Write J z to ``along`` (k,) and Jᵀe / ‖Jᵀe‖, or 0, to X[UNIT]; return ‖e‖."""
     largest = error = size = 0.0
     for i in range(e.size):
         largest = max(largest, abs(e[i]))
@@ -45,11 +45,11 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
 
 @compiled(RESOLVER, from_python=False)
 def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Projection`.
+    """Compute the command of :class:`vsconstraints.controllers.resolvers.Projection`.
 
-    Its options are the rank tolerance and the errors below and above which λ is 0 and 1.
-    ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, the error is not given, or numbers leave
-    the range.
+    The options are the rank tolerance and the errors below and above which λ is 0 and 1. Return
+    ``SOLVED``, or ``NEEDS_PYTHON`` if the input is refused, the error is not given, or numbers
+    leave the range.
     """
     law = load_law(address)
     e = task.error

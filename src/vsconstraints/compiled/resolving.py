@@ -1,6 +1,4 @@
-"""What compiled resolvers share: what they may be given, tracking alone, the demands, and what is
-remembered.
-"""
+"""Shared parts of compiled resolvers: input checks, unconstrained baseline, bounds, memory."""
 
 from __future__ import annotations
 
@@ -17,10 +15,9 @@ from .workspace import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
 
 @in_place
 def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
-    """Whether :func:`vsconstraints.rows.checks.check` has nothing to say, squares are in range, and
-    outputs fit.
+    """True if :func:`vsconstraints.rows.checks.check` accepts rows and task, and the outputs fit.
 
-    Writes the squares of the rows' lengths.
+    Squares must be in range. Writes the squared norms of the row gradients.
     """
     phi = rows.phi
     Lf = rows.Lf
@@ -46,7 +43,7 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
 
 @in_place
 def measurable(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
-    """Likewise, with outputs for slack and iterations."""
+    """True if the input is :func:`valid` and the outputs have room for slack and iterations."""
     return (
         answer.slack.size == rows.phi.size
         and answer.iterations.size > 0
@@ -56,8 +53,9 @@ def measurable(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
 
 @inner
 def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
-    """L_gφ q̈ (m,) of the command that tracks if the law's demand depends on it, or (0,); its ‖q̈‖
-    is kept.
+    """Return L_gφ q̈ (m,) of the unconstrained command, or (0,) if the demand does not use it.
+
+    The ‖q̈‖ of that command is stored for the demand.
     """
     tracked = law.tracked[: rows.phi.size if law.tracks else 0]
     squared = 0.0
@@ -70,8 +68,9 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
 
 @inner
 def demanded(address: int, law: LawArrays, rows: RowArrays, qdd: Array, purpose: int) -> bool:
-    """Write what rows ask for to ``law.asked``, with tracking alone in q̈ where used; False if one
-    is no number.
+    """Write the bounds of the rows to ``law.asked``. Return False if one is not a number.
+
+    q̈ is the unconstrained command, if the demand uses it.
     """
     code: int = call_int_pointer(
         law.demand, (address, rows, rates(law, rows, qdd), purpose, law.after, law.asked)
@@ -81,13 +80,16 @@ def demanded(address: int, law: LawArrays, rows: RowArrays, qdd: Array, purpose:
 
 @in_place
 def tell_alone(answer: Answer) -> None:
-    """Say that q̈, as it is now, is what tracking alone commands."""
+    """Report the current q̈ as the command of the unconstrained baseline."""
     copy_vector(answer.alone, answer.qdd)
 
 
 @in_place
 def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
-    """q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance."""
+    """Set q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance.
+
+    q̈ is also reported as the command of the unconstrained baseline.
+    """
     call_int_pointer(
         law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd)
     )
@@ -96,8 +98,9 @@ def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
 
 @in_place
 def finished(law: LawArrays, rows: RowArrays, qdd: Array, code: int) -> int:
-    """The code of an answer, of which what the demand gave back and L_gφ q̈ are kept; or
-    ``NEEDS_PYTHON``.
+    """Store the memory of the demand and L_gφ q̈, and return the code of the answer.
+
+    Return ``NEEDS_PYTHON``, with nothing stored, if the answer is not :func:`checkable`.
     """
     if not checkable(law, rows, qdd):
         return NEEDS_PYTHON
@@ -110,7 +113,7 @@ def finished(law: LawArrays, rows: RowArrays, qdd: Array, code: int) -> int:
 
 @in_place
 def checkable(law: LawArrays, rows: RowArrays, qdd: Array) -> bool:
-    """Whether the accelerations are finite, and :func:`.beyond_rounding` has nothing to say."""
+    """True if the accelerations are finite and :func:`.beyond_rounding` accepts them."""
     size = 0.0
     wrong = 0
     for j in range(qdd.size):

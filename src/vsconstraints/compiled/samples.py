@@ -1,7 +1,7 @@
-"""What a sample of a closed loop leaves: it is scored and kept, and the robot goes on.
+"""Scores and records of a sample of a closed loop, and the motion of the robot after it.
 
-Written once, in operations that compile: the compiled loop calls these functions compiled, any
-other one as they are.
+The functions use only operations that compile. The compiled loop calls them compiled, other loops
+call them in Python.
 """
 
 from __future__ import annotations
@@ -15,19 +15,18 @@ from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, Answer, RowArrays, TaskArrays
 
-#: What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's
+#: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
 #: motion.
 STEP, LAW, ALONE, MOVE = range(4)
-#: From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make.
+#: Share of u⁺ from which on a row counts as slowed. Smaller values are within solvers' tolerances.
 NOTICED = 1e-3
 
 
 class Goals(NamedTuple):
-    """What is wanted: when each goal begins, its pixels and its pose, NaN where it has none, and
-    its tolerance.
+    """Start time, pixels and pose of each goal (NaN where it has none), and its tolerance.
 
-    That is distance [m], angle [rad], pixels and joints' speed; the first two count if ``by_pose``,
-    and else the third.
+    The tolerance is distance [m], angle [rad], pixels and joint speed. The first two count if
+    ``by_pose``, otherwise the third.
     """
 
     begins: Annotated[Array, F8, "goals"]
@@ -39,11 +38,10 @@ class Goals(NamedTuple):
 
 
 class PlantArrays(NamedTuple):
-    """See :class:`vsconstraints.simulation.plant.Plant`: transition, state and scratch for it, and
-    d_c (N or 1, n).
+    """Arrays of a plant: transition, state, scratch, d_c (N or 1, n), limits and last command.
 
-    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` is the
-    command before.
+    See :class:`vsconstraints.simulation.plant.Plant`. ``limits`` are those of the actuators, (0,)
+    each if there are none. ``last`` is the previous command.
     """
 
     transition: Annotated[Array, F8, "s", "s"]
@@ -55,12 +53,11 @@ class PlantArrays(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled
-    round and round.
+    """Recorded samples, with the fields of :class:`vsconstraints.simulation.Trajectory`.
 
-    ``states`` are those of the plant at the beginning of each period. The camera's errors and
-    poses, and the features' error, are kept for as long as it takes to detect rest, even where
-    nothing else is.
+    Shorter arrays are ring buffers. ``states`` are those of the plant at the beginning of each
+    period. The camera's errors and poses, and the features' error, are recorded for as long as it
+    takes to detect rest, even if no other field is recorded.
     """
 
     states: Annotated[Array, F8, "N", "s", "n"]
@@ -84,18 +81,18 @@ class Running(NamedTuple):
 
     phi_max: Annotated[Array, F8, "m"]
     sigma_max: Annotated[Array, F8, "m"]
-    # samples with σ > 0, and in which the row acts; the first and the last of these, −1 if there is
+    # samples with σ > 0; samples in which the row is active; the first and the last of these, −1 if
     # none
     outside: Annotated[IntArray, I8, "m"]
     acted: Annotated[IntArray, I8, "m"]
     first_active: Annotated[IntArray, I8, "m"]
     last_active: Annotated[IntArray, I8, "m"]
-    # consecutive samples with φ ≥ 0 until now, and the most of them
+    # current and greatest number of consecutive samples with φ ≥ 0
     positive: Annotated[IntArray, I8, "m"]
     longest_positive: Annotated[IntArray, I8, "m"]
     acceleration_max: Annotated[Array, F8, "n"]  # |q̈_c|
-    # samples of the scenario's duration, which all laws share: in these alone Σ‖Δq̈_c‖, Σ‖Δq̈_c‖²
-    # and changes of the set of acting rows are counted
+    # samples of the scenario's duration, which is common to all laws; only in these Σ‖Δq̈_c‖,
+    # Σ‖Δq̈_c‖² and changes of the set of active rows are counted
     common: Annotated[IntArray, I8, 1]
     variation: Annotated[Array, F8, 1]
     squared_variation: Annotated[Array, F8, 1]
@@ -104,22 +101,25 @@ class Running(NamedTuple):
     unreached: Annotated[IntArray, I8, "goals"]
     # samples in which the command is at a limit of the actuators
     saturated: Annotated[IntArray, I8, 1]
-    # L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before
+    # L_fφ / Σⱼ|L_gφⱼ|aⱼ when φ first reaches zero; NaN before
     share_to_hold: Annotated[Array, F8, "m"]
-    # of the last sample
+    # values of the last sample
     active: Annotated[BoolArray, BOOL, "m"]
     qdd: Annotated[Array, F8, "n"]
 
 
 class Loop(NamedTuple):
-    """A closed loop.
+    """Arrays of a closed loop.
 
-    ``parts`` are addresses: of the function that evaluates a step, of the believed step, of the
-    true one, of the law, of tracking. Where one is 0, Python does it. Then of the function that
-    writes measurements to the believed step, or 0 where it knows all, and of its workspace;
-    likewise of the function that moves a plant without a transition. ``clock`` is (0,) where nobody
-    asks how long steps take. ``rows``, ``task`` and ``answer`` are the law's; its q̈ is the plant's
-    command. ``alone`` is q̈ of tracking, ``true`` to ``camera_t`` what is true.
+    ``parts`` are addresses. The first five are those of the function that evaluates a step, of the
+    believed step, of the true one, of the law, and of tracking. If one of them is 0, Python does
+    its work. Then follow the function that writes measurements to the believed step, or 0 if the
+    controller knows everything, and its workspace. The last two are the function that moves a plant
+    without a transition, or 0, and its workspace.
+
+    ``clock`` is (0,) if the duration of steps is not measured. ``rows``, ``task`` and ``answer``
+    are those of the law; its q̈ is the plant's command. ``alone`` is q̈ of the unconstrained
+    baseline. The fields from ``true`` to ``camera_t`` contain true values.
     """
 
     parts: Annotated[IntArray, I8, 9]
@@ -141,13 +141,14 @@ class Loop(NamedTuple):
 
 
 def put(numbers: Array, out: Array) -> None:
-    """Copy an array to another one of the same shape, number by number: that needs no memory."""
+    """Copy an array to another one of the same shape, number by number, without allocation."""
     for i in range(numbers.size):
         out.flat[i] = numbers.flat[i]
 
 
 def hold(transition: Array, x: Array, after: Array) -> None:
-    """Set x ← transition x: the state (s, n) at a period's end, from that at its beginning.
+    """Set x ← transition x: the state (s, n) at a period's end from that at its beginning.
+
     ``after`` is scratch.
     """
     s, n = x.shape
@@ -161,10 +162,10 @@ def hold(transition: Array, x: Array, after: Array) -> None:
 
 
 def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
-    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a
-    limit of its.
+    """Clip the command (n,) to the actuators' limits; return True if a joint is at a limit.
 
-    So they would bring what tracking commands ``alone`` (n,).
+    The limits depend on the previous command. The unconstrained command ``alone`` (n,) is clipped
+    in the same way.
     """
     given = plant.limits
     saturated = False
@@ -179,11 +180,11 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
 
 
 def judge_contact(loop: Loop) -> None:
-    """Where a row first comes to φ = 0, or tracking alone brings it there within the period: what
-    holding it takes.
+    """Write the effort of holding each row that first reaches φ = 0.
 
-    q̈ with |q̈ⱼ| ≤ aⱼ changes φ̇ = L_fφ + L_gφ q̈ by up to Σⱼ|L_gφⱼ|aⱼ: L_fφ above that is more
-    than any law can hold.
+    A row also counts if the unconstrained command brings it to φ = 0 within the period. q̈ with
+    |q̈ⱼ| ≤ aⱼ changes φ̇ = L_fφ + L_gφ q̈ by up to Σⱼ|L_gφⱼ|aⱼ. No law can hold a row whose L_fφ is
+    greater than that.
     """
     rows = loop.true
     limits = loop.plant.limits
@@ -202,16 +203,16 @@ def judge_contact(loop: Loop) -> None:
 
 
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
-    """Say of rows whether they act: whether they hold the arm back.
+    """Mark the active rows, i.e. those that hold the arm back.
 
-    Their φ is slowed: q̈ (n,) makes it rise by less than tracking ``alone`` (n,) would, from the
-    same state. What slows one row slows others as well. Of the slowed rows, those with φ ≥ 0 act;
-    where there is none, the one nearest to it.
+    Their φ is slowed: q̈ (n,) makes it rise by less than the unconstrained command ``alone`` (n,)
+    would from the same state. A command that slows one row slows others as well. Therefore only
+    slowed rows with φ ≥ 0 are active or, if there are none, the slowed row nearest to φ = 0.
     """
     nearest = -math.inf
     joints = 0
     for j in range(len(qdd)):
-        # most often the two are the same
+        # usually both commands are the same, and no row is slowed
         joints = joints if qdd[j] == alone[j] else len(qdd)
     for i in range(len(active)):
         slowed = 0.0
@@ -225,7 +226,7 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
 
 
 def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between two poses."""
+    """Return distance [m] and angle [rad] between two poses."""
     turned = moved = 0.0
     for i in range(3):
         moved += (t[i] - wanted_t[i]) ** 2
@@ -235,7 +236,7 @@ def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[
 
 
 def feature_error(pixels: Array, wanted: Array) -> float:
-    """Greatest distance of a marker (M, 2) from where it is wanted [px]."""
+    """Return the greatest distance of a marker (M, 2) from its desired place [px]."""
     greatest = 0.0
     for i in range(len(pixels)):
         du = pixels[i, 0] - wanted[i, 0]
@@ -245,7 +246,7 @@ def feature_error(pixels: Array, wanted: Array) -> float:
 
 
 def fastest(qd: Array) -> float:
-    """Greatest |q̇ⱼ| of any joint."""
+    """Return the greatest |q̇ⱼ| of all joints."""
     greatest = 0.0
     for j in range(len(qd)):
         greatest = max(greatest, abs(qd[j]))
@@ -253,7 +254,7 @@ def fastest(qd: Array) -> float:
 
 
 def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
-    """Score sample k: its rows, q̈_c (n,), and which rows act (m,)."""
+    """Score sample k: its rows, q̈_c (n,), and its active rows (m,)."""
     squared = 0.0
     changed = False
     for j in range(len(qdd)):
@@ -280,7 +281,7 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
 
 
 def finish(loop: Loop, k: int) -> None:
-    """Score and keep sample k, and take the robot to the end of its period."""
+    """Score and record sample k, and move the robot to the end of its period."""
     kept = loop.kept
     true = loop.true
     goals = loop.goals

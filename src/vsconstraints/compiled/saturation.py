@@ -1,4 +1,4 @@
-"""The resolver ``saturation``, compiled."""
+"""Resolver ``saturation``, compiled."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from .workspace import (
     TaskArrays,
 )
 
-#: Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1.
+#: Rows of the workspace: the best q̈ so far, q̈ at s = 0, the unconstrained q̈, and q̈ at s = 1;
+#: number of rows.
 BEST = START
 NONE = ONE
 TRACKING = constant(2)
@@ -35,8 +36,9 @@ ROWS_OF_X = constant(4)
 
 
 class Critical(NamedTuple):
-    """The bound that allows the least share s of the task, that share, and from which one on all
-    others allow it.
+    """Critical bound, the share s of the task that it allows, and the least share of all others.
+
+    The critical bound allows the least share. All other bounds allow every share from ``least`` on.
     """
 
     bound: int
@@ -46,8 +48,9 @@ class Critical(NamedTuple):
 
 @in_place
 def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
-    """What a bound leaves, side − w q̈, 0 within rounding of its terms; W (w, n + 1) is [W |
-    sides].
+    """Return the distance side − w q̈ to a bound, 0 within rounding of its terms.
+
+    W (w, n + 1) is [W | sides].
     """
     n = X.shape[1]
     rest = W[i, n]
@@ -58,8 +61,9 @@ def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
 
 @in_place
 def critical(W: Array, held: BoolArray, X: Array) -> Critical:
-    """Which bound is, between the accelerations at s = 1 and at s = 0; ``most`` is infinite if none
-    is exceeded.
+    """Find the critical bound between the accelerations at s = 1 and at s = 0.
+
+    ``most`` is infinite if no bound is exceeded.
     """
     of_whole = length(X, WHOLE, X.shape[1])
     of_none = length(X, NONE, X.shape[1])
@@ -83,7 +87,10 @@ def critical(W: Array, held: BoolArray, X: Array) -> Critical:
 
 @inner
 def missed(J: Array, X: Array) -> bool:
-    """Whether J has more than rounding of the way from the command that tracks to the whole one."""
+    """True if the command at s = 1 misses the task by more than rounding.
+
+    It is compared with the unconstrained command.
+    """
     n = X.shape[1]
     residual = 0.0
     far = 0.0
@@ -97,10 +104,10 @@ def missed(J: Array, X: Array) -> bool:
 
 @inner
 def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) -> Array:
-    """[W | sides] of the rows that ask for something, which are marked, with rows of unit norm, and
-    of the box.
+    """Return [W | sides] of the rows with a finite bound and of the box, with unit norms.
 
-    A row that no acceleration influences is none, or zero.
+    The rows are marked in ``acted``. A row that no acceleration influences is omitted, or zero if
+    its bound is negative.
     """
     c = law.asked
     bound = law.options[1]
@@ -127,10 +134,10 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
 
 @compiled(RESOLVER, from_python=False)
 def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Saturation`.
+    """Compute the command of :class:`vsconstraints.controllers.resolvers.Saturation`.
 
-    Its options are those of the hierarchy, and 1 if it scales. ``SOLVED``, or ``NEEDS_PYTHON``
-    where input is refused, or numbers leave the range; the code of the hierarchy, where it has to
+    The options are those of the hierarchy, and 1 if it scales. Return ``SOLVED``; ``NEEDS_PYTHON``
+    if the input is refused or numbers leave the range; or the code of the hierarchy if it has to
     answer.
     """
     law = load_law(address)
@@ -173,7 +180,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         held[bound] = True
         copy(saturated, count, W, bound, n + 1)
         count += 1
-        # what is used up is copied
+        # :func:`resolve` overwrites its input
         for i in range(count):
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken

@@ -1,5 +1,6 @@
-"""The resolver ``saturation-exact``, compiled: the hierarchy in the coordinates of the task's scale
-and null space.
+"""Resolver ``saturation-exact``, compiled.
+
+It is the hierarchy in the coordinates of the task's scale and null space.
 """
 
 from __future__ import annotations
@@ -29,15 +30,16 @@ from .workspace import (
     TaskArrays,
 )
 
-#: The damping over that of the hierarchy: the task has a gain of 1 and nothing else, so that less
-#: is not too little.
+#: Damping relative to that of the hierarchy. The only gain of the task is 1, so that less damping
+#: suffices.
 LESS = 1e-4
 
 
 @inner
 def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch) -> Array:
-    """Rows (1 + p, n) of unit norm, orthogonal: that of J†b, which is written to X[START], and the
-    null space of J.
+    """Return orthogonal unit rows (1 + p, n): the direction of J†b, and the null space of J.
+
+    J†b is written to X[START].
     """
     k, n = J.shape
     W = matrix(scratch, k, n + 1)
@@ -56,11 +58,10 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
 
 @compiled(RESOLVER, from_python=False)
 def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.SaturationExact`, whose options are those of
-    the hierarchy.
+    """Compute the command of :class:`vsconstraints.controllers.resolvers.SaturationExact`.
 
-    ``SOLVED`` or ``SHORT``, ``NEEDS_PYTHON`` where input is refused or numbers leave the range, or
-    the code of the hierarchy, where it has to answer.
+    The options are those of the hierarchy. Return ``SOLVED`` or ``SHORT``; ``NEEDS_PYTHON`` if the
+    input is refused or numbers leave the range; or the code of the hierarchy if it has to answer.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):
@@ -87,7 +88,7 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     T = directions(task.J, task.b, tolerance, X, scratch)
     p = T.shape[0]
     whole = length(X, START, n)
-    # rows and the box of q̈ as rows of y, of q̈ = Σ yᵢ Tᵢ, where s = y₀ / ‖J†b‖
+    # rows and box of q̈ as rows of y, with q̈ = Σ yᵢ Tᵢ and s = y₀ / ‖J†b‖
     A = matrix(scratch, m + 2 * n, p)
     c = vector(scratch, m + 2 * n)
     scale = filled(scratch, m + 2 * n, 1.0)

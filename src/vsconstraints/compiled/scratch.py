@@ -1,5 +1,6 @@
-"""Scratch of compiled functions: matrices that are parts of one array, since making them takes as
-long as their use.
+"""Scratch matrices of compiled functions, which are parts of one array.
+
+Allocating them would take as long as their use.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from .workspace import LawArrays, Scratch
 
 @inner
 def matrix(scratch: Scratch, rows: int, columns: int) -> Array:
-    """Take a matrix that holds anything; where there is no room left, make one."""
+    """Take an uninitialised matrix; allocate one if there is no room left."""
     at = scratch.taken[0]
     if at + rows * columns > scratch.numbers.size:
         return np.empty((rows, columns))
@@ -35,14 +36,14 @@ def blank(scratch: Scratch, rows: int, columns: int) -> Array:
 
 @inner
 def vector(scratch: Scratch, size: int) -> Array:
-    """Take a vector that holds anything."""
+    """Take an uninitialised vector."""
     part: Array = matrix(scratch, 1, size)[0]
     return part
 
 
 @inner
 def filled(scratch: Scratch, size: int, value: float) -> Array:
-    """Take a vector of one number."""
+    """Take a vector whose entries all have one value."""
     part = vector(scratch, size)
     for i in range(size):
         part[i] = value
@@ -51,26 +52,26 @@ def filled(scratch: Scratch, size: int, value: float) -> Array:
 
 @inner
 def integers(scratch: Scratch, size: int) -> IntArray:
-    """Take a vector of integers that holds anything."""
+    """Take an uninitialised vector of integers."""
     part: IntArray = vector(scratch, size).view(np.int64)
     return part
 
 
 @inner
 def flags(scratch: Scratch, size: int) -> BoolArray:
-    """Take a vector of flags that are not set."""
+    """Take a vector of flags that are False."""
     part: BoolArray = filled(scratch, size, 0.0).view(np.bool_)[:size]
     return part
 
 
 @inner
 def emptied(law: LawArrays) -> Scratch:
-    """The scratch of a law, of which nothing is taken."""
+    """Return the scratch of a law with nothing taken."""
     law.scratch.taken[0] = 0
     return Scratch(law.scratch.numbers, law.scratch.taken)
 
 
 @inner
 def no_scratch() -> Scratch:
-    """Scratch without room, for what is seldom done: everything is made."""
+    """Return scratch without room, for rare calls: every array is allocated."""
     return Scratch(np.empty(0), np.zeros(1, np.int64))

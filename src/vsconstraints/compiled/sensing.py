@@ -1,4 +1,4 @@
-"""Where a camera is, from what it sees, and what a controller believes to see.
+"""Camera pose estimated from an image, and measurements that a controller receives.
 
 See :func:`vsconstraints.vision.measurement.estimated_pose` and
 :mod:`vsconstraints.simulation.sensing`.
@@ -35,13 +35,13 @@ from .workspace import Scratch, Step, zeros
 in_place(images.usable)
 register_formulas()
 
-ITERATIONS = 10  #: Of the pose estimation at most; three or four are usual.
-CONVERGED = 1e-10  #: Step of the pose estimation [m, rad] at which it ends.
-#: Directions of the camera's motion to which the image is less sensitive than this, relative to the
-#: most sensitive one, are left as they are where the search starts.
+ITERATIONS = 10  #: Maximum number of iterations of the pose estimation; three or four are usual.
+CONVERGED = 1e-10  #: Step [m, rad] at which the pose estimation ends.
+#: Directions of the camera's motion keep their initial values if the image is less sensitive to
+#: them than this, relative to the most sensitive direction.
 RANK_TOLERANCE = 1e-4
-#: Full rank is certain where the bound of the least singular value exceeds the tolerance by this
-#: factor: the search ends where a step is small, however accurate it is.
+#: Full rank is certain if the bound of the least singular value exceeds the tolerance by this
+#: factor. The search ends where a step is small, however accurate it is.
 CERTAIN = 1.01
 
 
@@ -49,7 +49,7 @@ CERTAIN = 1.01
 def pose_step(
     markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, scratch: Scratch
 ) -> float:
-    """Write the step (1, 6) of Gauss–Newton from a pose; returns its length."""
+    """Write the Gauss–Newton step (1, 6) from a pose, and return its length."""
     W = parts.matrix(scratch, 2 * len(markers), 7)
     for i in range(len(markers)):
         P = turned_back(R, minus(vector(markers[i]), t))
@@ -77,8 +77,9 @@ def pose_step(
 def explain(
     markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch
 ) -> tuple[bool, Matrix, Vector]:
-    """The pose that explains normalised markers (m, 2) best, from R and t on; False if numbers are
-    not finite.
+    """Return the pose that explains normalised markers (m, 2) best, searched from R and t on.
+
+    The first value is False if numbers are not finite.
     """
     step = parts.matrix(scratch, 1, 6)
     taken = scratch.taken[0]
@@ -102,10 +103,10 @@ def explain(
 def estimate(
     markers: Array, seen: Array, R: Array, t: Array, numbers: Array, taken: IntArray
 ) -> bool:
-    """Move a pose R (3, 3), t (3,) to where it explains normalised markers (m, 2) best; False if it
-    leaves all numbers.
+    """Move a pose R (3, 3), t (3,) to where it explains normalised markers (m, 2) best.
 
-    ``numbers`` and ``taken`` are those of a :class:`.Scratch`.
+    Return False if numbers are not finite. ``numbers`` and ``taken`` are those of a
+    :class:`.Scratch`.
     """
     finite, turned_R, where = explain(markers, seen, matrix(R), vector(t), Scratch(numbers, taken))
     put_matrix(turned_R, R)
@@ -121,10 +122,10 @@ load_sensing = struct_loader(zeros(Sensing))
 def observe(
     sensing_address: int, true_address: int, believed_address: int, t: float, k: int
 ) -> int:
-    """Tell the step that the control believes in what is measured in sample k, at t [s], of the
-    step that is true.
+    """Write the measurements of sample k, at t [s], to the believed step.
 
-    Returns 0, or 1 if no pose with all markers in front of the camera explains the image.
+    They are taken from the true step. Return 0, or 1 if no pose with all markers in front of the
+    camera explains the image.
     """
     sensing = load_sensing(sensing_address)
     true = load_step(true_address)
@@ -166,4 +167,4 @@ def observe(
     return 0
 
 
-OBSERVE = address(observe)  #: Address of the function that gives a step its measurement.
+OBSERVE = address(observe)  #: Address of the function that writes measurements to a step.

@@ -1,6 +1,4 @@
-"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one
-compiled function.
-"""
+"""Control step up to the controller, in one compiled function: kinematics, image, rows, task."""
 
 from __future__ import annotations
 
@@ -35,8 +33,9 @@ from .workspace import OWN, Step
 
 @in_place
 def see(step: Step, i: int, t: float) -> bool:
-    """Write where a marker is in the image and how it moves; False if it is not in front of the
-    camera.
+    """Write position and motion of a marker in the image.
+
+    Return False if the marker is not in front of the camera.
     """
     eye = step.eye[0]
     camera = step.camera[0]
@@ -49,8 +48,7 @@ def see(step: Step, i: int, t: float) -> bool:
     if not P[2] >= MINIMUM_DEPTH:
         return False
     if step.measurement[0].given:
-        # what a detector says; what it says nothing of is as far from where the model has it as it
-        # was last seen
+        # the detector's values; a missing pixel keeps the last measured offset from the model
         x = P[0] / P[2]
         y = P[1] / P[2]
         said = step.measured[i]
@@ -83,8 +81,9 @@ def see(step: Step, i: int, t: float) -> bool:
 
 @in_place
 def write_innovation(step: Step, t: float) -> None:
-    """Write how far what is measured is from the model; what is measured of the camera's pose is
-    written by then.
+    """Write the innovation, i.e. the differences of measurements from the model.
+
+    A measured camera pose must have been written before.
     """
     innovation = step.innovation
     measurement = step.measurement[0]
@@ -115,7 +114,7 @@ def write_innovation(step: Step, t: float) -> None:
 
 @in_place
 def write_box(step: Step, j: int) -> None:
-    """Write what a joint's limits leave of its acceleration."""
+    """Write the range of acceleration that a joint's limits allow."""
     given = step.limits
     limits = JointLimits(
         given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
@@ -128,11 +127,11 @@ def write_box(step: Step, j: int) -> None:
 
 @in_place
 def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
-    """As :func:`evaluate_step`; False if it cannot be done."""
+    """Evaluate a step as :func:`evaluate_step` does; return False if that is impossible."""
     n = len(step.joints)
     if q.size != n or qd.size != n or not abs(t) < np.inf:
         return False
-    # who calls the entry point without a look at the types may bring others
+    # calls of the entry point skip the check of types, so that other strides are possible
     if n > 1 and (q.strides[0] != q.itemsize or qd.strides[0] != qd.itemsize):
         return False
     for i in range(n):
@@ -180,12 +179,11 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
 @checked(Step)
 @compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
 def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
-    """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a
-    :class:`.Step`.
+    """Compute all inputs of a controller at time t [s], q and q̇ (n,), in a :class:`.Step`.
 
-    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front
-    of the camera: then nothing in the outputs counts, and what the task remembers is as it was.
-    What was measured is used up.
+    Return 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front
+    of the camera. The outputs are then invalid, and the memory of the task is unchanged. A
+    measurement is used only once.
     """
     step = load_step(address)
     done = evaluate(address, step, t, q, qd)
@@ -194,14 +192,15 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     return 0 if done else 1
 
 
-EVALUATE = address_of(evaluate_step)  #: Where it begins.
+EVALUATE = address_of(evaluate_step)  #: Its address.
 
 
 @checked(Step)
 @compiled("void(int64, float64)", IN_PLACE)
 def follow(address: int, t: float) -> None:
-    """Make a task of an own feature, whose error, J_s, ṡ, drift and ∂s/∂t are written, at time t
-    [s].
+    """Write the task of a custom feature at time t [s].
+
+    Its error, J_s, ṡ, drift and ∂s/∂t must have been written.
     """
     write_task(load_step(address), t)
 
@@ -209,12 +208,11 @@ def follow(address: int, t: float) -> None:
 @checked(Step)
 @compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
 def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
-    """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an
-    image of that time.
+    """Give the next step pixels (M, 2) and depths (M,) of an image, NaN where they are missing.
 
-    A depth of 0 or infinity is none either: so depth cameras say that they do not know it. Returns
-    0, or 1 if the sizes are others, a pixel is infinite, a depth negative or the time not before t
-    [s].
+    ``taken`` is the time of the image. A depth of 0 or infinity is missing as well: depth cameras
+    report unknown depths in this way. Return 0, or 1 if the sizes differ, a pixel is infinite, a
+    depth is negative, or the time of the image is after t [s].
     """
     step = load_step(address)
     M = len(step.seen)
@@ -225,7 +223,7 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
         or not -np.inf < taken <= t + JUST_NOW
     ):
         return 1
-    # who calls the entry point without a look at the types may bring others
+    # calls of the entry point skip the check of types, so that other strides are possible
     if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
         return 1
     for i in range(M):
@@ -246,11 +244,10 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
     IN_PLACE,
 )
 def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
-    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n),
-    without their motion.
+    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n).
 
-    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the
-    pixels do not count.
+    Their motion is not computed. ``seen`` (N,) is True if all markers are in front of the camera;
+    otherwise the pixels are invalid.
     """
     step = load_step(address)
     camera = step.camera[0]

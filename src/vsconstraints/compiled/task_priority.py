@@ -1,4 +1,4 @@
-"""The resolvers ``priority``, eq. (15), and ``additive``, compiled."""
+"""Resolvers ``priority``, eq. (15), and ``additive``, compiled."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ from .workspace import (
 
 @in_place
 def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: Array) -> int:
-    """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths;
-    their number.
+    """Copy the active rows with φ ≥ least, with their bounds, divided by the norms of the rows.
+
+    Return their number.
     """
     n = rows.Lg.shape[1]
     at = START
@@ -45,11 +46,11 @@ def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: A
 
 @compiled(RESOLVER, from_python=False)
 def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Priority`; its option is the rank tolerance.
+    """Compute the command of :class:`vsconstraints.controllers.resolvers.Priority`.
 
-    ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the
-    least-squares sense; or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the
-    range.
+    The option is the rank tolerance. Return ``SOLVED``; ``RANK_LOSS`` if rows with φ ≥ 0 have lost
+    full row rank, with the answer in the least-squares sense; or ``NEEDS_PYTHON`` if the input is
+    refused or numbers leave the range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):
@@ -67,7 +68,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     F = A
     S = A
     least = 0.0
-    # a task of full column rank is tracked first, and corrected for the rows that act
+    # a task of full column rank is tracked first, and corrected for the active rows
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
         _, F, S, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
@@ -81,7 +82,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd, scratch)))
         and resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)[0] < acting
     ):
-        # a dependence among rows that act before their boundary is reached is met in the
+        # dependent rows that are active before they reach their boundary are met in the
         # least-squares sense
         reached = gather(law, rows, acted, 0.0, A)
         unused = matrix(scratch, 1, n)[0]
@@ -95,9 +96,9 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
 
 @compiled(signature(INT, SCRATCH, MATRIX, VECTOR, FLOAT, VECTOR, VECTOR), from_python=False)
 def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, qdd: Array) -> int:
-    """q̈ ← q̈₀ + J†(b − J q̈₀): of all q̈ that track best the nearest to q̈₀; returns 0.
+    """Set q̈ ← q̈₀ + J†(b − J q̈₀), the q̈ nearest to q̈₀ of those that track best; return 0.
 
-    Called by its address, so that it is compiled once for all that need no more of it.
+    It is called by its address, so that it is compiled only once for all callers.
     """
     taken = scratch.taken[0]
     resolve(J[:0], J, b, tolerance, rest, qdd, scratch)
@@ -107,8 +108,9 @@ def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, q
 
 @in_place
 def pushed(law: LawArrays, rows: RowArrays, acted: BoolArray, z: Array) -> bool:
-    """Add Σ cᵢ L_gφᵢ† of what is asked for to z (n,), and mark the rows that push in ``acted``
-    (m,); whether any.
+    """Add Σ cᵢ L_gφᵢ† to z (n,), with cᵢ the pushes that the demand requires.
+
+    Mark the rows that push in ``acted`` (m,); return True if there is one.
     """
     push = law.asked
     some = False
@@ -125,9 +127,10 @@ def pushed(law: LawArrays, rows: RowArrays, acted: BoolArray, z: Array) -> bool:
 
 @compiled(RESOLVER, from_python=False)
 def additive(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Additive`; its option is the rank tolerance.
+    """Compute the command of :class:`vsconstraints.controllers.resolvers.Additive`.
 
-    ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
+    The option is the rank tolerance. Return ``SOLVED``, or ``NEEDS_PYTHON`` if the input is refused
+    or numbers leave the range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):

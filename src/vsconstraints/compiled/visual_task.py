@@ -1,4 +1,4 @@
-"""The tracking task: from a visual feature to J_s q̈ = b."""
+"""Tracking task: from a visual feature to J_s q̈ = b."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from .kinematics import put
 from .linear import START
 from .workspace import CAMERA_POSE, IMAGE_POINTS, Step
 
-JUST_NOW = 1e-9  #: A goal's time [s] is met up to rounding.
+JUST_NOW = 1e-9  #: Tolerance [s] of a goal's time, for rounding.
 
 
 @in_place
 def write_pose(step: Step, goal: int, continues: bool) -> None:
-    """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see
-    :class:`vsconstraints.vision.features.CameraPose`.
+    """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu).
+
+    See :class:`vsconstraints.vision.features.CameraPose`.
     """
     eye = step.eye[0]
     task = step.task
@@ -87,7 +88,7 @@ def write_image(step: Step, goal: int) -> None:
 
 @in_place
 def write_task(step: Step, t: float) -> None:
-    """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`.VisualTask`."""
+    """Write J_s, b, q̈₀, the error and its rate, and store them; see :class:`.VisualTask`."""
     options = step.options[0]
     last = step.last[0]
     task = step.task
@@ -114,8 +115,8 @@ def write_task(step: Step, t: float) -> None:
         moving = 0.0
         for j in range(n):
             moving += task.J[i, j] * step.qd[j]
-        # what does not come from the robot, and what replaces ṡ where J_s is not that of the
-        # current image
+        # the part of ṡ that the robot does not cause; ṡ itself if J_s is not that of the current
+        # image
         if options.feature == CAMERA_POSE:
             step.partial[i] = task.error_rate[i] - moving
         elif options.share > 0.0:

@@ -1,6 +1,4 @@
-"""What rows ask of the descent, compiled: which of them resist, as walls of a polyhedron, and what
-is said of them.
-"""
+"""Inequalities of the compiled hierarchy: selection, projection and report."""
 
 from __future__ import annotations
 
@@ -19,11 +17,10 @@ from .workspace import Scratch
 
 
 class Demands(NamedTuple):
-    """What rows ask of the acceleration, A q̈ ≤ c with A (m, n) and c (m,), ∞ for a row that asks
-    for nothing.
+    """Inequalities A q̈ ≤ c imposed by the rows, A (m, n) and c (m,); ∞ for inactive rows.
 
-    ``scale`` (m,) is the positive ‖Aᵢ‖ that counts as usual: a row far below it is one that no
-    acceleration influences. ``weights`` (m,) are those of level 1, positive.
+    ``scale`` (m,) is the positive ‖Aᵢ‖ that counts as usual: no acceleration influences a row far
+    below it. ``weights`` (m,) are those of level 1, positive.
     """
 
     A: Array
@@ -33,7 +30,7 @@ class Demands(NamedTuple):
 
 
 class Resolved(NamedTuple):
-    """Outputs: q̈ (n,), what each demand is exceeded by (m,), and which rows act (m,)."""
+    """Outputs: q̈ (n,), excess over each bound (m,), and active rows (m,)."""
 
     qdd: Array
     slack: Array
@@ -41,13 +38,12 @@ class Resolved(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """Rows N x ≤ sides (w,) of which the first f are demands that accelerations influence; those of
-    the box follow.
+    """Inequalities N x ≤ sides (w,): f demands that accelerations influence, then the box.
 
-    ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled; ``held``
-    (w,) the rows that hold the answer; ``rows`` (4, w) as :func:`nearest` takes them. Of the
-    demands, ``weights`` of level 1, ``which`` each is, and ``violation``, by what it is exceeded
-    where that cannot be helped, are (f,).
+    ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled. ``held``
+    (w,) marks the active rows. ``rows`` (4, w) are those that :func:`nearest` takes. Three fields
+    (f,) belong to the demands: ``weights`` of level 1, ``which`` row each one is, and
+    ``violation``, its excess if that is inevitable.
     """
 
     normals: Array
@@ -64,11 +60,11 @@ class Walls(NamedTuple):
 def count_resisting(
     demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved
 ) -> int:
-    """How many demands accelerations influence; −1 if tracking, which is written to q̈, meets them
-    all, and the box.
+    """Count the demands that accelerations influence; −1 if the unconstrained command meets all.
 
-    Marks those that ask for something in ``acted`` and those that nothing influences in ``fixed``
-    (m,).
+    The unconstrained command is written to q̈. For −1 it also has to be in the box. Otherwise rows
+    with a finite bound are marked in ``acted``, and rows among them that no acceleration influences
+    in ``fixed`` (m,).
     """
     A, c, scale, _ = demands
     qdd, slack, acted = resolved
@@ -103,7 +99,10 @@ def count_resisting(
 def gather_walls(
     demands: Demands, box: Array, fixed: BoolArray, free: int, resolved: Resolved, scratch: Scratch
 ) -> Walls:
-    """Demands and the box as rows; what nothing influences is slack."""
+    """Return the demands and the box as inequalities.
+
+    A violated demand that no acceleration influences becomes slack.
+    """
     A, c, _, weights = demands
     slack = resolved.slack
     acted = resolved.acted
@@ -142,8 +141,9 @@ def gather_walls(
 
 @in_place
 def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
-    """State the rows in y of x = origin + Z y: H (p, w), and their sides; False if there is none
-    that is a number.
+    """Express the rows in y of x = origin + Z y: H (p, w), and their sides.
+
+    Return False if a side is not a number.
     """
     p = H.shape[0]
     n = X.shape[1]
@@ -168,7 +168,7 @@ def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
 
 @in_place
 def hold(walls: Walls) -> None:
-    """Mark the rows that pull on the answer."""
+    """Mark the rows that pull on the answer as active."""
     strongest = 0.0
     for i in range(walls.held.size):
         strongest = max(strongest, walls.rows[MULTIPLIER, i])
@@ -178,7 +178,7 @@ def hold(walls: Walls) -> None:
 
 @in_place
 def report(walls: Walls, resolved: Resolved) -> bool:
-    """Write slack and the rows that act; whether any demand is unmet."""
+    """Write slack and active rows. Return True if any demand is violated."""
     qdd, slack, acted = resolved
     violation = walls.violation
     unmet = False

@@ -1,4 +1,4 @@
-"""The arrays on which compiled functions work, declared once: every field with its type and shape.
+"""Arrays of compiled functions, declared once: every field with its type and shape.
 
 A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of
 :class:`Size`. Records are arrays whose fields compiled code takes as attributes.
@@ -19,22 +19,23 @@ from ..errors import InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 
-#: Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check;
-#: rows contradict each other; active rows have lost full row rank. Of the hierarchy: demands are
-#: unmet; levels 2 and 3 may be better met; both.
+#: Codes of compiled functions: solved; the NumPy version has to answer; no answer passes the check;
+#: rows contradict each other; active rows have lost full row rank. Codes of the hierarchy: bounds
+#: are violated; levels 2 and 3 may be improved; both.
 SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
 CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
-#: Below the rows: the task, and within it the least acceleration; the way to the command that
-#: tracks, in the joints, or in the task with a little of the joints; the way to a share of that
-#: command.
+#: Objectives below the rows: the task, then the least acceleration; the distance to the
+#: unconstrained command, in joint space, or in task space with a small part in joint space; the
+#: distance to a share of that command.
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
 
 Records = Any
 
 
 def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
-    """A type of records of floats: by name, or (name, shape); ``#name`` is an integer, (name, type)
-    another record.
+    """Return a type of records of floats.
+
+    A field is a name or (name, shape). ``#name`` is an integer, (name, type) another record.
     """
     columns: list[Any] = []
     for field in fields:
@@ -53,66 +54,66 @@ V3 = (3,)
 M3 = (3, 3)
 POSE = ("R", M3), ("t", V3)
 
-#: d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is
-#: zero.
+#: d(t) of :class:`vsconstraints.vision.motion.Motion`; the third coordinate of a motion in the
+#: image is zero.
 MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
-#: Placement in the body before, axis there, and whether the joint moves along it.
-#: ``continuous``: it turns without end, so that its angles count modulo 2π.
+#: Placement on the previous body, axis there, and 1 if the joint moves along it. ``continuous``: 1
+#: if the joint turns without limits, so that its angles count modulo 2π.
 JOINT = record(*POSE, ("axis", V3), "#prismatic", "#continuous")
-#: Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal
-#: lengths and what is added to pixels; the factor of believed depths.
+#: Pose in the last body, or in the base frame if ``fixed``; pose of the tip in the last body; focal
+#: lengths and offset of pixels; factor of believed depths.
 CAMERA = record(
     *POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed"
 )
 #: See :class:`vsconstraints.vision.motion.TargetMotion`.
 TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3), ("centre", V3))
-#: A robot point: its body (0 is the base) and place in its frame.
+#: Robot point: its body (0 is the base) and its place in the frame of that body.
 POINT = record("#body", ("offset", V3))
-#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or
-#: a half.
+#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is the share of the goal's L: 0,
+#: 1 or a half.
 TASK = record(
     "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
     "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
 )  # fmt: skip
-#: When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's
-#: pose there.
+#: Start time of a goal, duration in which s_ref gets there (0: at once), and the camera's pose
+#: there.
 GOAL = record("from_time", "reach_in", *POSE)
-#: A constraint: the function of its rows; its first row and their number; K; margin; the frame of
-#: its formula (in the image R[:2, :2] and t[:2]); the motion of what it forbids.
+#: Constraint: function of its rows; first row and number of rows; K; margin; frame of its formula
+#: (in the image R[:2, :2] and t[:2]); motion of the forbidden region.
 PART = record(
     "#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION)
 )
-#: A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the
-#: origin, ω̇, v̇.
+#: Body in the base frame, for q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin,
+#: ω̇, v̇.
 BODY = record(
     ("R", M3), ("origin", V3), ("axis", V3), ("angular_velocity", V3), ("velocity", V3), ("angular_acceleration", V3),
     ("acceleration", V3),
 )  # fmt: skip
-#: A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative,
-#: and Z.
+#: Marker in the image: normalised coordinates, their first and, for q̈ = 0, second derivative, and
+#: Z.
 MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
-#: A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration.
+#: Robot point in the base frame, its velocity and, for q̈ = 0, its acceleration.
 PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
-#: The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the
-#: target, in its axes.
+#: Camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (for q̈ = 0) relative to the
+#: target, in the camera's axes.
 EYE = record(
     ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
     ("angular_acceleration", V3),
 )  # fmt: skip
-#: Whether pixels are measured, and whether the camera's pose is; when.
+#: 1 if pixels are measured, 1 if the camera's pose is measured, and the time of the measurement.
 MEASUREMENT = record("#given", "#pose_given", "time")
-#: The camera's pose in the target's frame at some time, as far as motion is known.
+#: Camera's pose in the target's frame at some time, as far as the motion is known.
 VIEW = record("time", ("R", M3), ("t", V3))
-#: The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too.
+#: Function that applies an error to gradients, or 0; 1 if it applies to φ and L_fφ too.
 GRADIENT_ERROR = record("#address", "#in_phi")
-#: The sample before; goal −1 if there is none; the time of its goal's first sample; how many views
-#: there have been.
+#: Previous sample; goal −1 if there is none; time of its goal's first sample; number of views so
+#: far.
 SAMPLE = record("time", "#goal", "began", "#views")
-VIEWS = 256  #: Samples of which the camera's pose is kept.
+VIEWS = 256  #: Number of samples whose camera pose is stored.
 
 
 class RowArrays(NamedTuple):
-    """See :class:`vsconstraints.rows.Rows`."""
+    """Arrays of :class:`vsconstraints.rows.Rows`."""
 
     phi: Annotated[Array, F8, "m"]
     Lg: Annotated[Array, F8, "m", "n"]
@@ -127,7 +128,7 @@ class RowArrays(NamedTuple):
 
 
 class TaskArrays(NamedTuple):
-    """See :class:`vsconstraints.rows.Task`."""
+    """Arrays of :class:`vsconstraints.rows.Task`."""
 
     J: Annotated[Array, F8, "k", "n"]
     b: Annotated[Array, F8, "k"]
@@ -137,11 +138,10 @@ class TaskArrays(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Output of compiled laws: q̈, which rows acted, their slack, iterations, and q̈ of tracking
-    alone.
+    """Output of compiled laws: q̈, active rows, slack, iterations, and unconstrained q̈.
 
-    Laws that measure no slack take (0,) for it. Those that find q̈ of tracking on the way write it
-    to ``alone``, unless that is (0,).
+    Laws that measure no slack take (0,) for it. Laws that compute the unconstrained q̈ on the way
+    write it to ``alone``, unless that is (0,).
     """
 
     qdd: Annotated[Array, F8, "n"]
@@ -152,8 +152,9 @@ class Answer(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Numbers, and how many of them are taken: whoever made it holds it until nothing taken is used
-    any more.
+    """Numbers for temporary arrays, and the number of them that are taken.
+
+    The creator has to hold the array as long as any part of it is in use.
     """
 
     numbers: Annotated[Array, F8, 1]
@@ -161,60 +162,60 @@ class Scratch(NamedTuple):
 
 
 class LawArrays(NamedTuple):
-    """A compiled law: a demand and a resolver, each where its function begins, and what they work
-    with.
+    """Compiled law: addresses of its demand and resolver, and their arrays.
 
-    Its ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and
-    :class:`Answer`; see :mod:`vsconstraints.compiled.laws`. It returns a code; with
-    ``NEEDS_PYTHON`` nothing is remembered, and the controller's ``command`` has to be called.
+    The ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and
+    :class:`Answer`; see :mod:`vsconstraints.compiled.laws`. It returns a code. With
+    ``NEEDS_PYTHON`` nothing is stored, and the controller's ``command`` has to be called.
     """
 
-    #: Addresses; the third of :func:`.track`, the last of the resolver that answers where this one
-    #: does not, or 0.
+    #: Addresses; the third is that of :func:`.track`, the last that of the resolver that answers if
+    #: this one does not, or 0.
     resolver: int
     demand: int
     track: int
     otherwise: int
-    tracks: int  #: Whether the demand depends on the effect of tracking on the rows.
+    tracks: int  #: 1 if the demand depends on the effect of the unconstrained command on the rows.
     period: float  #: T_s [s], or NaN.
-    #: Of the resolver, and of the demand's formula.
+    #: Options of the resolver, and parameters of the demand's formula.
     options: Annotated[Array, F8, 1]
     parameters: Annotated[Array, F8, 1]
-    weights: Annotated[Array, F8, "m"]  #: (m,) of the rows' violations, or (0,) where all are 1.
+    #: (m,) weights of the rows' violations, or (0,) if all are 1.
+    weights: Annotated[Array, F8, "m"]
     memory: Annotated[Array, F8, "m", 1]  #: (m, f) memory of the demand for each row, or (0, 0).
-    #: (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
+    #: (m,) L_gφ q̈ of the previous answer, or (0,) if the demand does not use it.
     last_rates: Annotated[Array, F8, "m"]
-    #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ
-    #: q̈ and (1,) ‖q̈‖.
+    #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) bounds, the next memory, and (m,) L_gφ q̈ and (1,)
+    #: ‖q̈‖ of the unconstrained command.
     squared: Annotated[Array, F8, "m"]
     asked: Annotated[Array, F8, "m"]
     after: Annotated[Array, F8, "m", 1]
     tracked: Annotated[Array, F8, "m"]
     effort: Annotated[Array, F8, 1]
-    scratch: Scratch  #: For all else; empty whenever a law begins.
+    scratch: Scratch  #: Scratch for everything else; empty whenever a law begins.
 
 
 class Step(NamedTuple):
-    """Input, memory, scratch and output of the compiled step, for m rows, n joints, M markers, P
-    points, k features.
+    """Input, memory, scratch and output of the compiled step.
+
+    It has m rows, n joints, M markers, P points and k features.
     """
 
-    # function that evaluates it; scene
+    # function that evaluates the step; scene
     evaluate: int
     joints: Annotated[Records, JOINT, "n"]
     camera: Annotated[Records, CAMERA, 1]
     markers: Annotated[Array, F8, "M", 3]  # in the target's frame
     robot_points: Annotated[Records, POINT, "P"]
     target: Annotated[Records, TARGET, 1]
-    # task: of each goal the normalised markers and L; the joints' posture
+    # task: normalised markers and L of each goal; the joints' posture
     options: Annotated[Records, TASK, 1]
     goals: Annotated[Records, GOAL, "goals"]
     goal_points: Annotated[Array, F8, "goals", "2M"]
     goal_interaction: Annotated[Array, F8, "goals", "2M", 6]
     posture: Annotated[Array, F8, "n"]
-    # constraints: parameters of their formulas; for each row its marker or robot point, of linear
-    # rows the gradient and the constant, of those on a joint that turns without end the middle of
-    # its range, NaN elsewhere
+    # constraints: parameters of their formulas; marker or robot point of each row; gradient and
+    # constant of linear rows; middle of the range of rows on a continuous joint, NaN elsewhere
     parts: Annotated[Records, PART, "parts"]
     parameters: Annotated[Array, F8, "parts", "parameters"]
     which: Annotated[IntArray, I8, "m"]
@@ -224,20 +225,21 @@ class Step(NamedTuple):
     # error of gradients, with c_e s of eq. (49)
     gradient_error: Annotated[Records, GRADIENT_ERROR, 1]
     gradient_share: Annotated[Array, F8, "m", "n"]
-    # now, limits of q̈, and the command before
+    # current time and state, limits of q̈, and the previous command
     time: Annotated[Array, F8, 1]
     q: Annotated[Array, F8, "n"]
     qd: Annotated[Array, F8, "n"]
     limits: JointLimits
     last_command: Annotated[Array, F8, "n"]
-    # memory of the task: the sample before, its s less the value at the goal, ∂s/∂t and J_s; s at
-    # the goal's first sample and s_ref likewise, and ṡ_ref
+    # memory of the task: previous sample, its s minus the value at the goal, ∂s/∂t and J_s; s at
+    # the goal's first sample and s_ref, both minus the value at the goal, and ṡ_ref
     last: Annotated[Records, SAMPLE, 1]
     last_error: Annotated[Array, F8, "k or 6"]
     last_partial: Annotated[Array, F8, "k"]
     last_J: Annotated[Array, F8, "k", "n"]
     last_reference: Annotated[Array, F8, 3, "k"]
-    # the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist relative to it
+    # bodies and camera; the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist
+    # relative to it
     bodies: Annotated[Records, BODY, "n + 1"]
     eye: Annotated[Records, EYE, 1]
     target_R: Annotated[Array, F8, 3, 3]
@@ -245,22 +247,22 @@ class Step(NamedTuple):
     camera_J: Annotated[Array, F8, 6, "n"]
     seen: Annotated[Records, MARKER, "M"]
     places: Annotated[Records, PLACE, "P"]
-    # the camera in the last samples by the model, filled round and round, and when the image was
-    # taken; measured pixels and Z, NaN where there are none; how far a marker was last seen from
-    # where the model has it, in normalised coordinates
+    # camera in the last samples according to the model, a ring buffer, and at the time of the
+    # image; measured pixels and Z, NaN if missing; last measured offset of a marker from the model,
+    # in normalised coordinates
     views: Annotated[Records, VIEW, VIEWS]
     then: Annotated[Records, VIEW, 1]
     measurement: Annotated[Records, MEASUREMENT, 1]
     measured: Annotated[Array, F8, "M", 3]
     correction: Annotated[Array, F8, "M", 2]
-    # measured Z of a marker by that of the model; NaN where none is measured
+    # ratio of a marker's measured Z to that of the model; NaN if none is measured
     depth_ratio: Annotated[Array, F8, "M"]
-    # distance of measurements from the model: formulas.innovation.slip; bounds of
-    # vision.measurement.INNOVATIONS; the values, and their greatest ratio to the bounds
+    # innovation: formulas.innovation.slip; bounds of vision.measurement.INNOVATIONS; the values,
+    # and their greatest ratio to the bounds
     slip: Annotated[Array, F8, "n"]
     bounds: Annotated[Array, F8, 7]
     innovation: Annotated[Array, F8, 8]
-    # scratch: the Jacobian of a point; ∂s/∂t; s̈ when q̈ = 0
+    # scratch: the Jacobian of a point; ∂s/∂t; s̈ for q̈ = 0
     J_point: Annotated[Array, F8, 3, "n"]
     partial: Annotated[Array, F8, "k"]
     drift: Annotated[Array, F8, "k"]
@@ -273,7 +275,7 @@ class Step(NamedTuple):
     camera_t: Annotated[Array, F8, 3]
 
 
-#: What a step writes, in the order in which it stands in one array.
+#: Outputs of a step, in the order in which they stand in one array.
 OUTPUTS = (
     "qdd_min", "qdd_max", "phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate", "rest", "pixels",
     "points", "camera_R", "camera_t",
@@ -282,12 +284,12 @@ OUTPUTS = (
 
 @cache
 def fields(kind: Any) -> dict[str, Any]:
-    """Declared types of a structure's fields, by name."""
+    """Return the declared types of a structure's fields, by name."""
     return get_type_hints(kind, include_extras=True)
 
 
 def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
-    """The shape of a declared array; letters without a length count 1."""
+    """Return the shape of a declared array; letters without a length count 1."""
     _, *shape = declared.__metadata__
     return tuple([length if type(length) is int else lengths.get(length, 1) for length in shape])
 
@@ -295,8 +297,9 @@ def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
 def zeros(
     kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None
 ) -> Any:
-    """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields
-    that are there.
+    """Return a structure of zeros, with arrays of their declared types and shapes.
+
+    ``known`` contains fields that exist already.
     """
     values = dict(known or {})
     lengths = lengths or {}
@@ -318,10 +321,10 @@ def zeros(
 
 @dataclass(frozen=True)
 class Size:
-    """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and
-    their parameters.
+    """Numbers of joints n, markers M, robot points P, rows m, features k, goals and constraints.
 
-    ``limited`` says whether q̈ has a box, and ``rests`` whether the task has a q̈₀.
+    ``parts`` is the number of constraints, ``parameters`` that of their parameters. ``limited`` is
+    True if q̈ has a box, ``rests`` if the task has a q̈₀.
     """
 
     n: int = 1
@@ -337,7 +340,7 @@ class Size:
 
     @property
     def lengths(self) -> dict[str, int]:
-        """What the letters in declarations count."""
+        """Lengths of the letters in declarations."""
         n = self.n
         M = self.M
         k = self.k
@@ -352,11 +355,11 @@ class Size:
 
     @property
     def outputs(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
-        """Place in the array of outputs, and shape, of each."""
+        """Place in the array of outputs, and shape, of each output."""
         return _outputs(self)
 
     def step(self, limits: JointLimits | None = None) -> tuple[Step, Array]:
-        """A step of this size, of zeros, and the array that all its outputs are parts of."""
+        """Return a step of this size, of zeros, and the array that contains all its outputs."""
         outputs = self.outputs
         out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
         views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
@@ -380,15 +383,15 @@ def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
     }
 
 
-_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()  #: By their addresses.
+#: Workspaces by their addresses.
+_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()
 
 
 class Workspace:
-    """A structure (a named tuple) as compiled functions take it, by its address; its arrays are not
-    copied.
+    """Structure (a named tuple) that compiled functions take by its address.
 
-    Functions that take one look whether it is of the right kind. It lives as long as whoever uses
-    it holds it.
+    Its arrays are not copied. Functions that take a workspace check its kind. It lives as long as a
+    user holds it.
     """
 
     __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")
@@ -403,15 +406,16 @@ class Workspace:
         _workspaces[self.address] = self
 
     def in_python(self) -> Any:
-        """The structure, with fields of records as attributes."""
+        """Return the structure, with fields of records as attributes."""
         if self._in_python is None:
             self._in_python = _with_records(self.structure)
         return self._in_python
 
 
 def demand_workspace(given: object, kind: type, function: str) -> int:
-    """The address of a workspace of that kind of structure; raises InvalidInput that names the
-    function otherwise.
+    """Return the address of a workspace of the given kind of structure.
+
+    Raise InvalidInput, which names the function, for anything else.
     """
     if isinstance(given, Workspace) and type(given.structure) is kind:
         return given.address
@@ -420,7 +424,7 @@ def demand_workspace(given: object, kind: type, function: str) -> int:
 
 
 def structure_at(address: int) -> Any:
-    """The structure of the workspace at an address, for functions that run in Python."""
+    """Return the structure of the workspace at an address, for functions that run in Python."""
     return _workspaces[int(address)].in_python()
 
 
@@ -435,8 +439,8 @@ def _add_words(part: Any, words: list[int]) -> None:
         for field in part:
             _add_words(field, words)
     elif isinstance(part, np.ndarray):
-        # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and
-        # strides
+        # numba's layout of an array: no owner, no parent, size, item size, address of the data,
+        # shape and strides
         words += (0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides)
     else:
         words += (
