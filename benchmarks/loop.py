@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from vsconstraints.comparisons.evidence import Campaign, scored
-from vsconstraints.comparisons.evidence.work import task_of
+from vsconstraints.comparisons.evidence.work import make_batch
 from vsconstraints.controllers import make_controller
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate
@@ -122,7 +122,7 @@ def measure_scenes(effort: Effort) -> Part:
     times = []
     for number in range(2 + effort.trials // 4):
         started = perf_counter()
-        runs = scored(task_of(campaign, family, [number])).runs.num_rows
+        runs = scored(make_batch(campaign, family, [number])).runs.num_rows
         times.append(perf_counter() - started)
     part.numbers["ur5: median"] = found = float(np.median(times[1:]))
     lines = [["ur5", str(len(times) - 1), str(runs), f"{found:.3f}"]]

@@ -19,7 +19,7 @@ from vsconstraints.constraints import (
     PointConstraint,
 )
 from vsconstraints.control import ControlStep
-from vsconstraints.control.packing import Packed
+from vsconstraints.control.packing import StepArrays
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.scene import Scene
@@ -154,7 +154,7 @@ def measure(effort: Effort) -> Part:
                 lambda step=step: step(0.0, q, qd)
             )  # type: ignore[misc]
             if rows is not None:
-                packed = Packed(scene, limits, setup.task)
+                packed = StepArrays(scene, limits, setup.task)
                 load("step").evaluate_step(packed.workspace, 0.0, q, qd)
                 subjects[f"{where}, {whose}: rows"] = rows(packed)
     times = in_turn(subjects, effort.turns)
@@ -180,7 +180,7 @@ def measure(effort: Effort) -> Part:
     return part
 
 
-def repeated_rows() -> Callable[[Packed], Subject] | None:
+def repeated_rows() -> Callable[[StepArrays], Subject] | None:
     """Return a function that makes subjects which call the rows of a step's only constraint.
 
     None if there is no compiler.
@@ -196,7 +196,7 @@ def repeated_rows() -> Callable[[Packed], Subject] | None:
         for _ in range(times):
             call(rows, (step, 0))
 
-    def subject(packed: Packed) -> Subject:
+    def subject(packed: StepArrays) -> Subject:
         rows = int(packed.step.parts[0]["address"])
 
         def turn(_: int) -> float:

@@ -135,7 +135,7 @@ class KeptEvidence(Lines):
         return parquet.joined(lines).to_pandas()
 
 
-def demand_same(manifest: dict[str, Any], study: Study) -> None:
+def require_same(manifest: dict[str, Any], study: Study) -> None:
     """Raise ConfigurationError unless a manifest has a study's laws and scenes."""
     configuration = manifest.get("configuration", {})
     laws = {
@@ -165,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     manifest = manifest_of(asked.out)
     study = Study.load(SHIPPED)
-    demand_same(manifest, study)
+    require_same(manifest, study)
     kept = {name: value for name, value in manifest.items() if name not in OF_RUNS}
     command = ["python", "-m", "checks.kept_evidence"]
     manifest = {**kept, **provenance(command, {}), "runs": len(study.runs)}

@@ -110,7 +110,7 @@ def _toml(block: Block, folder: Path, names: dict[str, Any]) -> None:
         (Campaign if "families" in tables else Suite).load(path)
         return
     if "conditions" in tables:
-        Family.load(path).demand_scenes()
+        Family.load(path).require_scenes()
         return
     scenario = Scenario.load(path)
     scenario = scenario.with_override("duration", 4.0 * scenario.tables["sampling_time"])
@@ -191,13 +191,13 @@ def _dask(block: Block, folder: Path, names: dict[str, Any]) -> None:
     import dask
     import distributed  # noqa: F401  # adds its own
 
-    def demand_known(settings: dict[str, Any], known: dict[str, Any]) -> None:
+    def require_known(settings: dict[str, Any], known: dict[str, Any]) -> None:
         for name, value in settings.items():
             assert name in known, name
             if isinstance(value, dict):
-                demand_known(value, known[name])
+                require_known(value, known[name])
 
-    demand_known(yaml.safe_load(block.code), dask.config.config)
+    require_known(yaml.safe_load(block.code), dask.config.config)
 
 
 def _anything(arguments: list[str], folder: Path) -> None:

@@ -21,7 +21,7 @@ from vsconstraints.formulas.limits import joint_box
 from vsconstraints.formulas.motion import angle
 from vsconstraints.formulas.rotation import rotation_vector_rate, turn_by
 from vsconstraints.formulas.tracking import demanded, funnel, goal_at, resting
-from vsconstraints.formulas.vectors import turned
+from vsconstraints.formulas.vectors import rotate
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import UNKNOWN, Array, Rows, Task
 from vsconstraints.simulation.image_sensor import ImageSensor
@@ -233,7 +233,7 @@ def feature_motion(
         drift = state.camera_drift
         w_dot, L, L_dot = rotation_vector_rate(w, omega)
         t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
-        J = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
+        J = np.concatenate((rotate(E, state.camera_J[:3]), rotate(L, state.camera_J[3:])))
         velocity = np.array((*t_dot, *w_dot))
         return FeatureMotion(
             np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ qd

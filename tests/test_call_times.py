@@ -28,7 +28,7 @@ from vsconstraints.comparisons.evidence import (
     work,
 )
 from vsconstraints.comparisons.evidence.call_times import time_calls
-from vsconstraints.comparisons.evidence.work import tasks_of
+from vsconstraints.comparisons.evidence.work import plan_batches
 from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -95,7 +95,7 @@ def test_the_least_of_equal_calls_counts_and_99_percent_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Calls of 1, 2, …, 101 µs but the first, of which one is interrupted in every run."""
-    (task,) = tasks_of(campaign(tmp_path).select(scenes=1, settings=["conditions=['nominal']"]))
+    (task,) = plan_batches(campaign(tmp_path).select(scenes=1, settings=["conditions=['nominal']"]))
     runs = iter(np.tile(1e-6 * np.arange(102.0), (6, 1)))
 
     class Interrupted:

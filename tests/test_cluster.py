@@ -31,7 +31,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, collect, scored
 from vsconstraints.comparisons.evidence import cluster as near
 from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.work import tasks_of
+from vsconstraints.comparisons.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.errors import ConfigurationError
@@ -132,7 +132,7 @@ def test_a_campaign_gives_the_same_on_a_cluster(scheduler: LocalCluster, tmp_pat
     with cluster(scheduler.scheduler_address, campaign.on_each_machine()) as workers:
         collect(campaign, tmp_path, Plan(keep="first", workers=workers))
     found = Evidence.load(tmp_path)
-    here = Part.joined([scored(task) for task in tasks_of(campaign)])
+    here = Part.joined([scored(task) for task in plan_batches(campaign)])
     for name in ("runs", "rows", "scenes"):
         one = getattr(found, name)
         other = getattr(here, name).to_pandas()

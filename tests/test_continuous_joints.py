@@ -23,7 +23,7 @@ from vsconstraints.arms import (
     trajectory_of,
 )
 from vsconstraints.arms.stream import Stream
-from vsconstraints.arms.supervision import demand_start
+from vsconstraints.arms.supervision import require_start
 from vsconstraints.constraints.joint_limits import JointRange
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.errors import ConfigurationError
@@ -40,7 +40,7 @@ ROBOT = Robot.from_urdf(URDF, "tool")
 LAST = 5  #: The joint of this robot that turns without end.
 
 
-def turned(q: Array, turns: int) -> Array:
+def rotate(q: Array, turns: int) -> Array:
     other = np.array(q)
     other[..., LAST] += turns * TURN
     return other
@@ -128,7 +128,7 @@ def test_a_range_is_one_of_the_circle(turns: int) -> None:
     q = setup.q0.copy()
     qd = np.full(6, 0.1)
     expected = setup.control().evaluate(0.0, q, qd).rows
-    rows = setup.control().evaluate(0.0, turned(q, turns), qd).rows
+    rows = setup.control().evaluate(0.0, rotate(q, turns), qd).rows
     for name in ("phi", "sigma", "Lg", "Lf"):
         np.testing.assert_allclose(
             getattr(rows, name), getattr(expected, name), atol=1e-12, err_msg=name
@@ -137,7 +137,7 @@ def test_a_range_is_one_of_the_circle(turns: int) -> None:
     np.testing.assert_allclose(rows.sigma, [-0.5 / 1.5 - 1.0, 0.5 / 1.5 - 1.0], atol=1e-12)
     (constraint,) = setup.constraints.constraints
     assert isinstance(constraint, JointRange)
-    np.testing.assert_allclose(constraint.sigma(turned(q, turns)), rows.sigma, atol=1e-12)
+    np.testing.assert_allclose(constraint.sigma(rotate(q, turns)), rows.sigma, atol=1e-12)
     assert not setup.control().in_numpy
 
 
@@ -146,7 +146,7 @@ def test_a_range_that_a_cable_sets_counts_turns() -> None:
     cable = JointRange(
         ROBOT, joints=[6], lower=[-3.0 * TURN], upper=[3.0 * TURN], K=0.1, switching_gain=1.0
     )
-    np.testing.assert_allclose(cable.sigma(turned(np.zeros(6), 4)), [1.0 / 3.0, -7.0 / 3.0])
+    np.testing.assert_allclose(cable.sigma(rotate(np.zeros(6), 4)), [1.0 / 3.0, -7.0 / 3.0])
 
 
 def test_a_posture_is_approached_the_short_way() -> None:
@@ -154,7 +154,7 @@ def test_a_posture_is_approached_the_short_way() -> None:
     posture = np.array([0.0, 0.3, 1.4, 0.0, 1.3, -3.0])
     task = replace_rest(setup, Rest(damping=2.0, posture=posture.tolist()))
     for turns in (0, 2):
-        found = task.control().evaluate(0.0, turned(setup.q0, turns), np.zeros(6)).task.rest
+        found = task.control().evaluate(0.0, rotate(setup.q0, turns), np.zeros(6)).task.rest
         # from 3 rad forwards over π, and not back by 6 rad
         np.testing.assert_allclose(found[LAST], TURN - 6.0, atol=1e-12)
 
@@ -224,15 +224,15 @@ def test_an_encoder_that_passes_half_a_turn_changes_nothing(address: str) -> Non
 
 def test_a_start_in_another_turn_is_the_start() -> None:
     setup = scenario(3.0, [RANGE]).setup()
-    here = demand_start(
-        setup, Joints(0.0, turned(setup.q0, -1) + 0.001, np.zeros(6)), Supervision(), False
+    here = require_start(
+        setup, Joints(0.0, rotate(setup.q0, -1) + 0.001, np.zeros(6)), Supervision(), False
     )
     # the arm's own turn is that in which it is sent setpoints
-    np.testing.assert_allclose(here.q0, turned(setup.q0, -1) + 0.001)
+    np.testing.assert_allclose(here.q0, rotate(setup.q0, -1) + 0.001)
     with pytest.raises(ConfigurationError, match=r"joint 6 is at -3\.233, not at 3, 0\.05 away"):
-        demand_start(
+        require_start(
             setup,
-            Joints(0.0, turned(setup.q0, -1) + np.array([0, 0, 0, 0, 0, 0.05]), np.zeros(6)),
+            Joints(0.0, rotate(setup.q0, -1) + np.array([0, 0, 0, 0, 0, 0.05]), np.zeros(6)),
             Supervision(start_rad=0.001),
             False,
         )

@@ -34,7 +34,7 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
 )
 from vsconstraints.comparisons.evidence import folder as folders
 from vsconstraints.comparisons.evidence.parquet import KEYS
-from vsconstraints.comparisons.evidence.work import tasks_of
+from vsconstraints.comparisons.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.files import SUMS
@@ -169,7 +169,7 @@ def test_rows_are_stored_for_each_reason_by_itself(
         return replace(scored, constraints=[{key: line[key] for key in row} for line in rows])
 
     monkeypatch.setattr(work, "score", made)
-    task = replace(next(iter(tasks_of(campaign(tmp_path)))), conditions=("nominal",))
+    task = replace(next(iter(plan_batches(campaign(tmp_path)))), conditions=("nominal",))
     stored = scored(task).rows.to_pandas()
     kept = ["challenged", "violation_depth", "active_time_s"]
     assert [list(own["constraint"]) for _, own in stored.groupby(["scene", "controller"])] == [
@@ -189,7 +189,7 @@ def test_setups_that_are_shared_change_nothing(condition: str, tmp_path: Path) -
     shared = replace(
         small, controllers=(*Campaign.load().controllers, ControllerSpec("again", "sliding-mode"))
     )
-    task = replace(next(iter(tasks_of(shared))), scenes=(0,), conditions=(condition,))
+    task = replace(next(iter(plan_batches(shared))), scenes=(0,), conditions=(condition,))
     together = scored(task).runs.drop_columns(list(TIMING)).to_pylist()
     baseline, *_ = task.controllers
     for entry, line in zip(task.controllers, together, strict=True):
@@ -630,7 +630,7 @@ def test_ten_thousand_scenes_are_opened_at_once(
     """Footers alone are read: one shard stands for all, with the names and facts of others."""
     small, out = whole
     many = replace(small, scenes=10_000)
-    tasks = tasks_of(many)
+    tasks = plan_batches(many)
     assert len(tasks) == 100
     some = folders.shard_names(out)[0]
     parts = {
@@ -641,7 +641,7 @@ def test_ten_thousand_scenes_are_opened_at_once(
     for task in tasks:
         folders.write_parts(tmp_path, task.name, parts, replace(facts, scenes=task.scenes))
     begun = time.process_time()
-    there = folders.what_is_there(tmp_path, many)
+    there = folders.finished_shards(tmp_path, many)
     assert time.process_time() - begun < 1.0
     assert sum(len(facts.scenes) for facts in there) == 10_000
 
@@ -663,7 +663,7 @@ def test_tasks_can_be_sent_anywhere(whole: tuple[Campaign, Path]) -> None:
     import pickle
 
     small, _ = whole
-    task = replace(next(iter(tasks_of(small))), scenes=(1,))
+    task = replace(next(iter(plan_batches(small))), scenes=(1,))
     there = pickle.loads(pickle.dumps(scored(pickle.loads(pickle.dumps(task)))))
     assert there.runs.drop_columns(list(TIMING)).equals(
         scored(task).runs.drop_columns(list(TIMING))

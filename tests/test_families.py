@@ -201,7 +201,7 @@ def test_a_family_without_any_scene_says_why(by_hand: Callable[..., Family]) -> 
     with pytest.raises(
         ConfigurationError, match=r"all of 90 attempts .* outside the image at the start 90"
     ):
-        family.demand_scenes()
+        family.require_scenes()
     with pytest.raises(ConfigurationError, match="all of 90 attempts"):
         summarised(family, 1000)
 
@@ -362,7 +362,7 @@ def test_slips_in_a_family_are_named_before_thousands_are_drawn(
     by_hand: Callable[..., Family], changes: tuple[tuple[str, str], ...], words: list[str]
 ) -> None:
     with pytest.raises(ConfigurationError) as refused:
-        by_hand(*changes).demand_scenes()
+        by_hand(*changes).require_scenes()
     for word in words:
         assert word in str(refused.value)
 

@@ -22,7 +22,7 @@ from vsconstraints.constraints import (
     robot_points,
 )
 from vsconstraints.control import ControlStep
-from vsconstraints.control.gradients import demand_gradients, own_constraints
+from vsconstraints.control.gradients import own_constraints, require_gradients
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array
@@ -39,7 +39,7 @@ def test_every_constraint_of_every_scenario_has_the_gradient_of_its_sigma_at_the
     every = setup.constraints.constraints
     qd = np.full(setup.scene.robot.n, 0.05)
     for state in ((0.0, setup.q0, setup.qd0), (0.1, setup.q0, qd)):
-        demand_gradients(setup.scene, setup.constraints, setup.task, state, only=every)
+        require_gradients(setup.scene, setup.constraints, setup.task, state, only=every)
 
 
 class Left(ImageConstraint):

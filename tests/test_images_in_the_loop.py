@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from vsconstraints.cli.scenes import frames as command
-from vsconstraints.comparisons.suite import demand_variety
+from vsconstraints.comparisons.suite import require_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.frames import FOREIGN, OWN, frames, marked, write_frames
@@ -150,9 +150,9 @@ def test_any_scene_with_markers_in_a_plane_can_be_seen(scene: str, most: float) 
 
 def test_trials_differ_by_the_noise_of_their_images() -> None:
     scenario = Scenario.load("ur5-image")
-    demand_variety(scenario.with_override("sensor", "images"), 2, 0)
+    require_variety(scenario.with_override("sensor", "images"), 2, 0)
     with pytest.raises(ConfigurationError, match="2 trials of ur5-image would be the same run"):
-        demand_variety(scenario.with_override("sensor", {"type": "images", "noise": 0.0}), 2, 0)
+        require_variety(scenario.with_override("sensor", {"type": "images", "noise": 0.0}), 2, 0)
 
 
 def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() -> None:

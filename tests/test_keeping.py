@@ -19,7 +19,7 @@ from vsconstraints.cli import terminal as commands
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.folder import demand_keep, kept_lines
+from vsconstraints.comparisons.runs.folder import kept_lines, parse_keep
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports.summary import law_table
@@ -72,7 +72,7 @@ def test_a_way_to_keep_that_there_is_not() -> None:
     with pytest.raises(
         ConfigurationError, match=r"--keep 'worse'.*worst.*all, failed, first, none, worst"
     ):
-        demand_keep("worse")
+        parse_keep("worse")
 
 
 def made(folder: Path) -> Path:

@@ -56,7 +56,7 @@ from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runs import folder
 from vsconstraints.comparisons.runs.files import storing
-from vsconstraints.comparisons.stored import demand_arm_kept, demand_nothing_lost
+from vsconstraints.comparisons.stored import require_arm_kept, require_nothing_lost
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots.geometry import Pose
@@ -1476,9 +1476,9 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     # a comparison in this folder would take the runs that are there
     suite = Suite.load().select(["ur5-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"])
     assert all(stored_run(run, out) is not None for run in suite.with_baseline().runs())
-    demand_nothing_lost(out, suite.with_baseline())
+    require_nothing_lost(out, suite.with_baseline())
     # which goes no further than that: what an arm has done is never simulated in its place
-    demand_arm_kept(out, suite.with_baseline().runs())
+    require_arm_kept(out, suite.with_baseline().runs())
     with pytest.raises(
         ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"
     ):
@@ -1495,7 +1495,7 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     ):
         compare(suite, out, workers=0)
     with pytest.raises(ConfigurationError, match="each run needs its own --out"):
-        record.demand_own_folder(out)
+        record.require_own_folder(out)
 
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
@@ -1566,7 +1566,7 @@ def test_where_the_disk_is_full_before_nothing_moves(
     told = " ".join(capsys.readouterr().err.split())
     assert "nothing has moved" in told
     # and the same folder is free for another try
-    record.demand_own_folder(out)
+    record.require_own_folder(out)
     assert [path.name for path in out.iterdir()] == [".vsconstraints-lock"]
 
 

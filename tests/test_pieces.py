@@ -8,7 +8,7 @@ from typing import Any
 
 from campaigns import campaign
 from vsconstraints.comparisons.evidence.runner import GRACE, results
-from vsconstraints.comparisons.evidence.work import Batch, Part, failed, task_of
+from vsconstraints.comparisons.evidence.work import Batch, Part, failed, make_batch
 from vsconstraints.comparisons.runs.pool import Failure
 
 
@@ -40,7 +40,7 @@ class Mortal:
 def test_pieces_of_all_tasks_stand_in_one_queue(tmp_path: Path) -> None:
     small = campaign(tmp_path)
     (family,) = small.families
-    tasks = [task_of(small, family, scenes, 7.0) for scenes in ((0, 1), (2, 3, 4))]
+    tasks = [make_batch(small, family, scenes, 7.0) for scenes in ((0, 1), (2, 3, 4))]
     workers = Mortal(3, "sliding-mode")
     found = list(results(tasks, workers))
     # scenes of each task are in their order, although the last call is answered first

@@ -384,7 +384,7 @@ def test_why_a_run_ended_early_is_said(tmp_path: Path) -> None:
     )
 
 
-def demand_in_view(runs: list[ReplayRun]) -> None:
+def require_in_view(runs: list[ReplayRun]) -> None:
     """An eye of 0.7 rad that stands where the page says sees arm and target at every sample, in a
     window 0.72 wide.
     """
@@ -449,7 +449,7 @@ def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[Replay
     )
     runs = [ReplayRun(law, setup, made_up) for law in ("one", "other")]
     highlighted = highlights_of(runs, Frames.of(runs))
-    demand_in_view(runs)
+    require_in_view(runs)
     carried = setup.scene.camera.fixed is not None
     assert {run for what, _, run in highlighted if what == "marker"} == ({0, 1} if carried else {0})
     assert {run for what, _, run in highlighted if what == "obstacle"} <= {0}

@@ -39,7 +39,7 @@ def press(page: Page, key: str) -> None:
     page.ask("Input.dispatchKeyEvent", type="keyUp", key=key)
 
 
-def demand_whole(page: Page) -> None:
+def require_whole(page: Page) -> None:
     """Nothing is wider than the window, and what rows are called is not cut; whatever the window
     is.
     """
@@ -168,7 +168,7 @@ def test_a_replay_opens_plays_and_shows_what_the_run_says(tmp_path: Path) -> Non
             page.wait(f"document.documentElement.dataset.frame !== '{k}'")
             one(page, " ")
             k = int(page.wait("!playing && document.documentElement.dataset.frame"))
-        demand_whole(page)
+        require_whole(page)
         # a long name goes on in the next line before its bracket
         names = (
             "[...document.querySelectorAll('code')].map(e => [...e.childNodes].map(n => "

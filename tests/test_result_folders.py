@@ -18,7 +18,7 @@ import pytest
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.runs.folder import LOCK, Kind, locked
-from vsconstraints.comparisons.stored import demand_nothing_lost
+from vsconstraints.comparisons.stored import require_nothing_lost
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
@@ -180,12 +180,12 @@ def test_another_comparison_in_the_same_folder_is_refused(
     ids=["same", "more trials", "title", "more controllers"],
 )
 def test_what_loses_nothing_goes_on(other: Suite, tmp_path: Path) -> None:
-    demand_nothing_lost(kept(tmp_path, suite()), other.with_baseline())
+    require_nothing_lost(kept(tmp_path, suite()), other.with_baseline())
 
 
 def test_fewer_trials_are_another_comparison(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="trial 1, is no part"):
-        demand_nothing_lost(kept(tmp_path, suite("trials=2")), suite().with_baseline())
+        require_nothing_lost(kept(tmp_path, suite("trials=2")), suite().with_baseline())
 
 
 def test_fresh_replaces_another_comparison(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from campaigns import campaign
 from test_disturbances import case
 from test_evidence import HERE
 from vsconstraints.comparisons.evidence import TIMING, Campaign, Evidence, collect
-from vsconstraints.comparisons.evidence.work import Bench, tasks_of
-from vsconstraints.comparisons.metrics import Measured, score
+from vsconstraints.comparisons.evidence.work import Bench, plan_batches
+from vsconstraints.comparisons.metrics import MetricInputs, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, ControllerSpec, RunSpec, RunTiming
@@ -95,7 +95,7 @@ def test_rows_that_a_scene_challenges_are_the_same_at_any_sampling_time() -> Non
             of_scene.result["utilization"], abs=0.03
         )
         there, expected = (
-            Measured(each, baseline).outside_alone.any(axis=1).sum() * each.Ts
+            MetricInputs(each, baseline).outside_alone.any(axis=1).sum() * each.Ts
             for each in (run, runs[0])
         )
         assert there == pytest.approx(expected, abs=run.Ts)
@@ -127,7 +127,7 @@ def test_when_the_baseline_is_outside_by_hand(factor: float, outside: list[int])
     )
     alone = replace(record, trajectory=cut)
     run = replace(record, Ts=factor * record.Ts)
-    assert Measured(run, alone).outside_alone[:, 0].astype(int).tolist() == outside
+    assert MetricInputs(run, alone).outside_alone[:, 0].astype(int).tolist() == outside
 
 
 # --- campaigns ---
@@ -162,7 +162,7 @@ def test_each_law_has_its_own_time_and_leaves_the_others_theirs(
 
 
 def test_a_bench_gives_every_law_the_scenes_time_limit(timed: tuple[Campaign, Path]) -> None:
-    task = tasks_of(timed[0])[0]
+    task = plan_batches(timed[0])[0]
     scene, setups = task.family.set_up(0, task.half, task.seed)
     setup = replace(setups["nominal"], duration=4.0)
     bench = Bench(scene, "nominal", setup)

@@ -10,7 +10,7 @@ import pytest
 
 from test_simulation import Fails, Meddles, Played, dependent_rows, setup
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.control.packing import Packed
+from vsconstraints.control.packing import StepArrays
 from vsconstraints.controllers import (
     Controller,
     HierarchicalQP,
@@ -226,7 +226,7 @@ def test_a_run_makes_its_control_step_once_and_that_of_the_world_where_it_is_ano
     for key, value in disturbed.items():
         scenario = scenario.with_override(key, value)
     there = scenario.setup()
-    packed = Packed.__init__
+    packed = StepArrays.__init__
     count = 0
 
     def counted(*arguments: Any, **named: Any) -> None:
@@ -234,6 +234,6 @@ def test_a_run_makes_its_control_step_once_and_that_of_the_world_where_it_is_ano
         count += 1
         packed(*arguments, **named)
 
-    monkeypatch.setattr(Packed, "__init__", counted)
+    monkeypatch.setattr(StepArrays, "__init__", counted)
     score_run(there, SlidingMode())
     assert count == made

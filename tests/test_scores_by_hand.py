@@ -14,7 +14,7 @@ import pytest
 from scenes import acting
 from test_metrics import made
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics import Measured, longest_run
+from vsconstraints.comparisons.metrics import MetricInputs, longest_run
 
 CHATTERING = (
     "phi_band",
@@ -278,7 +278,7 @@ def test_a_row_holds_on_while_phi_is_within_two_switching_steps() -> None:
     phi = [[0, -2, 0, -1, -1], [0, -1.125, 0, -1, -1], [0, -2.125, -0.5, -0.5, -1]]
     active = [[1, 0, 1, 0, 0], [1, 0, 1, 0, 0], [1, 0, 0, 1, 1]]
     run = made(clearance=[[1.0] * 5] * 3, phi=phi, active=active, gain=[2.0, 1.0, 2.0])
-    assert Measured(run).held.T.astype(int).tolist() == [
+    assert MetricInputs(run).held.T.astype(int).tolist() == [
         [1, 1, 1, 0, 0],
         [1, 0, 1, 0, 0],
         [1, 0, 0, 1, 1],

@@ -22,7 +22,7 @@ from vsconstraints.robots.limits import NO_LIMITS
 from vsconstraints.robots.robot import Robot
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.scenarios.families import Family, families
-from vsconstraints.simulation.units import implausible, in_degrees
+from vsconstraints.simulation.units import in_degrees, unit_warnings
 from vsconstraints.vision.scene import Scene
 from vsconstraints.vision.tracking import VisualTask
 
@@ -294,7 +294,7 @@ def test_robots_of_example_robot_data_raise_no_question() -> None:
                 [replace(goal, q=None) for goal in setup.task.goals],
                 setup.task.gains,
             )
-            asked = implausible(scene, nothing, task, NO_LIMITS, q0, setup.Ts)
+            asked = unit_warnings(scene, nothing, task, NO_LIMITS, q0, setup.Ts)
             asked = [text for text in asked if "cannot move" not in text]
             assert asked == [], (file.name, tip)
     assert chains > 100

@@ -75,11 +75,11 @@ def unknown_name(what: str, name: object, candidates: Iterable[str]) -> Configur
     close = get_close_matches(str(name)[:MAX_VALUE_LENGTH], known, n=1)
     hint = f" Did you mean {close[0]!r}?" if close else ""
     return ConfigurationError(
-        f"unknown {what} {shown(name)}.{hint} Available: {', '.join(known) or 'none'}"
+        f"unknown {what} {format_value(name)}.{hint} Available: {', '.join(known) or 'none'}"
     )
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Format a value for messages: 0.0 instead of np.float64(0.0), and cut if it is long."""
     with np.printoptions(legacy="1.25"):
         text = repr(value)

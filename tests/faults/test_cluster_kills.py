@@ -29,7 +29,7 @@ from vsconstraints.comparisons.evidence import (
     scored,
 )
 from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.work import tasks_of
+from vsconstraints.comparisons.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.errors import WorkersLost
 
@@ -109,11 +109,11 @@ def campaign() -> Campaign:
 
 @pytest.fixture(scope="module")
 def in_one_process(campaign: Campaign) -> dict[str, Any]:
-    here = Part.joined([scored(task) for task in tasks_of(campaign)])
+    here = Part.joined([scored(task) for task in plan_batches(campaign)])
     return {name: getattr(here, name).to_pandas() for name in ("runs", "rows", "scenes")}
 
 
-def demand_same(folder: Path, tables: dict[str, Any]) -> None:
+def require_same(folder: Path, tables: dict[str, Any]) -> None:
     found = Evidence.load(folder)
     for name, table in tables.items():
         one = getattr(found, name)
@@ -144,7 +144,7 @@ def test_a_worker_is_killed_midway(
     assert victim.poll() == -signal.SIGKILL
     assert not finished.interrupted
     assert finished.progress.runs == 96
-    demand_same(tmp_path / "out", in_one_process)
+    require_same(tmp_path / "out", in_one_process)
 
 
 def test_the_scheduler_is_killed_midway(
@@ -166,7 +166,7 @@ def test_the_scheduler_is_killed_midway(
     assert 6 <= stored < 48
     again = collect(campaign, tmp_path / "out", Plan())
     assert again.progress.stored_before == stored
-    demand_same(tmp_path / "out", in_one_process)
+    require_same(tmp_path / "out", in_one_process)
 
 
 def test_ctrl_c_keeps_what_is_finished(
@@ -182,4 +182,4 @@ def test_ctrl_c_keeps_what_is_finished(
     with cluster(machines.address, campaign.identities) as workers:
         again = collect(campaign, tmp_path / "out", Plan(workers=workers))
     assert 6 <= again.progress.stored_before < 48
-    demand_same(tmp_path / "out", in_one_process)
+    require_same(tmp_path / "out", in_one_process)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal, NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
-from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, format_value, unknown_name
 from ..rows import Array
 from ..simulation import Setup
 
@@ -55,19 +55,19 @@ class Address:
             )
         except ValueError as error:
             raise ConfigurationError(
-                f"the address {shown(text)} cannot be read: {error}"
+                f"the address {format_value(text)} cannot be read: {error}"
             ) from error
         if not parts.scheme or "://" not in text:
             raise ConfigurationError(
-                f"an arm's address is like ur-rtde://HOST or loopback://, not {shown(text)}"
+                f"an arm's address is like ur-rtde://HOST or loopback://, not {format_value(text)}"
             )
         if parts.path not in ("", "/") or parts.fragment or parts.username is not None:
             raise ConfigurationError(
-                f"an arm's address is SCHEME://HOST:PORT?OPTION=VALUE, not {shown(text)}"
+                f"an arm's address is SCHEME://HOST:PORT?OPTION=VALUE, not {format_value(text)}"
             )
         return cls(parts.scheme, host, port, options)
 
-    def demand_none(self) -> None:
+    def require_none(self) -> None:
         """Raise ConfigurationError if a host or port is given for an arm in this process."""
         if self.host or self.port is not None:
             raise ConfigurationError(
@@ -82,7 +82,8 @@ class Address:
             value = float(text)
         if not 0.0 <= value < float("inf"):
             raise ConfigurationError(
-                f"option {name} of {self.scheme} must be a number of 0 or more, not {shown(text)}"
+                f"option {name} of {self.scheme} must be a number of 0 or more, not "
+                f"{format_value(text)}"
             )
         return value
 

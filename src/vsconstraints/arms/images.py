@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, described, shown
+from ..errors import ConfigurationError, described, format_value
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
@@ -100,7 +100,7 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise ConfigurationError(
-            f"images come from simulated, model, or module:function, not {shown(name)}"
+            f"images come from simulated, model, or module:function, not {format_value(name)}"
         )
     try:
         with chdir("."), beside(folder, Path()):
@@ -109,7 +109,7 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
         raise ConfigurationError(f"images by {name}: {described(error)}") from error
     if not callable(source):
         raise ConfigurationError(
-            f"images by {name}: it must return what can be called, not {shown(source)}"
+            f"images by {name}: it must return what can be called, not {format_value(source)}"
         )
     own: ImageSource = source
     return own

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..controllers import Controller
 from ..controllers.base import restart
-from ..errors import ConfigurationError, SceneError, described, shown
+from ..errors import ConfigurationError, SceneError, described, format_value
 from ..plugins import portable
 from ..rows import Array, Command
 from ..simulation import Setup
@@ -29,7 +29,7 @@ from .guardian import Guardian
 from .images import ImageSource, SimulatedImages
 from .record import ArmLog, Ended
 from .stream import Stream
-from .supervision import Requests, Supervision, Watchdog, demand_start, requests_noted
+from .supervision import Requests, Supervision, Watchdog, requests_noted, require_start
 
 GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
 #: Greatest accepted lead of an image's time stamp [s]: stamps are often whole milliseconds.
@@ -71,7 +71,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
 
     Returns the setup with the arm's actual start, and the log. Before anything moves, raises
     ArmError if the arm cannot be reached, and ConfigurationError if it cannot start there
-    (:func:`.demand_start`), its accelerations are not limited, or images would be rendered in real
+    (:func:`.require_start`), its accelerations are not limited, or images would be rendered in real
     time.
     """
     driver = job.driver
@@ -86,7 +86,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
         )
     try:
         driver.connect()
-        setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
+        setup = require_start(setup, driver.read(), job.supervision, job.from_arm)
         return setup, _Run(replace(job, setup=setup), envelope).all_periods()
     finally:
         # the arm stands by now: an error of its driver must not lose the log
@@ -321,7 +321,7 @@ class _Run:
         if seen is not None:
             if not isinstance(seen, Measurement):
                 raise Halt(
-                    "failed", f"what sees the markers gave no Measurement, but {shown(seen)}"
+                    "failed", f"what sees the markers gave no Measurement, but {format_value(seen)}"
                 )
             taken = t if seen.taken is None else seen.taken
             now = self.stream.now()

@@ -247,7 +247,7 @@ def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
     )
 
 
-def demand_own_folder(folder: Path) -> None:
+def require_own_folder(folder: Path) -> None:
     """Raise ConfigurationError if a folder holds results: a run on an arm cannot be repeated."""
     if (folder / MANIFEST).exists() or (folder / ARM).exists():
         raise ConfigurationError(

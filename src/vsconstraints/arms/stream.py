@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import InvalidInput, described, shown
+from ..errors import InvalidInput, described, format_value
 from ..robots.order_filter import OrderFilter
 from ..rows import Array
 from ..vision.measurement import INNOVATIONS
@@ -86,7 +86,7 @@ class Stream:
         state = self.driver.read()
         n = len(self.sent.q)
         if np.shape(state.q) != (n,) or np.shape(state.qd) != (n,):
-            raise InvalidInput(f"the arm's state must be of {n} joints, not {shown(state)}")
+            raise InvalidInput(f"the arm's state must be of {n} joints, not {format_value(state)}")
         # NaN does not count as an advance either
         self._repeated = 0 if state.t > self._state_at else self._repeated + 1
         self._state_at = state.t

@@ -44,7 +44,7 @@ class Supervision(Plausible):
                 raise ConfigurationError(f"{name} must be positive, not {bound}")
 
 
-def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
+def require_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
     """Return the setup with the start of the arm, which may be elsewhere if ``from_arm``.
 
     Raises ConfigurationError if the arm is elsewhere, moves, or cannot start there

@@ -33,7 +33,7 @@ def run(
     """Run a law on an arm, supervised; without --robot a dry run."""
     from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
-    from ..arms.record import demand_own_folder, punctuality, room_for_log
+    from ..arms.record import punctuality, require_own_folder, room_for_log
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
@@ -68,7 +68,7 @@ def run(
     source = image_source(images or SIMULATED, setup, loaded.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
-    demand_own_folder(out)
+    require_own_folder(out)
     context.with_resource(locked(out, "a comparison"))
     prepare()
     if robot == SIMULATED_ARM:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..plugins.extras import demand
 from ..plugins.processes import INTERRUPTS, signal_of
 from ..reports.plots import formats_of
@@ -112,11 +112,11 @@ def compare(
     """Run every scenario with every controller, and write a report."""
     from ..comparisons import Suite, keep_trajectories
     from ..comparisons import compare as run
-    from ..comparisons.runs.folder import demand_keep, locked
+    from ..comparisons.runs.folder import locked, parse_keep
     from ..comparisons.runs.pool import processes_kept
     from ..reports.results import reason_kind
 
-    kept = demand_keep(keep)
+    kept = parse_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
     chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed, settings or ())
     warnings = chosen.warnings()
@@ -226,7 +226,7 @@ def diff(
     names = dict(text.partition("=")[::2] for text in rename or ())
     for text in rename or ():
         if not all(text.partition("=")):
-            raise ConfigurationError(f"--rename needs OLD=NEW, not {shown(text)}")
+            raise ConfigurationError(f"--rename needs OLD=NEW, not {format_value(text)}")
     share = TOLERANCE if tolerance is None else tolerance
     changes = difference(a, b, metrics=metric or (), strict=strict, tolerance=share, renamed=names)
     note(*changes.a.remarks, *changes.b.remarks)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from ..controllers import CONTROLLERS, controller_class
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, format_value, unknown_name
 from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
 from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
@@ -73,7 +73,7 @@ class Experiment:
             elif isinstance(value, int) and not isinstance(value, bool):
                 experiment = experiment.changed(**{key: value})
             else:
-                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
+                raise ConfigurationError(f"{key} must be an integer, not {format_value(text)}")
         return experiment
 
     def _with(self, key: str, value: Any) -> Self:
@@ -117,12 +117,12 @@ class Experiment:
         others = (entry for entry in self.controllers if entry is not baseline)
         return self.changed(controllers=(baseline, *others))
 
-    def demand_controllers(self) -> None:
+    def require_controllers(self) -> None:
         """Raise unless all controllers can be built and their names are valid in file names.
 
         The error is ConfigurationError or InvalidInput.
         """
-        demand_names("controller", [entry.name for entry in self.controllers])
+        require_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
 
@@ -156,14 +156,14 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
         by_name.get(name) or ControllerSpec.called(name, folder=Path())
         for name in dict.fromkeys(names)
     )
-    demand_names("controller", [entry.name for entry in chosen])
+    require_names("controller", [entry.name for entry in chosen])
     return chosen or entries
 
 
-def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
+def require_names(what: str, names: Iterable[str], where: str = "") -> None:
     """Raise ConfigurationError unless all names are distinct and valid in file names."""
     for name, count in Counter(iter(names)).items():
-        named = f"{where}{what} name {shown(name)} is used in file names"
+        named = f"{where}{what} name {format_value(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
             raise ConfigurationError(
                 f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'"

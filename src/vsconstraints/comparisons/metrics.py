@@ -45,7 +45,7 @@ STEPS = 2.0
 
 
 @dataclass
-class Measured:
+class MetricInputs:
     """Argument of a metric's function: a run of N samples and m rows, and its baseline.
 
     The baseline is of the same scenario and trial.
@@ -282,7 +282,7 @@ class Metric:
     """
 
     column: str
-    value: Callable[[Measured], Any] | None
+    value: Callable[[MetricInputs], Any] | None
     header: str = ""
     better: Literal["less", "more"] | None = "less"
     definition: str = ""
@@ -323,14 +323,14 @@ METRICS = _described("run", (
     Metric("status", lambda m: m.run.status, kind="text"),
     Metric("reason", lambda m: m.run.reason, kind="text"),
     Metric("duration_s", lambda m: m.run.t[-1]),
-    Metric("settling_time_s", Measured.settling_time, "settling time [s]", group="task"),
+    Metric("settling_time_s", MetricInputs.settling_time, "settling time [s]", group="task"),
     Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
            group="task", factor=1e3, style="error"),
     Metric("final_rotation_error_rad", lambda m: m.run.camera_error[-1, 1],
            "orientation error [mrad]", group="task", factor=1e3, style="error"),
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
-    Metric("utilization", Measured.utilization, "utilization [%]", "more", group="outcome",
+    Metric("utilization", MetricInputs.utilization, "utilization [%]", "more", group="outcome",
            style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%")),
     Metric("violated", lambda m: m.named(m.violated), kind="text"),
@@ -343,7 +343,8 @@ METRICS = _described("run", (
     Metric("phi_band_bound", lambda m: m.band[1], "bound T_s u⁺", None),
     Metric("phi_band", None, "band / bound", judged="sliding", over="phi_band_bound",
            overall="worst φ band / bound", condensed="worst"),
-    Metric("sliding_lost_s", Measured.sliding_lost, "sliding lost [s]", judged="sliding", added=3),
+    Metric("sliding_lost_s", MetricInputs.sliding_lost, "sliding lost [s]", judged="sliding",
+           added=3),
     Metric("switching_rate_hz", lambda m: m.per_second(m.switches), "switching rate [Hz]",
            overall="switching rate [Hz]"),
     Metric("acceleration_variation", lambda m: m.per_second(m.command_changes),
@@ -360,7 +361,7 @@ METRICS = _described("run", (
            group="time"),
     Metric("rows_time_median_us", lambda m: over(m.rows_times, np.median),
            "rows and task, median [µs]", None, kind="time", group="time"),
-    Metric("missed_periods", Measured.missed_periods, "missed periods", None, kind="time",
+    Metric("missed_periods", MetricInputs.missed_periods, "missed periods", None, kind="time",
            group="time", style="count"),
     Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1),
     Metric("within_band", lambda m: m.named(m.within_band), kind="text", added=2),
@@ -369,7 +370,7 @@ METRICS = _described("run", (
     Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), added=6),
     Metric("violated_tolerant", kind="text", added=7,
            value=lambda m: m.named(m.fraction - TOLERANT)),
-    Metric("acceleration_max", Measured.largest_acceleration, added=8),
+    Metric("acceleration_max", MetricInputs.largest_acceleration, added=8),
 ))  # fmt: skip
 #: Metrics of each row of a run.
 ROW_METRICS = _described("row", (
@@ -387,7 +388,7 @@ ROW_METRICS = _described("row", (
     Metric("violation_depth", lambda m: m.violated),
     Metric("violation_time_s", lambda m: m.outside.sum(axis=0) * m.Ts),
     Metric("phi_max", lambda m: m.run.phi.max(axis=0)),
-    Metric("longest_positive_run_s", Measured.longest_positive_runs),
+    Metric("longest_positive_run_s", MetricInputs.longest_positive_runs),
     Metric("sampling_band", lambda m: m.record.sampling_band),
     Metric("band_depth", lambda m: m.within_band),
     Metric("held_time_s", lambda m: m.held.sum(axis=0) * m.Ts),
@@ -443,7 +444,7 @@ def score(record: RunRecord, baseline: RunRecord | None) -> Score:
     ``baseline`` is the run of the unconstrained baseline in the same scenario and trial. Without
     one, no row counts as challenged.
     """
-    run = Measured(record, baseline)
+    run = MetricInputs(record, baseline)
     some = len(record.trajectory.t) > 0
     result = {
         metric.column: metric.value(run) if some or metric.kind in ("text", "flag") else math.nan

@@ -143,12 +143,12 @@ class RunRecord:
         with suppress(Exception):
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             values |= {name: tuple(map(str, values[name])) for name in TEXTS}
-            _demand_shapes(values, samples)
+            _require_shapes(values, samples)
             return cls._from(values)
         return None
 
 
-def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
+def _require_shapes(values: Mapping[str, Any], samples: float) -> None:
     """Raise unless the arrays of a record have consistent shapes and all entries have their types.
 
     The error is ValueError, KeyError or TypeError.

@@ -31,7 +31,7 @@ from .runs.law_process import LawFailedError, LawProcessLostError
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
-from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
+from .stored import TABLES, require_arm_kept, require_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
 
@@ -99,8 +99,8 @@ def compare(
         folder = folder.absolute()
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
-            demand_nothing_lost(folder, suite)
-        demand_arm_kept(folder, runs.values(), fresh)
+            require_nothing_lost(folder, suite)
+        require_arm_kept(folder, runs.values(), fresh)
         resolved = suite.resolved()
         manifest = {
             **provenance(command, used_versions(resolved)),

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from ..controllers import CONTROLLERS
-from ..errors import ConfigurationError, FolderTaken, StorageError, VsconstraintsError, shown
+from ..errors import ConfigurationError, FolderTaken, StorageError, VsconstraintsError, format_value
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked
-from .experiment import demand_names
+from .experiment import require_names
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
-from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
+from .runs.files import TRAJECTORIES, plain, require_unchanged, seal
 from .runs.folder import MANIFEST, Keep, StoredResults, entries, kept_lines, manifest_of
 from .runs.machine import most_samples
 from .runs.spec import ControllerSpec, RunSpec
@@ -41,7 +41,7 @@ def stored_files(folder: Path) -> list[Path]:
     return [*named, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
-def demand_nothing_lost(folder: Path, suite: Suite) -> None:
+def require_nothing_lost(folder: Path, suite: Suite) -> None:
     """Raise ConfigurationError if finished runs are not in a suite or have other settings in it."""
     earlier = _settings(manifest_of(folder).get("configuration"))
     now = _settings(plain(suite.resolved()))
@@ -62,11 +62,11 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
         raise FolderTaken(f"{lost}, {why}. {instead}", f"{lost}, {why}")
 
 
-def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
+def require_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
     """Raise ConfigurationError if a run on an arm would be replaced by a simulation."""
     if not (folder / ARM_LOG).is_file():
         return
-    demand_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
+    require_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
     planned = {(run.key[0], run.key[1], str(run.key[2])): run for run in runs}
     for key, reason in _finished(folder).items():
         driven = ON_ARM.match(reason)
@@ -196,7 +196,7 @@ class StoredComparison(StoredResults):
                 raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
         return stored_files(folder)
 
-    def _demand_planned(self) -> None:
+    def _require_planned(self) -> None:
         configuration = self.manifest["configuration"]
         for name, lines in zip(TABLES, (self.results, self.constraints), strict=True):
             seen = set()
@@ -212,7 +212,8 @@ class StoredComparison(StoredResults):
                 planned = known and trial < configuration.get("trials", 1)
                 if key in seen or not planned:
                     named = (
-                        f"scenario {shown(scenario)}, controller {shown(controller)}, trial "
+                        f"scenario {format_value(scenario)}, controller "
+                        f"{format_value(controller)}, trial "
                         f"{trial:g}"
                     )
                     why = " twice" if planned else f", which {MANIFEST} beside it does not have"
@@ -220,7 +221,7 @@ class StoredComparison(StoredResults):
                 seen.add(key)
 
     @classmethod
-    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+    def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
         others = {
             "machine": Table,
             "packages": Table,
@@ -244,7 +245,7 @@ class StoredComparison(StoredResults):
             if configuration.get(key, least) < least:
                 raise ConfigurationError(f"{where}: {key} must be {least} or more")
         for what in ("scenario", "controller"):  # figures are named after them
-            demand_names(what, configuration[f"{what}s"], f"{where}: ")
+            require_names(what, configuration[f"{what}s"], f"{where}: ")
         for name, scenario in configuration["scenarios"].items():
             at = f"{where}.scenarios.{name}"
             own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..errors import ConfigurationError, VsconstraintsError, shown
+from ..errors import ConfigurationError, VsconstraintsError, format_value
 from ..plugins.provenance import Files
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, checked
@@ -168,7 +168,9 @@ class Study:
             )
         for name in study.laws:
             if name not in study.requires:
-                raise ConfigurationError(f"{path}: requires says nothing of the law {shown(name)}")
+                raise ConfigurationError(
+                    f"{path}: requires says nothing of the law {format_value(name)}"
+                )
         return study
 
     def keep(self, path: Path) -> None:

@@ -10,14 +10,14 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, VsconstraintsError, described, shown
+from ..errors import ConfigurationError, VsconstraintsError, described, format_value
 from ..plugins.classes import beside
 from ..scenarios import Scenario
 from ..scenarios.moments import problems_at_goals
 from ..scenarios.reading import NOTHING, Table, from_table
 from ..scenarios.toml import read_toml
 from ..simulation import Setup
-from .experiment import Entries, Experiment, demand_names, entries_of
+from .experiment import Entries, Experiment, entries_of, require_names
 from .runs.files import plain
 from .runs.spec import BASELINE, RunSpec
 
@@ -135,12 +135,12 @@ class Suite(Experiment):
             what = " × ".join(f"{count} {of}" for of, count in counts.items())
             are = f"{what} are {prod(counts.values()):.3g} runs; a comparison may have {MAX_RUNS}"
             raise ConfigurationError(f"suite {self.name}: {are}")
-        demand_names("scenario", [scenario.name for scenario in self.scenarios])
-        self.demand_controllers()
+        require_names("scenario", [scenario.name for scenario in self.scenarios])
+        self.require_controllers()
         self.remarks()
         if self.trials > 1:
             for scenario in self.scenarios:
-                demand_variety(scenario, self.trials, self.seed)
+                require_variety(scenario, self.trials, self.seed)
         return self
 
     def remarks(self) -> list[str]:
@@ -230,7 +230,7 @@ def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
         return [Scenario.load(value, folder)]
     if not isinstance(value, dict):
         kinds = "a name, a path, or a table with the key 'scenario'"
-        raise ConfigurationError(f"{where} must be {kinds}, not {shown(value)}")
+        raise ConfigurationError(f"{where} must be {kinds}, not {format_value(value)}")
     return from_table(_variants, value, where, {"where": where, "folder": folder})
 
 
@@ -247,7 +247,7 @@ def _variants(
     for key, candidates in each.items():
         if not isinstance(candidates, list) or not candidates:
             raise ConfigurationError(
-                f"{where}.each: {key} must be a list of values, not {shown(candidates)}"
+                f"{where}.each: {key} must be a list of values, not {format_value(candidates)}"
             )
     if (count := prod(map(len, each.values()))) > MAX_VARIANTS:
         raise ConfigurationError(
@@ -268,7 +268,7 @@ def _variants(
     return scenarios
 
 
-def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
+def require_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
     with chdir("."):  # custom parts may change the working directory
         first = scenario.setup(0, seed)

@@ -13,8 +13,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from ..errors import ConfigurationError, shown
-from ..plugins.regular_files import demand_regular
+from ..errors import ConfigurationError, format_value
+from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
 from .metrics import LATER_COLUMNS, METRICS, ROW_METRICS, RUN
 from .runs.files import replaced
@@ -82,7 +82,7 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """
     lines = []
     try:
-        demand_regular(path)
+        require_regular(path)
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
@@ -91,7 +91,7 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
                 name for name in columns if header.count(name) != 1 and name not in later
             ]:
                 why = "or more than one; another version may have written it"
-                raise ValueError(f"it has no column {shown(missing[0])}, {why}")
+                raise ValueError(f"it has no column {format_value(missing[0])}, {why}")
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
@@ -110,18 +110,19 @@ def _parsed(name: str, text: str, where: str) -> str | bool | float:
     kind = _KINDS.get(name, "number")
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(
-            f"{where}: status must be one of {', '.join(get_args(Outcome))}, not {shown(text)}"
+            f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "
+            f"{format_value(text)}"
         )
     if kind == "text":
         return text
     if kind == "flag":
         if text not in ("true", "false"):
-            raise ValueError(f"{where}: {name} must be true or false, not {shown(text)}")
+            raise ValueError(f"{where}: {name} must be true or false, not {format_value(text)}")
         return text == "true"
     try:
         value = float(text) if text else math.nan
     except ValueError:
         value = math.inf
     if math.isinf(value) or (name == "trial" and not (value >= 0.0 and value.is_integer())):
-        raise ValueError(f"{where}: {name} must be a number, not {shown(text)}")
+        raise ValueError(f"{where}: {name} must be a number, not {format_value(text)}")
     return value

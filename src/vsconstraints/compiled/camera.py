@@ -10,15 +10,15 @@ from ..formulas.rotation import turn_by
 from ..formulas.vectors import (
     Matrix,
     Vector,
-    along_with,
+    add_scaled,
     matrix,
     minus,
     plus,
     product,
+    rotate,
+    rotate_inverse,
     times,
     transposed_product,
-    turned,
-    turned_back,
     vector,
 )
 from ..rows import Array
@@ -53,7 +53,9 @@ def put_pose(pose: tuple[Matrix, Vector], R: Array, origin: Array) -> None:
 def from_target(step: Step, R: Matrix, origin: Vector) -> tuple[Matrix, Vector]:
     """Return the camera's pose in the frame of a target with the given pose."""
     eye = step.eye[0]
-    return transposed_product(R, matrix(eye.R)), turned_back(R, minus(vector(eye.origin), origin))
+    return transposed_product(R, matrix(eye.R)), rotate_inverse(
+        R, minus(vector(eye.origin), origin)
+    )
 
 
 @in_place
@@ -67,7 +69,7 @@ def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
     if camera.fixed:
         tip_R = matrix(tip.R)
         R = product(tip_R, matrix(camera.tip_R))
-        origin = plus(vector(tip.origin), turned(tip_R, vector(camera.tip_t)))
+        origin = plus(vector(tip.origin), rotate(tip_R, vector(camera.tip_t)))
     elif target.moves:
         moved, _, _ = displaced(target.motion, t)
         R, origin = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
@@ -87,7 +89,7 @@ def place_camera(step: Step, t: float) -> None:
     if not camera.fixed:
         tip_R = matrix(tip.R)
         R = product(tip_R, R)
-        origin = plus(vector(tip.origin), turned(tip_R, origin))
+        origin = plus(vector(tip.origin), rotate(tip_R, origin))
     target_R, target_t = target_at(step, t)
     put_pose((R, origin), step.eye[0].R, step.eye[0].origin)
     put_pose((target_R, target_t), step.target_R, step.target_t)
@@ -108,7 +110,7 @@ def move_camera(step: Step, t: float) -> None:
     eye = step.eye[0]
     R = matrix(eye.R)
     origin = vector(eye.origin)
-    r = turned(matrix(tip.R), vector(camera.t))
+    r = rotate(matrix(tip.R), vector(camera.t))
     if camera.fixed:
         # treated as if the tip carried it: its motion is that of the target, reversed
         r = minus(vector(camera.t), vector(tip.origin))
@@ -120,8 +122,8 @@ def move_camera(step: Step, t: float) -> None:
         d, d_dot, d_ddot = displaced(target.motion, t)
         away = minus(minus(origin, vector(target.centre)), d)
         omega = times(known, vector(target.angular_velocity))
-        velocity = along_with(velocity, -known, d_dot)
-        acceleration = along_with(acceleration, -known, d_ddot)
+        velocity = add_scaled(velocity, -known, d_dot)
+        acceleration = add_scaled(acceleration, -known, d_ddot)
     v, w, v_dot, w_dot = relative_twist(
         velocity,
         acceleration,
@@ -131,15 +133,15 @@ def move_camera(step: Step, t: float) -> None:
         away,
     )
     sign = -1.0 if camera.fixed else 1.0
-    put(times(sign, turned_back(R, v)), eye.velocity)
-    put(times(sign, turned_back(R, w)), eye.angular_velocity)
-    put(times(sign, turned_back(R, v_dot)), eye.acceleration)
-    put(times(sign, turned_back(R, w_dot)), eye.angular_acceleration)
+    put(times(sign, rotate_inverse(R, v)), eye.velocity)
+    put(times(sign, rotate_inverse(R, w)), eye.angular_velocity)
+    put(times(sign, rotate_inverse(R, v_dot)), eye.acceleration)
+    put(times(sign, rotate_inverse(R, w_dot)), eye.angular_acceleration)
     point_jacobian(step, n, origin, step.J_point)
     for j in range(n):
         about = 0.0 if step.joints[j].prismatic else sign
-        put(times(sign, turned_back(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
-        put(times(about, turned_back(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
+        put(times(sign, rotate_inverse(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
+        put(times(about, rotate_inverse(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
 
 
 @in_place
@@ -193,14 +195,14 @@ def look_back(step: Step) -> None:
         at = before
     rest = taken - views[at].time
     R = matrix(views[at].R)
-    origin = plus(vector(views[at].t), turned(R, times(rest, vector(eye.velocity))))
+    origin = plus(vector(views[at].t), rotate(R, times(rest, vector(eye.velocity))))
     R = product(R, turn_by(times(rest, vector(eye.angular_velocity))))
     put_pose((R, origin), then.R, then.t)
     if measurement.pose_given:
         measured = matrix(step.camera_R)
         now_R = matrix(views[newest].R)
         now = vector(views[newest].t)
-        moved = plus(vector(step.camera_t), turned(measured, turned_back(R, minus(now, origin))))
+        moved = plus(vector(step.camera_t), rotate(measured, rotate_inverse(R, minus(now, origin))))
         put_pose(
             (product(measured, transposed_product(R, now_R)), moved), step.camera_R, step.camera_t
         )
@@ -209,7 +211,7 @@ def look_back(step: Step) -> None:
 @in_place
 def in_view(step: Step, view: Any, i: int) -> Vector:
     """Return a marker in the frame of the camera of a view."""
-    return turned_back(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
+    return rotate_inverse(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
 
 
 @in_place
@@ -231,6 +233,6 @@ def moved_since(step: Step, i: int) -> Vector:
 @in_place
 def in_camera(step: Step, i: int) -> Vector:
     """Return a marker's position in the camera frame according to the model."""
-    there = turned(matrix(step.target_R), vector(step.markers[i]))
+    there = rotate(matrix(step.target_R), vector(step.markers[i]))
     away = minus(vector(step.target_t), vector(step.eye[0].origin))
-    return turned_back(matrix(step.eye[0].R), plus(there, away))
+    return rotate_inverse(matrix(step.eye[0].R), plus(there, away))

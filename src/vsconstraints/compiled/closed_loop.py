@@ -13,9 +13,17 @@ from .samples import ALONE, LAW, STEP, Loop
 from .workspace import RELAXED_ROWS, SOLVED, Answer, zeros
 
 for name in (
-    "put", "hold", "saturate", "judge_contact", "mark_acting", "camera_error", "feature_error", "fastest", "score",
+    "put",
+    "hold",
+    "saturate",
+    "judge_contact",
+    "mark_acting",
+    "camera_error",
+    "feature_error",
+    "fastest",
+    "score",
     "finish",
-):  # fmt: skip
+):
     in_place(getattr(samples, name))
 register_formulas()
 

@@ -14,14 +14,14 @@ from ..formulas.features import image_row, interaction, pose_error, pose_rates
 from ..formulas.frames import (
     differences_in_image,
     differences_in_space,
-    turned_back_in_image,
-    turned_in_image,
+    rotate_in_image,
+    rotate_inverse_in_image,
 )
 from ..formulas.motion import displacement
 from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.row import gradient_error
 from ..formulas.tracking import funnel, goal_at
-from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
+from ..formulas.vectors import Vector, dot, matrix, minus, rotate, rotate_inverse, vector
 from ..rows import Array
 from . import load
 from .compiler import IN_PLACE, OPTIONS, compiled, in_place
@@ -149,14 +149,14 @@ def point_rows(
             p_dot = minus(vector(place.velocity), velocity)
             p_ddot = minus(vector(place.drift), acceleration)
             # coordinates in the frame of the formula
-            y = turned_back(R, minus(minus(vector(place.position), moved), vector(part.t)))
-            y_dot = turned_back(R, p_dot)
+            y = rotate_inverse(R, minus(minus(vector(place.position), moved), vector(part.t)))
+            y_dot = rotate_inverse(R, p_dot)
             value, along_x, along_y, along_z = formula(*(y + parameters))
             if curvature is None:
                 bent = differences_in_space(formula, parameters, y, y_dot)
             else:
                 bent = curvature(*(y + parameters + y_dot))
-            g = turned(R, (along_x, along_y, along_z))
+            g = rotate(R, (along_x, along_y, along_z))
             drift = bent + g[0] * p_ddot[0] + g[1] * p_ddot[1] + g[2] * p_ddot[2]
             write_row(step, row, K, value + part.margin, dot(g, p_dot), drift)
             point_jacobian(step, step.robot_points[which].body, vector(place.position), J)
@@ -194,14 +194,14 @@ def image_rows(
             u_ddot = focal[0] * marker.drift[0] - acceleration[0]
             v_ddot = focal[1] * marker.drift[1] - acceleration[1]
             # coordinates in the frame of the formula
-            y = turned_back_in_image(R, (u - part.t[0], v - part.t[1]))
-            y_dot = turned_back_in_image(R, (u_dot, v_dot))
+            y = rotate_inverse_in_image(R, (u - part.t[0], v - part.t[1]))
+            y_dot = rotate_inverse_in_image(R, (u_dot, v_dot))
             value, along_u, along_v = formula(*(y + parameters))
             if curvature is None:
                 bent = differences_in_image(formula, parameters, y, y_dot)
             else:
                 bent = curvature(*(y + parameters + y_dot))
-            g = turned_in_image(R, (along_u, along_v))
+            g = rotate_in_image(R, (along_u, along_v))
             drift = bent + g[0] * u_ddot + g[1] * v_ddot
             write_row(step, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
             a, b = interaction(

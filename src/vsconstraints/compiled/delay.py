@@ -101,9 +101,17 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         return NEEDS_PYTHON
     then = step.rows
     ahead = RowArrays(
-        then.phi, then.Lg, then.Lf, then.sigma, then.sigma_dot, then.K, then.switching_gain, then.scale, rows.qdd_min,
+        then.phi,
+        then.Lg,
+        then.Lf,
+        then.sigma,
+        then.sigma_dot,
+        then.K,
+        then.switching_gain,
+        then.scale,
+        rows.qdd_min,
         rows.qdd_max,
-    )  # fmt: skip
+    )
     # the baseline of the predicted state is not that of the current one: do not report it
     own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
     code = apply_law(own.law, ahead, step.task, own_answer)

@@ -17,14 +17,14 @@ import math
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
     Vector,
-    along_with,
+    add_scaled,
     cross,
     dot,
     matrix,
     plus,
     product,
+    rotate,
     times,
-    turned,
     vector,
 )
 from ..rows import Array
@@ -118,28 +118,28 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         axis = vector(bodies.axis[i])
         placement = matrix(bodies.R[i])
         along = 0.0
-        r = turned(R, vector(bodies.t[i]))
+        r = rotate(R, vector(bodies.t[i]))
         if bodies.prismatic[i]:
             along = q[i]
         else:
             placement = product(placement, turn_about(axis, math.sin(q[i]), math.cos(q[i])))
         R = product(R, placement)
-        z = turned(R, axis)
-        r = along_with(r, along, z)
+        z = rotate(R, axis)
+        r = add_scaled(r, along, z)
         o = plus(o, r)
         # the previous body carries the frame's origin
         a = plus(a, plus(cross(alpha, r), cross(omega, cross(omega, r))))
         if bodies.prismatic[i]:
-            a = along_with(a, 2.0 * qd[i], cross(omega, z))
+            a = add_scaled(a, 2.0 * qd[i], cross(omega, z))
             S = z
             turn = (0.0, 0.0, 0.0)
         else:
-            alpha = along_with(alpha, qd[i], cross(omega, z))
-            omega = along_with(omega, qd[i], z)
+            alpha = add_scaled(alpha, qd[i], cross(omega, z))
+            omega = add_scaled(omega, qd[i], z)
             S = cross(o, z)
             turn = z
         m = bodies.mass[i]
-        arm_c = turned(R, vector(bodies.centre[i]))
+        arm_c = rotate(R, vector(bodies.centre[i]))
         c = plus(o, arm_c)
         force = times(m, plus(a, plus(cross(alpha, arm_c), cross(omega, cross(omega, arm_c)))))
         # inertia in the base's axes

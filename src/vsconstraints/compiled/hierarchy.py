@@ -30,7 +30,16 @@ from .linear import (
     squares,
 )
 from .scratch import blank, flags, matrix
-from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
+from .walls import (
+    Demands,
+    Inequalities,
+    Resolved,
+    count_resisting,
+    gather_walls,
+    hold,
+    report,
+    restate,
+)
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
 #: Stages: all rows are met; violations are at their minimum; level 2 is solved separately.
@@ -106,7 +115,7 @@ def aim_at(center: Array, scratch: Scratch) -> Aim:
 
 @inner
 def solve_stage(
-    walls: Walls,
+    walls: Inequalities,
     G: Array,
     Z: Array,
     p: int,
@@ -151,7 +160,7 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
 
 @inner
 def solve_in_span(
-    walls: Walls, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch
+    walls: Inequalities, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch
 ) -> tuple[bool, int]:
     """Solve levels 2 and 3 of a redundant arm within the span of the task.
 
@@ -189,7 +198,7 @@ def solve_in_span(
 
 @inner
 def descend_levels(
-    walls: Walls, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
+    walls: Inequalities, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
     """Solve the levels in turn where the unconstrained command violates rows or box.
 

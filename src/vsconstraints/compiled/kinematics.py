@@ -14,12 +14,12 @@ from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
     Matrix,
     Vector,
-    along_with,
+    add_scaled,
     cross,
     matrix,
     minus,
     product,
-    turned,
+    rotate,
     vector,
 )
 from ..rows import Array
@@ -57,9 +57,9 @@ def place(step: Step, q: Array) -> None:
         else:
             placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
         turn = product(R, placement)
-        r = turned(R, vector(joint.t))
+        r = rotate(R, vector(joint.t))
         # a rotation about the axis does not change the axis
-        axis = turned(turn, axis)
+        axis = rotate(turn, axis)
         put_matrix(turn, body.R)
         put(axis, body.axis)
         body.origin[0] = before.origin[0] + r[0] + along * axis[0]
@@ -88,13 +88,13 @@ def move(step: Step, q: Array, qd: Array) -> None:
         )
         # ω × z: rate of the axis
         turning = cross(omega, axis)
-        put(along_with(omega, about, axis), body.angular_velocity)
+        put(add_scaled(omega, about, axis), body.angular_velocity)
         put(
-            along_with(vector(before.angular_acceleration), about, turning),
+            add_scaled(vector(before.angular_acceleration), about, turning),
             body.angular_acceleration,
         )
-        put(along_with(velocity, along, axis), body.velocity)
-        put(along_with(acceleration, 2.0 * along, turning), body.acceleration)
+        put(add_scaled(velocity, along, axis), body.velocity)
+        put(add_scaled(acceleration, 2.0 * along, turning), body.acceleration)
 
 
 @in_place

@@ -52,7 +52,7 @@ SCRATCH = type_of(_law.scratch)
 
 #: Signature of a resolver, and therefore of a law: see :class:`.LawArrays`.
 RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
-#: Signature of a demand: see :func:`demand_part`.
+#: Signature of a demand: see :func:`require_part`.
 DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
 load_law = struct_loader(_law)  #: Loaders of the law and of the answer at an address.
 load_answer = struct_loader(_answer)
@@ -64,7 +64,7 @@ def or_nan(x: Array, i: int) -> float:
     return x[i] if i < x.size else math.nan
 
 
-def demand_part(
+def require_part(
     formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int, ahead: int
 ) -> Any:
     """Make the function that :func:`demand` compiles.
@@ -137,7 +137,7 @@ def demand(
     """
     try:
         return make_part(
-            demand_part,
+            require_part,
             (formula,),
             (count, memory, int(relative), int(everywhere), int(ahead)),
             DEMAND,

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ..formulas.vectors import matrix, plus, turned, vector
+from ..formulas.vectors import matrix, plus, rotate, vector
 from ..rows import Array
 from .compiler import inner
 from .constraint_rows import WriteRows, write_row
@@ -42,7 +42,7 @@ def tip_twists(step: Step, T: Array) -> None:
     n = len(step.joints)
     J = step.J_point
     body = step.bodies[len(step.joints)]
-    tip = plus(turned(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
+    tip = plus(rotate(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
     point_jacobian(step, n, tip, J)
     for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else 1.0

@@ -56,9 +56,13 @@ def correct(own: ObserverArrays, rows: RowArrays) -> None:
         drift = 0.0
         if rows.K[i] > 0.0:
             drift = observed_drift(
-                own.seen[2, i], rows.sigma[i] - own.seen[0, i], 0.5 * (rows.sigma_dot[i] + own.seen[1, i]),
-                rows.switching_gain[i], own.period, own.time_constant,
-            )  # fmt: skip
+                own.seen[2, i],
+                rows.sigma[i] - own.seen[0, i],
+                0.5 * (rows.sigma_dot[i] + own.seen[1, i]),
+                rows.switching_gain[i],
+                own.period,
+                own.time_constant,
+            )
         own.after[0, i], own.after[1, i], own.after[2, i] = rows.sigma[i], rows.sigma_dot[i], drift
         late = own.dead_time * drift
         own.sigma[i] = rows.sigma[i] + late
@@ -76,9 +80,17 @@ def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         return NEEDS_PYTHON
     correct(own, rows)
     corrected = RowArrays(
-        own.phi, rows.Lg, own.Lf, own.sigma, own.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min,
+        own.phi,
+        rows.Lg,
+        own.Lf,
+        own.sigma,
+        own.sigma_dot,
+        rows.K,
+        rows.switching_gain,
+        rows.scale,
+        rows.qdd_min,
         rows.qdd_max,
-    )  # fmt: skip
+    )
     code: int = call_int_pointer(load_law(own.law).resolver, (own.law, corrected, task, answer))
     if code == SOLVED or code >= RELAXED_ROWS:
         for part in range(3):

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from ..rows import Array, IntArray
 from . import compiler, entry
 from .compiler import IN_PLACE, INT, VOID, compiled, in_python
-from .workspace import Size, demand_workspace, structure_at
+from .workspace import Size, require_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,7 +103,7 @@ def checked(*kinds: type) -> Callable[[Any], Any]:
     def decorate(function: Any) -> Any:
         def addresses(workspaces: tuple[Any, ...]) -> list[int]:
             return [
-                demand_workspace(*each, function.__name__)
+                require_workspace(*each, function.__name__)
                 for each in zip(workspaces, kinds, strict=True)
             ]
 

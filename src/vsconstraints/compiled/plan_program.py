@@ -45,7 +45,7 @@ MET_SOFT = 1e-6
 #: Rows that change by more than their scale over this distance [rad or m] are divided by the same
 #: factor. Far outside the image a row may be 10¹² times its scale: rounding then exceeds any
 #: fraction of it, and no other row would count beside it.
-WAY = 1e-2
+ROW_SCALE_DISTANCE = 1e-2
 #: Rows of the workspace behind those of :mod:`.least_distance`, and the total number of rows.
 TURNED = constant(5)
 SIDE = constant(6)
@@ -674,9 +674,20 @@ def plan_best(
     Return the code and the number of active rows.
     """
     hard = Space(
-        limits.low.size, space.u, space.x, space.moved, space.work, space.normals, space.F, space.T, space.active,
-        space.held, space.slack, space.gives, space.adjoint,
-    )  # fmt: skip
+        limits.low.size,
+        space.u,
+        space.x,
+        space.moved,
+        space.work,
+        space.normals,
+        space.F,
+        space.T,
+        space.active,
+        space.held,
+        space.slack,
+        space.gives,
+        space.adjoint,
+    )
     if not factorise(cost, factor):
         return RANK_LOSS, 0
     hard.work[POINT] = 0.0
@@ -685,9 +696,20 @@ def plan_best(
     code, q = search(cost, factor, limits, hard, q, 1.0, MET)
     space.held[0] = q if code == SOLVED else 0
     soft = Space(
-        space.p, space.u, space.x, space.moved, space.work, space.normals, space.F, space.T, space.active,
-        space.held, space.slack, space.gives, space.adjoint,
-    )  # fmt: skip
+        space.p,
+        space.u,
+        space.x,
+        space.moved,
+        space.work,
+        space.normals,
+        space.F,
+        space.T,
+        space.active,
+        space.held,
+        space.slack,
+        space.gives,
+        space.adjoint,
+    )
     for strength in (STRONG, WEAK):
         if code in (INCOMPATIBLE, FAILED):
             q, penalty = soften(cost, factor, limits, soft, weights, strength)

@@ -19,7 +19,16 @@ from .laws import RESOLVER, load_law
 from .least_distance import FORCE
 from .linear import copy_vector
 from .parts import call_int_pointer, load_step, struct_loader
-from .plan_program import WAY, Cost, Factor, Limits, Space, follow_block, move, plan_best
+from .plan_program import (
+    ROW_SCALE_DISTANCE,
+    Cost,
+    Factor,
+    Limits,
+    Space,
+    follow_block,
+    move,
+    plan_best,
+)
 from .resolving import finished, follow_alone, measurable
 from .workspace import (
     FAILED,
@@ -140,9 +149,20 @@ def _example() -> PlanArrays:
     one = np.zeros(1)
     counts = np.zeros(1, dtype=np.int64)
     return PlanArrays(
-        1, 1, 1, *(1.0,) * 6, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
-        by_speed=counts, **plan_space(1, 2, 1, 1),
-    )  # fmt: skip
+        1,
+        1,
+        1,
+        *(1.0,) * 6,
+        *(one,) * 5,
+        counts,
+        np.zeros((1, 1)),
+        one,
+        one,
+        counts,
+        one,
+        by_speed=counts,
+        **plan_space(1, 2, 1, 1),
+    )
 
 
 load_plans = struct_loader(_example())
@@ -245,9 +265,20 @@ def walk(plans: PlanArrays) -> int:
 def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
     """Return the limits at the first ``count`` instants."""
     return Limits(
-        count, plans.block, plans.since, plans.braking[0], plans.value, plans.gradient, plans.by_speed, plans.falls,
-        plans.left, plans.share, scale, plans.low, plans.high,
-    )  # fmt: skip
+        count,
+        plans.block,
+        plans.since,
+        plans.braking[0],
+        plans.value,
+        plans.gradient,
+        plans.by_speed,
+        plans.falls,
+        plans.left,
+        plans.share,
+        scale,
+        plans.low,
+        plans.high,
+    )
 
 
 @in_place
@@ -325,7 +356,7 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
             for j in range(plans.then.size):
                 before = plans.falls[t] * abs(plans.gradient[t, i, j])
                 steepest = max(steepest, abs(plans.gradient[t + 1, i, j]), before)
-            plans.share[t, i] = scale[i] / max(scale[i], WAY * steepest)
+            plans.share[t, i] = scale[i] / max(scale[i], ROW_SCALE_DISTANCE * steepest)
 
 
 @in_place

@@ -17,8 +17,8 @@ from ..formulas.vectors import (
     minus,
     plus,
     product,
-    turned,
-    turned_back,
+    rotate,
+    rotate_inverse,
     vector,
 )
 from ..rows import Array, IntArray
@@ -52,7 +52,7 @@ def pose_step(
     """Write the Gauss–Newton step (1, 6) from a pose, and return its length."""
     W = parts.matrix(scratch, 2 * len(markers), 7)
     for i in range(len(markers)):
-        P = turned_back(R, minus(vector(markers[i]), t))
+        P = rotate_inverse(R, minus(vector(markers[i]), t))
         Z = max(P[2], MINIMUM_DEPTH)
         x = P[0] / Z
         y = P[1] / Z
@@ -88,7 +88,7 @@ def explain(
         length = pose_step(markers, seen, R, t, step, scratch)
         if not length < math.inf:
             return False, R, t
-        t = plus(turned(R, (step[0, 0], step[0, 1], step[0, 2])), t)
+        t = plus(rotate(R, (step[0, 0], step[0, 1], step[0, 2])), t)
         R = product(R, turn_by((step[0, 3], step[0, 4], step[0, 5])))
         if length < CONVERGED:
             break
@@ -155,7 +155,7 @@ def observe(
     if not found:
         return 1
     for i in range(len(seen)):
-        P = turned_back(R, minus(vector(believed.markers[i]), where))
+        P = rotate_inverse(R, minus(vector(believed.markers[i]), where))
         if not P[2] >= MINIMUM_DEPTH:
             return 1
         believed.measured[i, 2] = P[2]

@@ -11,7 +11,7 @@ from ..formulas.innovation import MEMORY, depth_innovation, image_innovation, sl
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle
 from ..formulas.rotation import whole_turns
-from ..formulas.vectors import matrix, plus, times, turned, vector
+from ..formulas.vectors import matrix, plus, rotate, times, vector
 from ..rows import Array, BoolArray
 from .camera import (
     carry,
@@ -117,9 +117,14 @@ def write_box(step: Step, j: int) -> None:
     """Write the range of acceleration that a joint's limits allow."""
     given = step.limits
     limits = JointLimits(
-        given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
+        given.acceleration[j],
+        given.change[j],
+        given.q_min[j],
+        given.q_max[j],
+        given.qd_max[j],
+        given.ranges,
         given.period,
-    )  # fmt: skip
+    )
     least, greatest = joint_box(step.q[j], step.qd[j], step.last_command[j], limits)
     step.rows.qdd_min[j] = least
     step.rows.qdd_max[j] = greatest
@@ -158,7 +163,7 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
     for i in range(len(step.places)):
         point = step.robot_points[i]
         spot = step.places[i]
-        r = turned(matrix(step.bodies[point.body].R), vector(point.offset))
+        r = rotate(matrix(step.bodies[point.body].R), vector(point.offset))
         position, velocity, drift = carry(step, point.body, r)
         put(position, spot.position)
         put(velocity, spot.velocity)
@@ -265,6 +270,6 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
             point = step.robot_points[i]
             body = step.bodies[point.body]
             put(
-                plus(vector(body.origin), turned(matrix(body.R), vector(point.offset))),
+                plus(vector(body.origin), rotate(matrix(body.R), vector(point.offset))),
                 points[k, i],
             )

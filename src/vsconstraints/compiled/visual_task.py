@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..formulas.features import image_row, pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.tracking import demanded, gains, minimum_jerk, resting
-from ..formulas.vectors import matrix, turned, vector
+from ..formulas.vectors import matrix, rotate, vector
 from .compiler import in_place
 from .kinematics import put
 from .linear import START
@@ -50,8 +50,8 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
     put(w_ddot, step.drift[3:])
     J = step.camera_J
     for j in range(J.shape[1]):
-        put(turned(E, vector(J[:3, j])), task.J[:3, j])
-        put(turned(L, vector(J[3:, j])), task.J[3:, j])
+        put(rotate(E, vector(J[:3, j])), task.J[:3, j])
+        put(rotate(L, vector(J[3:, j])), task.J[3:, j])
 
 
 @in_place

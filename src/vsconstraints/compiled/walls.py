@@ -37,7 +37,7 @@ class Resolved(NamedTuple):
     acted: BoolArray
 
 
-class Walls(NamedTuple):
+class Inequalities(NamedTuple):
     """Inequalities N x ≤ sides (w,): f demands that accelerations influence, then the box.
 
     ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled. ``held``
@@ -98,7 +98,7 @@ def count_resisting(
 @inner
 def gather_walls(
     demands: Demands, box: Array, fixed: BoolArray, free: int, resolved: Resolved, scratch: Scratch
-) -> Walls:
+) -> Inequalities:
     """Return the demands and the box as inequalities.
 
     A violated demand that no acceleration influences becomes slack.
@@ -136,11 +136,11 @@ def gather_walls(
     limits = vector(scratch, w)
     held = flags(scratch, w)
     copy_vector(limits, sides)
-    return Walls(normals, sides, limits, held, rows, W, which, violation)
+    return Inequalities(normals, sides, limits, held, rows, W, which, violation)
 
 
 @in_place
-def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
+def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
     """Express the rows in y of x = origin + Z y: H (p, w), and their sides.
 
     Return False if a side is not a number.
@@ -167,7 +167,7 @@ def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
 
 
 @in_place
-def hold(walls: Walls) -> None:
+def hold(walls: Inequalities) -> None:
     """Mark the rows that pull on the answer as active."""
     strongest = 0.0
     for i in range(walls.held.size):
@@ -177,7 +177,7 @@ def hold(walls: Walls) -> None:
 
 
 @in_place
-def report(walls: Walls, resolved: Resolved) -> bool:
+def report(walls: Inequalities, resolved: Resolved) -> bool:
     """Write slack and active rows. Return True if any demand is violated."""
     qdd, slack, acted = resolved
     violation = walls.violation

@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from ..errors import InvalidInput, shown
+from ..errors import InvalidInput, format_value
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 
@@ -72,9 +72,17 @@ POINT = record("#body", ("offset", V3))
 #: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is the share of the goal's L: 0,
 #: 1 or a half.
 TASK = record(
-    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
-    "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
-)  # fmt: skip
+    "#feature",
+    "share",
+    "#drift_by_differences",
+    "#velocity_by_differences",
+    "#reference_by_differences",
+    "Kp0",
+    "slope",
+    "damping",
+    "rest_damping",
+    "rest_stiffness",
+)
 #: Start time of a goal, duration in which s_ref gets there (0: at once), and the camera's pose
 #: there.
 GOAL = record("from_time", "reach_in", *POSE)
@@ -86,9 +94,14 @@ PART = record(
 #: Body in the base frame, for q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin,
 #: ω̇, v̇.
 BODY = record(
-    ("R", M3), ("origin", V3), ("axis", V3), ("angular_velocity", V3), ("velocity", V3), ("angular_acceleration", V3),
+    ("R", M3),
+    ("origin", V3),
+    ("axis", V3),
+    ("angular_velocity", V3),
+    ("velocity", V3),
+    ("angular_acceleration", V3),
     ("acceleration", V3),
-)  # fmt: skip
+)
 #: Marker in the image: normalised coordinates, their first and, for q̈ = 0, second derivative, and
 #: Z.
 MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
@@ -97,9 +110,13 @@ PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
 #: Camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (for q̈ = 0) relative to the
 #: target, in the camera's axes.
 EYE = record(
-    ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
+    ("R", M3),
+    ("origin", V3),
+    ("velocity", V3),
+    ("angular_velocity", V3),
+    ("acceleration", V3),
     ("angular_acceleration", V3),
-)  # fmt: skip
+)
 #: 1 if pixels are measured, 1 if the camera's pose is measured, and the time of the measurement.
 MEASUREMENT = record("#given", "#pose_given", "time")
 #: Camera's pose in the target's frame at some time, as far as the motion is known.
@@ -277,9 +294,23 @@ class Step(NamedTuple):
 
 #: Outputs of a step, in the order in which they stand in one array.
 OUTPUTS = (
-    "qdd_min", "qdd_max", "phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate", "rest", "pixels",
-    "points", "camera_R", "camera_t",
-)  # fmt: skip
+    "qdd_min",
+    "qdd_max",
+    "phi",
+    "Lg",
+    "Lf",
+    "sigma",
+    "sigma_dot",
+    "J",
+    "b",
+    "error",
+    "error_rate",
+    "rest",
+    "pixels",
+    "points",
+    "camera_R",
+    "camera_t",
+)
 
 
 @cache
@@ -412,14 +443,14 @@ class Workspace:
         return self._in_python
 
 
-def demand_workspace(given: object, kind: type, function: str) -> int:
+def require_workspace(given: object, kind: type, function: str) -> int:
     """Return the address of a workspace of the given kind of structure.
 
     Raise InvalidInput, which names the function, for anything else.
     """
     if isinstance(given, Workspace) and type(given.structure) is kind:
         return given.address
-    what = type(given.structure).__name__ if isinstance(given, Workspace) else shown(given)
+    what = type(given.structure).__name__ if isinstance(given, Workspace) else format_value(given)
     raise InvalidInput(f"{function} takes a workspace of {kind.__name__}, not {what}")
 
 

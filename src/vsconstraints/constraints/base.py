@@ -20,13 +20,13 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..errors import ConfigurationError, InvalidInput, format_value
 from ..robots.kinematics import RobotPoint
 from ..rows import Array, IntArray
 from ..rows.readable import amount, enumerated, in_one_line
 from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
-from .by_formula import ByFormula, Form, curvature_by_differences, demand_own_curvature
+from .by_formula import ByFormula, CompiledRowSpec, curvature_by_differences, require_own_curvature
 from .meshes import Mesh
 
 #: Methods that follow from a formula; a class that overrides one of them may compute anything.
@@ -72,7 +72,7 @@ class Constraint(ABC):
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
-            demand_positive(value, f"{name} of {self.kind}")
+            require_positive(value, f"{name} of {self.kind}")
         self.K = float(K)
         self.switching_gain = float(switching_gain)
 
@@ -136,7 +136,7 @@ class Constraint(ABC):
         """
         return ""
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the description from which the compiled step computes the rows.
 
         It is None if :meth:`rows` computes them in NumPy.
@@ -150,7 +150,7 @@ class Constraint(ABC):
         """
         return []
 
-    def says(self, word: str, methods: Sequence[str]) -> bool:
+    def declares(self, word: str, methods: Sequence[str]) -> bool:
         """True if no class overrides these methods below the class that sets ``word``.
 
         Such an attribute describes all of these methods.
@@ -197,17 +197,19 @@ class PositionConstraint(ByFormula, Constraint):
                 f"gradient too, or "
                 "both by a formula"
             )
-        demand_own_curvature(type(self))
+        require_own_curvature(type(self))
 
-    def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:
+    def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> CompiledRowSpec | None:
         """Return the compiled form of rows of the kind ``rows`` for these markers or points.
 
         It is None unless the formula defines everything.
         """
-        if self.formula is None or not self.says("formula", FOLLOWING):
+        if self.formula is None or not self.declares("formula", FOLLOWING):
             return None
         formulas = self.formula, self.curvature_formula
-        return Form(rows, formulas, self.parameters, which, self.frame, self.margin, self.motion)
+        return CompiledRowSpec(
+            rows, formulas, self.parameters, which, self.frame, self.margin, self.motion
+        )
 
     def moving(self, motion: Motion) -> Self:
         """Return this constraint after displacing the forbidden region by d(t): σ(y − d(t)).
@@ -252,7 +254,7 @@ class PositionConstraint(ByFormula, Constraint):
         By default it is computed by central differences of the gradient along the velocity, unless
         a formula gives the gradient.
         """
-        if self.formula is not None and self.says("formula", ("gradient",)):
+        if self.formula is not None and self.declares("formula", ("gradient",)):
             return super().curvature(y, velocity)
         return curvature_by_differences(self.gradient, y, velocity)
 
@@ -274,7 +276,7 @@ def to_first_order(value: Array, gradient: Array) -> Array:
     return clearance
 
 
-def demand_margin(margin: float, kind: str) -> float:
+def require_margin(margin: float, kind: str) -> float:
     """Return the margin; raise ConfigurationError unless it is zero or more metres.
 
     The message names ``kind``.
@@ -284,14 +286,14 @@ def demand_margin(margin: float, kind: str) -> float:
     return float(margin)
 
 
-def demand_positive(value: object, what: str) -> float:
+def require_positive(value: object, what: str) -> float:
     """Return the value as a float; raise InvalidInput unless it is a positive finite number."""
     if not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
-        raise InvalidInput(f"{what} must be a positive number, not {shown(value)}")
+        raise InvalidInput(f"{what} must be a positive number, not {format_value(value)}")
     return float(value)
 
 
-def demand_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:
+def require_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:
     """Return the numbers; raise ConfigurationError unless they count from 1 without repetition.
 
     The message names ``what``.

@@ -24,7 +24,7 @@ from ..robots.kinematics import RobotPoint
 from ..robots.meshes import mesh_files, unit_of_mesh
 from ..robots.robot import Robot
 from ..rows import Array
-from .base import demand_positive
+from .base import require_positive
 from .by_formula import Keyed
 from .meshes import convex, surface
 
@@ -73,7 +73,7 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
     """
     if link_radius is None:
         return _hulls(Keyed(_made_of(robot), robot))
-    demand_positive(link_radius, "radius of the links")
+    require_positive(link_radius, "radius of the links")
     bodies = {}
     for segment in segments(robot):
         if segment.length > FIXED:
@@ -184,11 +184,11 @@ def link_points(
     Raises ConfigurationError if there is neither collision geometry nor a radius, a mesh cannot be
     read, no point of a link moves, or a link would have more than :data:`MAX_POINTS` points.
     """
-    demand_positive(spacing, "spacing of points along the links")
+    require_positive(spacing, "spacing of points along the links")
     if link_radius is None:
         along = _along_geometry(robot, spacing)
     else:
-        demand_positive(link_radius, "radius of the links")
+        require_positive(link_radius, "radius of the links")
         along = _along_segments(robot, spacing, link_radius, links)
     for link in links or ():
         if link not in along:
@@ -222,7 +222,7 @@ def _moves(robot: Robot, point: RobotPoint) -> bool:
     return max(float(np.abs(robot.kinematics(q, q, [point]).point_J).max()) for q in qs) > FIXED
 
 
-def _demand_few(link: str, length: float, spacing: float) -> None:
+def _require_few(link: str, length: float, spacing: float) -> None:
     if length > MAX_POINTS * spacing:
         raise ConfigurationError(
             f"spacing of points along the links: {link} is {length:.3g} m long, "
@@ -286,7 +286,7 @@ def _along_segments(
         covered = covered and segment.shared
         if segment.length < FIXED:
             continue
-        _demand_few(segment.link, segment.length, spacing)
+        _require_few(segment.link, segment.length, spacing)
         count = int(np.ceil(segment.length / spacing - 1e-9))
         parts = np.arange(1 if covered else 0, count + 1) / count
         covered = links is None or segment.link in links
@@ -307,7 +307,7 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
         R = np.array(placement.rotation)
         t = np.array(placement.translation)
         body.geometry.computeLocalAABB()
-        _demand_few(
+        _require_few(
             frame.name,
             float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)),
             spacing,

@@ -13,10 +13,10 @@ from ..formulas.frames import (
     TINY,
     differences_in_image,
     differences_in_space,
-    turned_back_in_image,
-    turned_in_image,
+    rotate_in_image,
+    rotate_inverse_in_image,
 )
-from ..formulas.vectors import turned, turned_back
+from ..formulas.vectors import rotate, rotate_inverse
 from ..rows import Array, IntArray
 from ..vision.motion import Motion
 
@@ -24,12 +24,12 @@ Formula = Callable[..., Any]
 Frame = tuple[Array, Array]  #: R (d, d), whose columns are the axes, and origin t (d,).
 #: R x, Rᵀ x and differences of a gradient, by the number of coordinates.
 IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
-    2: (turned_in_image, turned_back_in_image, differences_in_image),
-    3: (turned, turned_back, differences_in_space),
+    2: (rotate_in_image, rotate_inverse_in_image, differences_in_image),
+    3: (rotate, rotate_inverse, differences_in_space),
 }
 
 
-class Form(NamedTuple):
+class CompiledRowSpec(NamedTuple):
     """Description of a constraint from which the compiled step computes its rows.
 
     The rows are those of :mod:`vsconstraints.compiled.constraint_rows`. ``which`` (r,) are the
@@ -110,7 +110,7 @@ class ByFormula:
         return tuple(x) if self.frame is None else IN_FRAME[self.coordinates][1](self.frame[0], x)
 
 
-def demand_own_curvature(kind: type) -> None:
+def require_own_curvature(kind: type) -> None:
     """Raise ConfigurationError if a class has a formula but inherits another one's curvature."""
     own, inherited = (
         next((c for c in kind.__mro__ if name in vars(c)), object)

@@ -18,7 +18,7 @@ from ..robots.geometry import Pose
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.scene import Scene, State
-from .base import Constraint, RowBlock, Trace, demand_margin, demand_positive
+from .base import Constraint, RowBlock, Trace, require_margin, require_positive
 from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
 from .meshes import Mesh, mesh_of
@@ -58,10 +58,10 @@ class BodyDistance(Constraint):
         length: float,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self.scale = self.length = demand_positive(length, f"length of {self.kind}")
+        self.scale = self.length = require_positive(length, f"length of {self.kind}")
         self.robot = robot
         self.pairs = tuple(pairs)
-        self.margin = demand_margin(margin, self.kind)
+        self.margin = require_margin(margin, self.kind)
         self._model = robot.model
         self._data = robot.model.createData()
         # unique bodies, compared by identity because solids of coal cannot be compared

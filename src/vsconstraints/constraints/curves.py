@@ -17,8 +17,8 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas import curves as formulas
 from ..robots.geometry import Vector2, vector
-from .base import demand_positive
-from .by_formula import ByFormula, Formula, demand_own_curvature
+from .base import require_positive
+from .by_formula import ByFormula, Formula, require_own_curvature
 from .image_constraint import ImageConstraint
 
 
@@ -35,7 +35,7 @@ class Shape(ByFormula):
     def __post_init__(self) -> None:
         vars(self).update(
             {
-                name: demand_positive(value, f"{name} of a shape")
+                name: require_positive(value, f"{name} of a shape")
                 for name, value in vars(self).items()
             }
         )
@@ -119,7 +119,7 @@ class Curve(ByFormula):
     def __init__(
         self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0
     ) -> None:
-        demand_own_curvature(type(shape))
+        require_own_curvature(type(shape))
         self.shape = shape
         self.centre = vector(centre_px, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):

@@ -13,7 +13,7 @@ from ..formulas import curves as formulas
 from ..formulas.lenses import MODELS
 from ..rows import Array
 from ..vision.camera import Camera
-from .base import Trace, demand_positive
+from .base import Trace, require_positive
 from .by_formula import Formula
 from .image_constraint import ImageConstraint
 
@@ -60,7 +60,7 @@ class FieldOfView(ImageConstraint):
                 f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px "
                 f"< {half.min():g}"
             )
-        self.n = demand_positive(n, "n of fov")
+        self.n = require_positive(n, "n of fov")
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
         self.parameters = (*self.half_size.tolist(), self.n)

@@ -17,8 +17,8 @@ from ..errors import ConfigurationError
 from ..formulas.polylines import prepared
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
-from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
-from .by_formula import Form, Keyed
+from .base import PositionConstraint, RowBlock, Trace, require_numbers, require_positive
+from .by_formula import CompiledRowSpec, Keyed
 
 #: Spacing of the grid on which a curve is searched for [px]; narrower parts may be missed.
 STEP = 1.0
@@ -55,9 +55,9 @@ class ImageConstraint(PositionConstraint):
         markers: Sequence[int] | None = None,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self.length = demand_positive(length, f"length of {self.kind}")
+        self.length = require_positive(length, f"length of {self.kind}")
         self.markers = (
-            None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
+            None if markers is None else require_numbers(markers, f"markers of {self.kind}")
         )
         self._at: slice | Array = (
             slice(None) if self.markers is None else np.array(self.markers) - 1
@@ -89,7 +89,7 @@ class ImageConstraint(PositionConstraint):
         motion = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
         return self.chain_rule(self.relative(motion, state))
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the markers concerned."""
         return self.formula_form("image_rows", np.arange(len(scene.markers))[self._at])
 
@@ -137,7 +137,7 @@ class ImageConstraint(PositionConstraint):
 
     @property
     def _known(self) -> bool:
-        return self.formula is not None and self.says("formula", ("sigma", "gradient"))
+        return self.formula is not None and self.declares("formula", ("sigma", "gradient"))
 
     def _on_grid(self, u: Array, v: Array) -> Array:
         """Return σ (b, a) on a grid of u (a,) and v (b,).

@@ -12,14 +12,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..formulas.rotation import whole_turns
 from ..robots.geometry import Numbers
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.scene import Scene, State
-from .base import Constraint, RowBlock, Trace, demand_numbers, to_first_order
-from .by_formula import Form, differences_along
+from .base import Constraint, RowBlock, Trace, require_numbers, to_first_order
+from .by_formula import CompiledRowSpec, differences_along
 
 
 class RowsOfJoints(Constraint):
@@ -37,13 +37,15 @@ class RowsOfJoints(Constraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """Return half of the allowed range (r,) of each row."""
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of rows that are declared linear, from their values at rest."""
         rows, value = self._compiled
-        if not (self.linear and self.says("linear", (value, "gradient", "curvature", "rows"))):
+        if not (self.linear and self.declares("linear", (value, "gradient", "curvature", "rows"))):
             return None
         rest = np.zeros(scene.robot.n)
-        return Form(rows, gradients=self.gradient(rest), offsets=getattr(self, value)(rest))
+        return CompiledRowSpec(
+            rows, gradients=self.gradient(rest), offsets=getattr(self, value)(rest)
+        )
 
 
 class JointConstraint(RowsOfJoints):
@@ -119,7 +121,7 @@ class SpeedConstraint(RowsOfJoints):
         return band
 
 
-class OfJoints:
+class JointLimitRows:
     """Rows on single joints: one for each upper limit, then one for each lower limit.
 
     ``joints`` are the numbers of the joints.
@@ -151,7 +153,7 @@ class OfJoints:
                 else tuple(int(i) + 1 for i in np.flatnonzero(limited))
             )
         else:
-            numbers = demand_numbers(joints, f"joints of {self.kind}")
+            numbers = require_numbers(joints, f"joints of {self.kind}")
             if max(numbers) > robot.n:
                 raise ConfigurationError(
                     f"joints of {self.kind} are numbers from 1 to {robot.n}, not {list(numbers)}"
@@ -223,7 +225,7 @@ class OfJoints:
         return self._gradient
 
 
-class JointRange(OfJoints, JointConstraint):
+class JointRange(JointLimitRows, JointConstraint):
     """Joints stay in their ranges, those of the robot or given ones.
 
     ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for
@@ -269,7 +271,7 @@ class JointRange(OfJoints, JointConstraint):
         on_circle = np.isfinite(self._middles)
         return self._value(q - whole_turns(np.where(on_circle, q - self._middles, 0.0)))
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return linear rows; continuous joints are counted from the middle of their range."""
         form = super().compiled_form(scene, points)
         if form is None:
@@ -281,7 +283,7 @@ class JointRange(OfJoints, JointConstraint):
         )
 
 
-class JointSpeed(OfJoints, SpeedConstraint):
+class JointSpeed(JointLimitRows, SpeedConstraint):
     """Joints stay below their speed limits, those of the robot or given ones.
 
     q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split
@@ -327,4 +329,4 @@ def limit_array(value: ArrayLike, what: str) -> Array:
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None
+        raise ConfigurationError(f"{what} must be numbers, not {format_value(value)}") from None

@@ -11,8 +11,8 @@ from ..qp.decomposition import svd
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.scene import Scene
-from .base import Constraint, Trace, demand_positive
-from .by_formula import Form
+from .base import Constraint, Trace, require_positive
+from .by_formula import CompiledRowSpec
 
 Part = Literal["pose", "position", "orientation"]  #: Rows of the tip's Jacobian that count.
 #: Range of these rows.
@@ -45,8 +45,8 @@ class Manipulability(Constraint):
         part: Part = "pose",
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self.minimum = demand_positive(minimum, "minimum of manipulability")
-        self.w_scale = demand_positive(
+        self.minimum = require_positive(minimum, "minimum of manipulability")
+        self.w_scale = require_positive(
             minimum if scale is None else scale, "scale of manipulability"
         )
         if part not in get_args(Part):
@@ -68,7 +68,7 @@ class Manipulability(Constraint):
         """Return ``manipulability``, with the part if it is not the pose."""
         return (self.kind if self.part == "pose" else f"{self.kind}[{self.part}]",)
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the form of the row that compiled code computes from the tip's Jacobian.
 
         Compiled code has its own decomposition of the Jacobian.
@@ -76,7 +76,7 @@ class Manipulability(Constraint):
         at = self._rows
         numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
         return (
-            Form("manipulability_rows", parameters=numbers)
+            CompiledRowSpec("manipulability_rows", parameters=numbers)
             if type(self).rows is Constraint.rows
             else None
         )

@@ -13,8 +13,8 @@ from ..formulas.tracking import funnel, goal_at
 from ..rows import Array
 from ..vision.features import Goal
 from ..vision.scene import Scene
-from .base import Constraint, Trace, demand_numbers, demand_positive
-from .by_formula import Form
+from .base import Constraint, Trace, require_numbers, require_positive
+from .by_formula import CompiledRowSpec
 
 #: Components of a camera pose's error, in the frame of the goal's camera.
 POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
@@ -53,7 +53,7 @@ class PerformanceFunnel(Constraint):
         super().__init__(K=self.K, switching_gain=self.switching_gain)
         for name in ("decay", "final", "translation_m", "rotation_rad", "feature_px"):
             if getattr(self, name) is not None:
-                setattr(self, name, demand_positive(getattr(self, name), f"{name} of {self.kind}"))
+                setattr(self, name, require_positive(getattr(self, name), f"{name} of {self.kind}"))
         if self.final > 1.0 or self.K * self.decay >= 1.0:
             raise ConfigurationError(
                 f"{self.kind} must not widen, nor narrow faster than rows approach their "
@@ -77,7 +77,7 @@ class PerformanceFunnel(Constraint):
         if self.markers is not None and not self.of_image:
             raise ConfigurationError(f"markers of {self.kind} go with feature_px")
         if self.markers is not None:
-            self.markers = demand_numbers(self.markers, f"markers of {self.kind}")
+            self.markers = require_numbers(self.markers, f"markers of {self.kind}")
         width: list[float | None] = [self.translation_m] * 3 + [self.rotation_rad] * 3
         at = [i for i, size in enumerate(width) if size is not None]
         if self.of_image:
@@ -117,7 +117,7 @@ class PerformanceFunnel(Constraint):
         """Return the units of the rows: pixels, metres or radians."""
         return tuple("px" if self.of_image else "m" if i < 3 else "rad" for i in self._both)
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the form of the rows, which are computed from markers or the camera's pose."""
         if type(self).rows is not Constraint.rows:
             return None
@@ -135,7 +135,7 @@ class PerformanceFunnel(Constraint):
             *np.concatenate(wanted).tolist(),
         )
         rows = "image_funnel_rows" if self.of_image else "pose_funnel_rows"
-        return Form(rows, parameters=numbers, which=self._both, offsets=self._side)
+        return CompiledRowSpec(rows, parameters=numbers, which=self._both, offsets=self._side)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the clearance ρ ∓ eᵢ [px, m or rad]."""

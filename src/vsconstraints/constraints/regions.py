@@ -22,11 +22,11 @@ from .base import (
     PositionConstraint,
     RowBlock,
     Trace,
-    demand_margin,
-    demand_positive,
+    require_margin,
+    require_positive,
     to_first_order,
 )
-from .by_formula import Form
+from .by_formula import CompiledRowSpec
 from .meshes import Mesh, mesh_of, traced
 
 
@@ -53,7 +53,7 @@ class PointConstraint(PositionConstraint):
         super().__init__(K=K, switching_gain=switching_gain)
         if not points:
             raise ConfigurationError(f"{self.kind} needs at least one robot point")
-        self.scale = self.length = demand_positive(length, f"length of {self.kind}")
+        self.scale = self.length = require_positive(length, f"length of {self.kind}")
         self.name = name
         self.points = tuple(points)
 
@@ -69,7 +69,7 @@ class PointConstraint(PositionConstraint):
         motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
         return self.chain_rule(self.relative(motion, state))
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the points concerned."""
         return self.formula_form("point_rows", range(points.start, points.stop))
 
@@ -124,7 +124,7 @@ class ForbiddenRegion(PointConstraint):
             K=K, switching_gain=switching_gain, length=length, points=points, name=name
         )
         self.pose = pose
-        self.margin = demand_margin(margin, f"a {self.kind}")
+        self.margin = require_margin(margin, f"a {self.kind}")
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
         """Return the surface in the region's frame.
@@ -195,7 +195,7 @@ class ForbiddenSphere(KnownRegion):
     radius: float  #: r [m].
 
     def __post_init__(self) -> None:
-        self.radius = demand_positive(self.radius, "radius of a sphere")
+        self.radius = require_positive(self.radius, "radius of a sphere")
         self.place(
             np.eye(3), vector(self.centre, 3, "centre of a sphere"), self.radius, self.radius
         )
@@ -273,7 +273,7 @@ class RegionAroundAxis(KnownRegion):
     radius: float  #: Radius [m].
 
     def __post_init__(self) -> None:
-        self.radius = demand_positive(self.radius, f"radius of a {self.kind}")
+        self.radius = require_positive(self.radius, f"radius of a {self.kind}")
         start, end = (
             vector(getattr(self, name), 3, f"{name} of a {self.kind}") for name in ("start", "end")
         )

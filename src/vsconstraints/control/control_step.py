@@ -21,8 +21,8 @@ from ..robots.geometry import Pose
 from ..rows import Array, Command
 from ..vision.camera import Camera
 from ..vision.tracking import VisualTask
-from .evaluator import Bound, CurrentState, Evaluation, Evaluator
-from .gradients import demand_gradients, own_constraints
+from .evaluator import CompiledStep, CurrentState, Evaluation, Evaluator
+from .gradients import own_constraints, require_gradients
 
 if TYPE_CHECKING:
     from ..controllers.base import Controller
@@ -126,7 +126,7 @@ class Model:
         return following[0].from_time - JUST_BEFORE if following else np.inf
 
     @property
-    def loop(self) -> Bound | None:
+    def loop(self) -> CompiledStep | None:
         """Compiled step in the loop; None where anything runs in NumPy."""
         return self._of.bound()
 
@@ -206,7 +206,7 @@ class ControlStep(Evaluator):
         return evaluation
 
     def _check_gradients(self, t: float, q: Array, qd: Array) -> None:
-        demand_gradients(
+        require_gradients(
             self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd))
         )
         self._gradients_checked = True

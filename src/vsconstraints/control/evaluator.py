@@ -14,10 +14,10 @@ from ..errors import InvalidInput, SceneError
 from ..robots.geometry import Pose
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import UNKNOWN, Array, BoolArray, Rows, Task
-from ..vision.measurement import Beside, Measurement, Plausible, doubts_of
+from ..vision.measurement import Deviations, Measurement, Plausible, describe_implausible
 from ..vision.scene import PointMotion, Scene, State, interaction_matrix
 from ..vision.tracking import VisualTask
-from .packing import Packed
+from .packing import StepArrays
 
 if TYPE_CHECKING:
     from ..controllers.base import Controller
@@ -39,7 +39,7 @@ class Evaluation:
 
     __slots__ = ("_constraints", "_packed", "out")
 
-    def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
+    def __init__(self, packed: StepArrays, constraints: ConstraintSet, out: Array) -> None:
         self._packed = packed
         self._constraints = constraints
         self.out = out
@@ -87,7 +87,7 @@ class Evaluation:
     camera_t = _view("camera_t")
 
 
-class Bound:
+class CompiledStep:
     """Compiled step for loops: every sample overwrites the one before.
 
     ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``). It returns 0 if ``out`` now
@@ -98,7 +98,7 @@ class Bound:
 
     __slots__ = ("evaluate", "measure", "now", "out", "packed")
 
-    def __init__(self, packed: Packed, constraints: ConstraintSet) -> None:
+    def __init__(self, packed: StepArrays, constraints: ConstraintSet) -> None:
         kernels = load("step")
         self.packed = packed
         self.out = packed.out
@@ -163,7 +163,7 @@ class Evaluator:
         self.believes = not known and constraints.has_unknown_motion(scene)
         self._settings = {"known": known, "limits": limits, "period": period}
         self._limits = limits.arrays(scene.robot.ranges, period) if limits.any else None
-        self.packed = Packed(scene, constraints, task, known, self._limits)
+        self.packed = StepArrays(scene, constraints, task, known, self._limits)
         step = self.packed.step
         self._now = (step.time, step.q, step.qd)
         self._correction = step.correction
@@ -194,8 +194,8 @@ class Evaluator:
         camera = self.scene.camera
         seen = evaluation.pixels
         step = self.packed.step
-        beside = Beside(self._correction, self._slip, step.measured[:, 2], step.depth_ratio)
-        return doubts_of(self.innovation, self._bounds, camera, seen, beside)
+        beside = Deviations(self._correction, self._slip, step.measured[:, 2], step.depth_ratio)
+        return describe_implausible(self.innovation, self._bounds, camera, seen, beside)
 
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:
@@ -352,10 +352,12 @@ class Evaluator:
         """
         self.last_command[:] = qdd
 
-    def bound(self) -> Bound | None:
+    def bound(self) -> CompiledStep | None:
         """Return the compiled step for loops; None where anything runs in NumPy."""
         packed = self.packed
-        return None if packed.others or packed.own_feature else Bound(packed, self.constraints)
+        return (
+            None if packed.others or packed.own_feature else CompiledStep(packed, self.constraints)
+        )
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """Return the markers and robot points at (N,) times t [s] and (N, n) coordinates q.

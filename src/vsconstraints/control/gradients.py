@@ -33,7 +33,7 @@ def own_constraints(constraints: ConstraintSet) -> list[Constraint]:
     ]
 
 
-def demand_gradients(
+def require_gradients(
     scene: Scene,
     constraints: ConstraintSet,
     task: VisualTask,

@@ -23,7 +23,7 @@ from ..vision.tracking import Rest, TrackingGains, VisualTask
 SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's interaction matrix.
 
 
-class Packed:
+class StepArrays:
     """Arrays of the compiled ``step`` of a scene, its output array ``out`` and its ``workspace``.
 
     ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are the

@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
@@ -158,7 +158,7 @@ def make_controller(
         raise
     except (Exception, SystemExit) as error:  # a custom law may fail in any way
         raise ConfigurationError(
-            f"controller {name!r} cannot be made with {shown(options)}: {described(error)}"
+            f"controller {name!r} cannot be made with {format_value(options)}: {described(error)}"
         ) from error
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..formulas.limits import stopping
 from ..formulas.row import Row
 from .demand import Demand
@@ -29,7 +29,9 @@ class WithRate(Demand):
 
     def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
         """See :class:`.Demand`."""
-        return ConfigurationError(f"{name} must be {wanted}, not {shown(getattr(self, name))}")
+        return ConfigurationError(
+            f"{name} must be {wanted}, not {format_value(getattr(self, name))}"
+        )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
-from ..errors import InvalidInput, SolverError, shown
+from ..errors import InvalidInput, SolverError, format_value
 from ..rows import OPTIONAL, Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
 from ..rows.factors import AS_THEY_ARE, RowFactors
@@ -190,16 +190,16 @@ def fault_of(command: object, rows: Rows, task: Task) -> str:
     n = task.J.shape[1]
     m = len(rows.labels)
     if not isinstance(command, Command):
-        return f"the law gave {shown(command)}, not a Command"
+        return f"the law gave {format_value(command)}, not a Command"
     for name, array, kind in (
         ("qdd", command.qdd, np.floating),
         ("acted", command.acted, np.bool_),
     ):
         if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
-            return f"{name} must be an array of {kind.__name__}, not {shown(array)}"
+            return f"{name} must be an array of {kind.__name__}, not {format_value(array)}"
     if not (isinstance(command.status, str) and command.status in get_args(Status)):
         return (
-            f"the law gave the status {shown(command.status)}, which is none of "
+            f"the law gave the status {format_value(command.status)}, which is none of "
             f"{', '.join(get_args(Status))}"
         )
     if command.qdd.shape != (n,) or command.acted.shape != (m,):
@@ -212,11 +212,11 @@ def fault_of(command: object, rows: Rows, task: Task) -> str:
         slack is None
         or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())
     ):
-        return f"slack must be None or {m} finite numbers, not {shown(slack)}"
+        return f"slack must be None or {m} finite numbers, not {format_value(slack)}"
     return beyond_rounding(rows, command.qdd)
 
 
-def demand_known(
+def require_known(
     who: str,
     rows: Rows,
     uses: Collection[str],
@@ -241,13 +241,14 @@ def demand_known(
         )
     if remembered and remembered != rows.labels:
         raise InvalidInput(
-            f"{who} remembers other rows, {shown(remembered)}: reset() the law before it is given "
+            f"{who} remembers other rows, {format_value(remembered)}: reset() the law before it "
+            f"is given "
             f"those of another "
-            f"scene, {shown(rows.labels)}"
+            f"scene, {format_value(rows.labels)}"
         )
 
 
-def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
+def require_model(who: str, rows: Rows, task: Task, model: Any) -> None:
     """Raise InvalidInput if there is no model, or it has other rows or another robot."""
     if model is None:
         raise InvalidInput(

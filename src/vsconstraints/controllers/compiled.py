@@ -107,7 +107,7 @@ class CompiledLaw:
         kernel, otherwise = [each and getattr(load(each[0]), each[1]) for each in kernels]
         self.arrays = LawArrays(
             parts.address(kernel),
-            parts.address(asks or laws.demand_part(type(demand).formula, *map(int, form))),
+            parts.address(asks or laws.require_part(type(demand).formula, *map(int, form))),
             parts.address(load("task_priority").track),
             parts.address(otherwise) if otherwise else 0,
             int(resolver.tracks(demand)),

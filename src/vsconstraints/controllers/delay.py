@@ -10,7 +10,7 @@ import numpy as np
 from ..compiled import load
 from ..errors import InvalidInput, SceneError
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
-from .base import Controller, Wrapper, demand_known, demand_model
+from .base import Controller, Wrapper, require_known, require_model
 from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import positive_number
 
@@ -118,8 +118,8 @@ class DelayCompensated(Wrapper):
         ``law`` is the address of the bound inner law, 0 if there is none.
         """
         who = "a law with a command_delay"
-        demand_model(who, rows, task, self.model)
-        demand_known(who, rows, ("period",), self.period)
+        require_model(who, rows, task, self.model)
+        require_known(who, rows, ("period",), self.period)
         assert self.period is not None
         if self._parts is None or law not in (0, self._parts.law):
             delay = split_delay("command_delay of a law", self.command_delay, self.period)

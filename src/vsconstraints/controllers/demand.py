@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY, Field, dataclass, fields
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, shown
+from ..errors import InvalidInput, format_value
 from .ranges import ROWS, Part, option, positive, share
 
 #: Fields of :class:`vsconstraints.formulas.row.Row` that a demand may use in addition to φ, u⁺ and
@@ -95,7 +95,7 @@ class Demand(Part, ABC):
         """Create the exception for a parameter that is not as ``wanted``."""
         return InvalidInput(
             f"{name} of {self.owner or self.name} must be {wanted}, not "
-            f"{shown(getattr(self, name))}"
+            f"{format_value(getattr(self, name))}"
         )
 
     @property

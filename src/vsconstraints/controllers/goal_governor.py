@@ -9,9 +9,9 @@ import numpy as np
 
 from ..compiled import load
 from ..compiled.workspace import zeros
-from ..errors import ConfigurationError, InvalidInput, SceneError, shown
+from ..errors import ConfigurationError, InvalidInput, SceneError, format_value
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, demand_model, restart
+from .base import Controller, require_model, restart
 from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, in_usual_layout, tracking_of
 from .demands import Nothing
 from .laws import Pair
@@ -93,7 +93,9 @@ class GoalGovernor(Controller):
     def __setattr__(self, name: str, value: Any) -> None:
         if name in type(self).ranges:
             if not (name == "horizon" and value is None) and positive(value) is None:
-                raise InvalidInput(f"{name} of {self.name} must be positive, not {shown(value)}")
+                raise InvalidInput(
+                    f"{name} of {self.name} must be positive, not {format_value(value)}"
+                )
             own = {**vars(self), name: value}
             if {"margin", "influence"} <= own.keys() and own["influence"] <= own["margin"]:
                 raise ConfigurationError(
@@ -211,7 +213,7 @@ class GoalGovernor(Controller):
             raise InvalidInput(
                 f"{self.name} uses task.error and task.error_rate, which this task does not give"
             )
-        demand_model(self.name, rows, task, model)
+        require_model(self.name, rows, task, model)
         made = self.governor or Governor.of(model, self.periods, (k, n))
         if made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} has remembered another task: reset() it first")

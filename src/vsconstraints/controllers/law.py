@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS
-from ..errors import ConfigurationError, InvalidInput, SolverError, shown
+from ..errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ..qp import SolverChain
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
-from .base import Controller, demand_known
+from .base import Controller, require_known
 from .compiled import BoundLaw, CompiledLaw, in_usual_layout
 from .demand import USES, Demand
 from .least_norm import track
@@ -54,7 +54,7 @@ class Law(Controller):
     def __init__(self, demand: Demand, resolver: Resolver) -> None:
         for part, kind in ((demand, Demand), (resolver, Resolver)):
             if not isinstance(part, kind):
-                raise ConfigurationError(f"a law needs a {kind.__name__}, not {shown(part)}")
+                raise ConfigurationError(f"a law needs a {kind.__name__}, not {format_value(part)}")
         self.period = None
         self.demand = demand
         self.resolver = resolver
@@ -105,7 +105,8 @@ class Law(Controller):
             number = positive(period)
             if number is None:
                 raise InvalidInput(
-                    f"the sampling period must be a positive number of seconds, not {shown(period)}"
+                    f"the sampling period must be a positive number of seconds, not "
+                    f"{format_value(period)}"
                 )
             self.period = number
         self._forget()
@@ -203,7 +204,9 @@ class Law(Controller):
         law = self._compiled
         demand = self.demand
         m = len(rows.labels)
-        demand_known(f"the demand {demand.name!r}", rows, demand.used, self.period, self.remembered)
+        require_known(
+            f"the demand {demand.name!r}", rows, demand.used, self.period, self.remembered
+        )
         if law is not None and law.labels == rows.labels:
             law.labels = rows.labels
             return law

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..compiled import load
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, Wrapper, demand_known
+from .base import Controller, Wrapper, require_known
 from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import duration, positive_number
 
@@ -94,7 +94,7 @@ class Observed(Wrapper):
         """
         remembered, made = self._parts or ((), None)
         uses = "sigma", "sigma_dot", "K", "period"
-        demand_known("a law with an observer", rows, uses, self.period, remembered)
+        require_known("a law with an observer", rows, uses, self.period, remembered)
         if made is None or law not in (0, made.law):
             numbers = self.period, self.observer, float(self.dead_time)
             fresh = load("observer").ObserverArrays.of(len(rows.labels), law, *numbers)

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..compiled import load
 from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED
-from ..errors import InvalidInput, SolverError, shown
+from ..errors import InvalidInput, SolverError, format_value
 from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
-from .base import Controller, demand_known, demand_model, fault_of
+from .base import Controller, fault_of, require_known, require_model
 from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
@@ -164,8 +164,8 @@ class PredictiveControl(Controller):
         Raises InvalidInput if there is no model of them, or no sampling period.
         """
         who = f"the law {self.name!r}"
-        demand_model(who, rows, task, self.model)
-        demand_known(who, rows, ("period",), self.period)
+        require_model(who, rows, task, self.model)
+        require_known(who, rows, ("period",), self.period)
         if self._planner is None or self._planner.shape != task.J.shape:
             self._planner = self.planner(task.J.shape)
         return self._planner
@@ -366,4 +366,4 @@ def whole_number(name: str, value: object, most: int) -> int:
     """Return the value; raise InvalidInput unless it is an integer from 1 to ``most``."""
     if not isinstance(value, bool) and isinstance(value, Integral) and 1 <= int(value) <= most:
         return int(value)
-    raise InvalidInput(f"{name} must be a whole number from 1 to {most}, not {shown(value)}")
+    raise InvalidInput(f"{name} must be a whole number from 1 to {most}, not {format_value(value)}")

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ..errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ..rows.factors import FACTORS
 
 Known = TypeVar("Known")
@@ -36,7 +36,7 @@ def rank_tolerance(value: object) -> float:
     """Return the tolerance if it is between 0 and 1; raise InvalidInput otherwise."""
     number = positive(value)
     if number is None or number >= 1.0:
-        raise InvalidInput(f"rank_tolerance must be between 0 and 1, not {shown(value)}")
+        raise InvalidInput(f"rank_tolerance must be between 0 and 1, not {format_value(value)}")
     return number
 
 
@@ -44,7 +44,7 @@ def share(name: str, value: object) -> float:
     """Return the value as a float; raise InvalidInput unless it is from 0 to less than 1."""
     number = 0.0 if value == 0.0 and value is not False else positive(value)
     if number is None or number >= 1.0:
-        raise InvalidInput(f"{name} must be at least 0 and less than 1, not {shown(value)}")
+        raise InvalidInput(f"{name} must be at least 0 and less than 1, not {format_value(value)}")
     return number
 
 
@@ -52,7 +52,9 @@ def positive_number(name: str, value: object) -> float:
     """Return the value as a float; raise ConfigurationError unless positive and finite."""
     number = positive(value)
     if number is None:
-        raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
+        raise ConfigurationError(
+            f"{name} must be a positive, finite number, not {format_value(value)}"
+        )
     return number
 
 
@@ -64,7 +66,7 @@ def duration(name: str, value: object) -> float:
     number = 0.0 if value == 0.0 and value is not False else positive(value)
     if number is None:
         raise ConfigurationError(
-            f"{name} must be a number of seconds, 0 or more, not {shown(value)}"
+            f"{name} must be a number of seconds, 0 or more, not {format_value(value)}"
         )
     return number
 
@@ -109,12 +111,14 @@ class Range:
         ends = (*self,)
         if not (all(map(_finite, ends)) and self.least < self.greatest):
             raise ConfigurationError(
-                f"a range goes from a number to a greater one, not {shown(ends)}"
+                f"a range goes from a number to a greater one, not {format_value(ends)}"
             )
         if self.logarithmic and self.least <= 0.0:
-            raise ConfigurationError(f"a logarithmic range is above zero, not {shown(ends)}")
+            raise ConfigurationError(f"a logarithmic range is above zero, not {format_value(ends)}")
         if self.integer and not all(isinstance(end, Integral) for end in ends):
-            raise ConfigurationError(f"a range of integers ends with integers, not {shown(ends)}")
+            raise ConfigurationError(
+                f"a range of integers ends with integers, not {format_value(ends)}"
+            )
 
     def __iter__(self) -> Iterator[float]:
         yield from (self.least, self.greatest)
@@ -138,7 +142,7 @@ class Choices:
     def __post_init__(self) -> None:
         if not isinstance(self.values, tuple) or len(set(map(repr, self.values))) < 2:
             raise ConfigurationError(
-                f"choices are a tuple of two values or more, not {shown(self.values)}"
+                f"choices are a tuple of two values or more, not {format_value(self.values)}"
             )
 
     def __iter__(self) -> Iterator[Any]:
@@ -240,11 +244,12 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
             raise ConfigurationError(f"{where}: {error}") from error
         if not isinstance(search, Range | Choices):
             raise ConfigurationError(
-                f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(search)}"
+                f"{where}: it must be a Range, Choices, or a pair of numbers, not "
+                f"{format_value(search)}"
             )
         if default not in search:
             raise ConfigurationError(
-                f"{where} that does not hold its default {shown(default)}: {search}"
+                f"{where} that does not hold its default {format_value(default)}: {search}"
             )
         ranges[key] = search
     return ranges

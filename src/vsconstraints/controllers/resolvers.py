@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from ..compiled import workspace as codes
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..formulas.row import share
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -129,7 +129,7 @@ class Hierarchy(Resolver):
                 isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)
             ):
                 raise ConfigurationError(
-                    f"weights must map beginnings of labels to numbers, not {shown(weights)}"
+                    f"weights must map beginnings of labels to numbers, not {format_value(weights)}"
                 )
             fixed = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
             object.__setattr__(self, "weights", fixed)
@@ -156,7 +156,7 @@ class Hierarchy(Resolver):
         """Report the weights that match no label; empty if all match."""
         weights = self.weights or {}
         idle = [
-            shown(prefix)
+            format_value(prefix)
             for prefix in weights
             if not any(label.startswith(prefix) for label in labels)
         ]
@@ -288,7 +288,9 @@ class Saturation(Hierarchy):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.scales, bool):
-            raise ConfigurationError(f"scales must be true or false, not {shown(self.scales)}")
+            raise ConfigurationError(
+                f"scales must be true or false, not {format_value(self.scales)}"
+            )
 
     @property
     def options(self) -> Array:
@@ -326,7 +328,7 @@ def _weight(prefix: str, value: object) -> float:
     if not 1.0 / MAX_WEIGHT <= weight <= MAX_WEIGHT:
         raise ConfigurationError(
             f"weights[{prefix!r}] must be between {1.0 / MAX_WEIGHT:g} and {MAX_WEIGHT:g}, not "
-            f"{shown(value)}: beside "
+            f"{format_value(value)}: beside "
             "rows of so much more weight, light ones are lost in rounding"
         )
     return weight

@@ -6,7 +6,7 @@ from typing import Any
 
 from . import formula
 from .rotation import rotation_vector
-from .vectors import Matrix, Vector, cross, minus, plus, transposed_product, turned, turned_back
+from .vectors import Matrix, Vector, cross, minus, plus, rotate, rotate_inverse, transposed_product
 
 MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker cannot be projected.
 
@@ -20,7 +20,7 @@ def pose_error(
     See :func:`.rotation_vector` for ``near`` and ``continues``.
     """
     E = transposed_product(goal_R, R)
-    return E, turned_back(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
+    return E, rotate_inverse(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
 
 
 @formula
@@ -31,7 +31,7 @@ def pose_rates(
 
     The camera's motion is given in its own axes.
     """
-    return turned(E, v), turned(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
+    return rotate(E, v), rotate(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
 
 
 @formula

@@ -15,13 +15,13 @@ TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is 
 
 
 @formula
-def turned_in_image(R: Any, x: Any) -> tuple[Any, Any]:
+def rotate_in_image(R: Any, x: Any) -> tuple[Any, Any]:
     """R x with R (2, 2) or larger."""
     return R[0, 0] * x[0] + R[0, 1] * x[1], R[1, 0] * x[0] + R[1, 1] * x[1]
 
 
 @formula
-def turned_back_in_image(R: Any, x: Any) -> tuple[Any, Any]:
+def rotate_inverse_in_image(R: Any, x: Any) -> tuple[Any, Any]:
     """Rᵀ x with R (2, 2) or larger."""
     return R[0, 0] * x[0] + R[1, 0] * x[1], R[0, 1] * x[0] + R[1, 1] * x[1]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import formula
 from .rotation import length, turn_about
-from .vectors import Matrix, Vector, cross, minus, plus, turned
+from .vectors import Matrix, Vector, cross, minus, plus, rotate
 
 
 @formula
@@ -44,7 +44,7 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
         angular_velocity[2] / turning,
     )
     R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
-    return R, plus(minus(centre, turned(R, centre)), moved)
+    return R, plus(minus(centre, rotate(R, centre)), moved)
 
 
 @formula

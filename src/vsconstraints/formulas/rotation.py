@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import formula
-from .vectors import Matrix, Vector, dot, turned
+from .vectors import Matrix, Vector, dot, rotate
 
 TURN = 2.0 * math.pi
 
@@ -150,7 +150,7 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
         (cw[2] * w[0], cw[2] * w[1], cw[2] * w[2] + rest),
     )
     L = with_half_cross(outer, w)
-    w_dot = turned(L, omega)
+    w_dot = rotate(L, omega)
     along = dot(w, w_dot)
     c_dot = slope * along
     c_dot_w = (c_dot * w[0], c_dot * w[1], c_dot * w[2])

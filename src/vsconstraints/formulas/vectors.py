@@ -45,7 +45,7 @@ def times(scale: Any, a: Any) -> Vector:
 
 
 @formula
-def along_with(a: Any, scale: Any, b: Any) -> Vector:
+def add_scaled(a: Any, scale: Any, b: Any) -> Vector:
     """Return a + scale b."""
     return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
 
@@ -63,13 +63,13 @@ def dot(a: Any, b: Any) -> Any:
 
 
 @formula
-def turned(A: Matrix, x: Any) -> Vector:
+def rotate(A: Matrix, x: Any) -> Vector:
     """Return A x."""
     return dot(A[0], x), dot(A[1], x), dot(A[2], x)
 
 
 @formula
-def turned_back(A: Matrix, x: Any) -> Vector:
+def rotate_inverse(A: Matrix, x: Any) -> Vector:
     """Return Aᵀ x."""
     return (
         A[0][0] * x[0] + A[1][0] * x[1] + A[2][0] * x[2],
@@ -81,15 +81,15 @@ def turned_back(A: Matrix, x: Any) -> Vector:
 @formula
 def product(A: Matrix, B: Matrix) -> Matrix:
     """Return A B."""
-    return turned_back(B, A[0]), turned_back(B, A[1]), turned_back(B, A[2])
+    return rotate_inverse(B, A[0]), rotate_inverse(B, A[1]), rotate_inverse(B, A[2])
 
 
 @formula
 def transposed_product(A: Matrix, B: Matrix) -> Matrix:
     """Return Aᵀ B."""
-    rows = turned_back(A, (B[0][0], B[1][0], B[2][0]))
-    middle = turned_back(A, (B[0][1], B[1][1], B[2][1]))
-    last = turned_back(A, (B[0][2], B[1][2], B[2][2]))
+    rows = rotate_inverse(A, (B[0][0], B[1][0], B[2][0]))
+    middle = rotate_inverse(A, (B[0][1], B[1][1], B[2][1]))
+    last = rotate_inverse(A, (B[0][2], B[1][2], B[2][2]))
     return (
         (rows[0], middle[0], last[0]),
         (rows[1], middle[1], last[1]),

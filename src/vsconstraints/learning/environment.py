@@ -11,12 +11,12 @@ import numpy as np
 from ..compiled.samples import ALONE, LAW, STEP
 from ..controllers import Controller, Tracking, make_controller
 from ..controllers.ranges import positive_number
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..robots.geometry import vector
 from ..rows import Array
 from ..scenarios import Scenario
 from ..scenarios.families import Family, families
-from ..simulation import Prepared
+from ..simulation import RunWorkspace
 from ..simulation.loop import Run
 from .policy import ACCELERATION, Observer
 
@@ -62,7 +62,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     ) -> None:  # fmt: skip
         if isinstance(scenes, str):
             scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
-        _demand_usable(scenes, count, law)
+        _require_usable(scenes, count, law)
         acceleration = positive_number("acceleration", acceleration)
         if violation_weight != 0.0:
             violation_weight = positive_number("violation_weight", violation_weight)
@@ -74,7 +74,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.adds = law is not None
         self.acceleration = acceleration
         self.violation_weight = violation_weight
-        self._prepared: dict[int, Prepared] = {}
+        self._prepared: dict[int, RunWorkspace] = {}
         self._begin(0)
         self.observation_space = gymnasium.spaces.Box(
             -1.0, 1.0, self._observation.shape, np.float32
@@ -90,7 +90,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             else:
                 setup = scenes.setup()
             setup.check_start()
-            self._prepared[number] = Prepared(setup, self.law.factors)
+            self._prepared[number] = RunWorkspace(setup, self.law.factors)
         self._scene = number
         prepared = self._prepared[number]
         self.run = run = Run(prepared, self.law, whole=False, by_public_call=True)
@@ -172,16 +172,19 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         return {"scene": self._scene, "t": t, "violation": self._violation, "success": success}
 
 
-def _demand_usable(scenes: object, count: object, law: object) -> None:
+def _require_usable(scenes: object, count: object, law: object) -> None:
     """Raise ConfigurationError unless the arguments can define an environment."""
     if not isinstance(scenes, Family | Scenario):
         raise ConfigurationError(
-            f"scenes must be a scenario, a family, or the name of either, not {shown(scenes)}"
+            f"scenes must be a scenario, a family, or the name of either, not "
+            f"{format_value(scenes)}"
         )
     if not _is_integer(count) or count < 1:
-        raise ConfigurationError(f"count must be an integer, 1 or more, not {shown(count)}")
+        raise ConfigurationError(f"count must be an integer, 1 or more, not {format_value(count)}")
     if not (law is None or isinstance(law, str | Controller)):
-        raise ConfigurationError(f"law must be a controller or the name of one, not {shown(law)}")
+        raise ConfigurationError(
+            f"law must be a controller or the name of one, not {format_value(law)}"
+        )
 
 
 def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
@@ -191,14 +194,14 @@ def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
     """
     if options is not None and not isinstance(options, Mapping):
         raise ConfigurationError(
-            f'{name}: options must be a table such as {{"scene": 3}}, not {shown(options)}'
+            f'{name}: options must be a table such as {{"scene": 3}}, not {format_value(options)}'
         )
     number = options.get("scene", drawn) if options else drawn
     if not _is_integer(number) or not 0 <= number < count:
         which = (
             f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
         )
-        raise ConfigurationError(f"{name}: scene must be {which}, not {shown(number)}")
+        raise ConfigurationError(f"{name}: scene must be {which}, not {format_value(number)}")
     return int(number)
 
 

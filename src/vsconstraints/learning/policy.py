@@ -10,10 +10,10 @@ from zipfile import ZipFile
 import numpy as np
 
 from ..controllers import Controller, Pair, make_controller
-from ..controllers.base import demand_model, restart
+from ..controllers.base import require_model, restart
 from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, InvalidInput, one_line
-from ..plugins.regular_files import demand_regular
+from ..plugins.regular_files import require_regular
 from ..rows import Array, Command, Rows, Task
 
 #: Acceleration of an action of 1 if the scene states no limit [rad/s² or m/s²].
@@ -124,7 +124,7 @@ class Policy(Controller):
         """
         model = self.model
         n = task.J.shape[1]
-        demand_model(self.name, rows, task, model)
+        require_model(self.name, rows, task, model)
         if self._observer is None:
             self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
         _, q, qd = model.present
@@ -141,7 +141,7 @@ class Policy(Controller):
         return self.filter.command(rows, Task(np.eye(n), qdd))
 
 
-def _demand_small(opened: BinaryIO) -> None:
+def _require_small(opened: BinaryIO) -> None:
     """Raise ValueError if the arrays of an archive declare more than :data:`MAX_BYTES`.
 
     No array is expanded for the check.
@@ -172,9 +172,9 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
     Raises the errors of :class:`Policy`.
     """
     try:
-        demand_regular(path)
+        require_regular(path)
         with path.open("rb") as opened:
-            _demand_small(opened)
+            _require_small(opened)
             with np.load(opened, allow_pickle=False) as file:
                 arrays = dict(file)
     except Exception as error:  # NumPy raises any error for invalid headers and archives

@@ -14,7 +14,7 @@ from ..comparisons.run import Run, kept_file, kept_run, unfinished
 from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, format_value, unknown_name
 from ..reports.plots import PNG, Figure, Formats
 from . import claims as _claims  # noqa: F401 - registers every claim
 from .figures import FIGURES
@@ -162,7 +162,7 @@ def chosen_claims(keys: Sequence[str]) -> list[Claim]:
         of_number = [claim.key for claim in all_claims() if str(claim.number) == number]
         if not of_number:
             topics = ", ".join(f"{number} ({topic})" for number, topic in TOPICS.items())
-            raise ConfigurationError(f"unknown claim {shown(key)}. Available: {topics}")
+            raise ConfigurationError(f"unknown claim {format_value(key)}. Available: {topics}")
         if key not in CLAIMS and not key.isdecimal():
             raise unknown_name("claim", key, of_number)
         chosen |= {key} if key in CLAIMS else set(of_number)

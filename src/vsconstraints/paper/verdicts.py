@@ -16,7 +16,7 @@ from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
 from ..reports.numbers import number, percent
 from ..rows.readable import amount, counted
-from ..scenarios.reading import demand_known
+from ..scenarios.reading import require_known
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
@@ -159,7 +159,7 @@ def claim(
         for name, part in TEXTS["shared"].items():  # a part may contain earlier ones
             shared[name] = part.format(**shared)
         text = TEXTS[key]
-        demand_known(text, KEYS, f"claims.toml, {key}")
+        require_known(text, KEYS, f"claims.toml, {key}")
         rule = text["rule"].format(**shared)
         figure = text.get("figure", "")
         CLAIMS[key] = Claim(

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
-from ..errors import ConfigurationError, described, shown
+from ..errors import ConfigurationError, described, format_value
 from .provenance import noted_import
 
 Base = TypeVar("Base")
@@ -117,7 +117,7 @@ def code_named(tables: object, typed: bool = False) -> Iterator[str]:
 
 def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
     """Return the error for stored results that name code, which runs only if they are trusted."""
-    code = ", ".join(map(shown, dict.fromkeys(names)))
+    code = ", ".join(map(format_value, dict.fromkeys(names)))
     return ConfigurationError(
         f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)"
     )

@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from .regular_files import demand_regular
+from .regular_files import require_regular
 
 #: Hashes of files' contents by absolute path; the hash is empty if the file does not exist.
 Files = dict[str, str]
@@ -51,7 +51,7 @@ def digest(path: str | Path) -> str:
     It is empty if the file does not exist, is a pipe or a device, or cannot be read.
     """
     try:
-        demand_regular(path)
+        require_regular(path)
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()[:16]
     except (OSError, ValueError):

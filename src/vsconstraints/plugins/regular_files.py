@@ -10,7 +10,7 @@ MAX_BYTES = 100_000_000  #: Maximum size of a file that is read whole.
 PIECE = 1_000_000  # bytes read at once, so that memory is allocated only for existing data
 
 
-def demand_regular(path: str | Path) -> None:
+def require_regular(path: str | Path) -> None:
     """Raise OSError unless a path is a regular file: reading a pipe or a device may never end."""
     mode = os.stat(path).st_mode
     if stat.S_ISDIR(mode):
@@ -25,7 +25,7 @@ def read_regular(path: str | Path, most: int = MAX_BYTES) -> bytes:
     Raises OSError if it is not a regular file, cannot be read, or has more than ``most`` bytes. The
     type is checked before opening, because opening a pipe waits for its writer.
     """
-    demand_regular(path)
+    require_regular(path)
     content = bytearray()
     with open(path, "rb") as file:
         while piece := file.read(PIECE):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, SolverError, shown
+from ..errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ..rows import Array
 
 
@@ -177,7 +177,11 @@ class QPSolver(ABC):
 def _kind(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"{type(value).__name__} of {value.dtype} of the shape {value.shape}"
-    return shown(value) if isinstance(value, int | float | complex | None) else type(value).__name__
+    return (
+        format_value(value)
+        if isinstance(value, int | float | complex | None)
+        else type(value).__name__
+    )
 
 
 def require(module: str, solver: str, install: str) -> Any:

@@ -19,7 +19,7 @@ DISTURBED = "disturbed"
 CONDITIONS = ("nominal", DISTURBED, "limited")  #: Conditions that all tables must have run.
 
 
-def demand_whole(study: Study, testset: TestSet, where: str) -> None:
+def require_whole(study: Study, testset: TestSet, where: str) -> None:
     """Raise ConfigurationError unless a table is complete and consistent.
 
     The message names the missing runs or the contradiction.
@@ -34,7 +34,7 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
             raise ConfigurationError(
                 f"{where}: {file} of test set {testset.version} is not what it has run"
             )
-    _demand_scenes(study, testset, where)
+    _require_scenes(study, testset, where)
     runs = study.runs.fillna({"violation_fraction": 0.0})  # NaN in a run that failed at once
     wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
     wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (
@@ -49,7 +49,7 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
         )
 
 
-def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
+def _require_scenes(study: Study, testset: TestSet, where: str) -> None:
     """Raise ConfigurationError unless a table has all held-out scenes and no unknown ones."""
     families = {family.name: family for family in testset.families}
     groups = study.runs[["family", "half", CONDITION]].drop_duplicates()
@@ -80,12 +80,12 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
 
     Laws are ordered by their success in all scenes of all conditions, by the strict standard; a
     further column has the success with disturbances by the tolerant standard. Two laws of one name
-    are distinguished by their authors. Raises ConfigurationError as :func:`demand_whole`.
+    are distinguished by their authors. Raises ConfigurationError as :func:`require_whole`.
     """
     parts = []
     of = dict[str, tuple[str, Study, str]]()
     for who, study in studies.items():
-        demand_whole(study, testset, who)
+        require_whole(study, testset, who)
         names = {law: law if law not in of else f"{law} ({who})" for law in study.laws}
         of |= {name: (law, study, who) for law, name in names.items()}
         parts.append(study.runs.assign(controller=study.runs["controller"].map(names)))

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 
-from ..errors import InvalidInput, shown
+from ..errors import InvalidInput, format_value
 from ..formulas.motion import angle
 from ..qp.decomposition import svd
 from ..rows import Array
@@ -35,7 +35,7 @@ def vector(value: object, length: int, what: str) -> Array:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInput(f"{what} must be {length} numbers, not {shown(value)}") from error
+        raise InvalidInput(f"{what} must be {length} numbers, not {format_value(value)}") from error
     if array.shape != (length,):
         raise InvalidInput(f"{what} must be {length} numbers; it has the shape {array.shape}")
     if not np.isfinite(array).all():
@@ -43,7 +43,7 @@ def vector(value: object, length: int, what: str) -> Array:
     return array
 
 
-def demand_sign(
+def require_sign(
     of: object, what: str, *, positive: Iterable[str] = (), zero_or_more: Iterable[str] = ()
 ) -> None:
     """Raise InvalidInput unless fields hold finite numbers of the required sign.
@@ -61,7 +61,7 @@ def demand_sign(
                 numbers = np.empty(0)
             right = np.isfinite(numbers) & (numbers > 0.0 if sign == "positive" else numbers >= 0.0)
             if value is not None and (numbers.ndim != 1 or not len(numbers) or not right.all()):
-                raise InvalidInput(f"{what}{name} must be {sign}, not {shown(value)}")
+                raise InvalidInput(f"{what}{name} must be {sign}, not {format_value(value)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Pose:
             M = np.array(matrix, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInput(
-                f"a pose's matrix must be 4 × 4 numbers, not {shown(matrix)}"
+                f"a pose's matrix must be 4 × 4 numbers, not {format_value(matrix)}"
             ) from error
         if M.shape not in ((4, 4), (3, 4)) or not np.isfinite(M).all():
             raise InvalidInput(
@@ -110,9 +110,10 @@ class Pose:
         if M.shape == (4, 4) and (np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)) > 1e-9).any():
             hint = "; is it transposed?" if np.array_equal(M[:, 3], (0.0, 0.0, 0.0, 1.0)) else ""
             raise InvalidInput(
-                f"the last row of a pose's matrix must be 0 0 0 1, not {shown(M[3].tolist())}{hint}"
+                f"the last row of a pose's matrix must be 0 0 0 1, not "
+                f"{format_value(M[3].tolist())}{hint}"
             )
-        return cls(demand_rotation(M[:3, :3]), M[:3, 3].copy())
+        return cls(require_rotation(M[:3, :3]), M[:3, 3].copy())
 
     @classmethod
     def from_quaternion(
@@ -133,7 +134,9 @@ class Pose:
         norm = float(np.linalg.norm(value))
         if abs(norm - 1.0) > TYPED:
             nearest = (
-                f": {shown(np.round(value / norm, 6).tolist())} has length 1" if norm > 0.0 else ""
+                f": {format_value(np.round(value / norm, 6).tolist())} has length 1"
+                if norm > 0.0
+                else ""
             )
             raise InvalidInput(
                 f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} "
@@ -152,7 +155,7 @@ class Pose:
         if np.linalg.norm(turn) > 2.0 * np.pi + TYPED:
             raise InvalidInput(
                 f"rotation_vector is in radians and no longer than a turn (6.283), not "
-                f"{shown(turn.tolist())}: are "
+                f"{format_value(turn.tolist())}: are "
                 "these degrees?"
             )
         return cls(np.asarray(pin.exp3(turn)), vector(xyz, 3, "xyz"))
@@ -181,7 +184,7 @@ class Pose:
         return V
 
 
-def demand_rotation(R: Array) -> Array:
+def require_rotation(R: Array) -> Array:
     """Return the rotation nearest to R (3, 3).
 
     Raises InvalidInput, which states the distance, if an entry is farther than :data:`TYPED` from
@@ -202,7 +205,7 @@ def demand_rotation(R: Array) -> Array:
         raise InvalidInput(
             f"no rotation: an entry is {off:.3g} away from the nearest one (columns of length "
             f"{', '.join(f'{length:.4g}' for length in np.linalg.norm(R, axis=0))}), which is "
-            f"{shown(np.round(nearest, 6).tolist())}"
+            f"{format_value(np.round(nearest, 6).tolist())}"
         )
     return nearest
 

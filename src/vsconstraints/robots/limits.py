@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..errors import ConfigurationError, InvalidInput, format_value
 from ..formulas.limits import JointLimits
 from ..rows import Array
 
@@ -99,7 +99,7 @@ def _positive(name: str, value: object) -> PerJoint:
         raise ConfigurationError(
             f"a limit of {name} is a positive number, or one for each joint, so that a joint can "
             f"stand still: not "
-            f"{shown(value)}"
+            f"{format_value(value)}"
         )
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..plugins.regular_files import read_regular
 
 IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of a package.
@@ -123,7 +123,7 @@ def unit_of_mesh(file: Path) -> float:
     if not 0.0 < unit < math.inf:
         raise ConfigurationError(
             f'{file}: <unit meter="…"> must be a positive number of metres per unit of length, '
-            f"not {shown(stated)}"
+            f"not {format_value(stated)}"
         )
     return unit
 

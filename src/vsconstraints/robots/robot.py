@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ..errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ..formulas.rotation import whole_turns
 from ..rows import Array, BoolArray
 from ..rows.readable import amount, counted, in_one_line, span
@@ -381,6 +381,7 @@ def _joint_limits(value: ArrayLike, n: int, what: str) -> Array:
         array = np.empty(0)
     if array.shape != (n,) or np.isnan(array).any():
         raise InvalidInput(
-            f"{what} must be {n} numbers (infinite where there is no limit), not {shown(value)}"
+            f"{what} must be {n} numbers (infinite where there is no limit), not "
+            f"{format_value(value)}"
         )
     return array

@@ -22,7 +22,7 @@ from ..plugins.regular_files import read_regular
 from ..rows import Array
 from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
-from .urdf_checks import demand_sound
+from .urdf_checks import require_sound
 
 #: Coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as infinite.
 UNBOUNDED = 1e9
@@ -284,7 +284,7 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     for element in list(root):
         if element.tag not in OF_URDF:
             root.remove(element)
-    demand_sound(root, path.name)
+    require_sound(root, path.name)
     for joint in root.findall("joint"):
         _complete_limit(joint, path.name)
     try:

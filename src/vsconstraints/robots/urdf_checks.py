@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, format_value, unknown_name
 
 #: Types of joints that move along or about an axis.
 MOVING = ("revolute", "continuous", "prismatic", "planar")
@@ -56,7 +56,7 @@ OF_LINKS = (
 )
 
 
-def demand_sound(root: Element, file: str) -> None:
+def require_sound(root: Element, file: str) -> None:
     """Raise ConfigurationError unless links and joints form a tree and numbers are valid.
 
     ``root`` has no namespaces. Joints of a moving type need an axis with a direction.
@@ -68,13 +68,13 @@ def demand_sound(root: Element, file: str) -> None:
     links = _names(root, "link", file)
     joints = _names(root, "joint", file)
     for name, link in links.items():
-        _demand_numbers(link, OF_LINKS, f"the link {name!r} of {file}")
+        _require_numbers(link, OF_LINKS, f"the link {name!r} of {file}")
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
-        _demand_joint(joint, f"the joint {name!r} of {file}")
-        _demand_connected(name, joint, links, carriers, file)
+        _require_joint(joint, f"the joint {name!r} of {file}")
+        _require_connected(name, joint, links, carriers, file)
     parents = {child: _end(joints[name], "parent") for child, name in carriers.items()}
-    _demand_tree(list(links), parents, file)
+    _require_tree(list(links), parents, file)
 
 
 def _names(root: Element, kind: str, file: str) -> dict[str, Element]:
@@ -94,20 +94,21 @@ def _names(root: Element, kind: str, file: str) -> dict[str, Element]:
     return named
 
 
-def _demand_joint(joint: Element, what: str) -> None:
+def _require_joint(joint: Element, what: str) -> None:
     kind = joint.get("type")
     if kind is None:
         raise ConfigurationError(f"{what} has no type; it is one of {', '.join(TYPES)}")
     if kind not in TYPES:
         raise unknown_name(f"type of {what}", kind, TYPES)
-    _demand_numbers(joint, OF_JOINTS, what)
+    _require_numbers(joint, OF_JOINTS, what)
     axis = joint.find("axis")
     limit = joint.find("limit")
     if kind in MOVING and axis is not None:
         direction = [float(part) for part in axis.get("xyz", "1 0 0").split()]
         if math.hypot(*direction) < NO_AXIS:
             raise ConfigurationError(
-                f"{what} is {kind}, but its axis {shown(axis.get('xyz'))} has no direction: it "
+                f"{what} is {kind}, but its axis {format_value(axis.get('xyz'))} has no "
+                f"direction: it "
                 f"must not be zero; "
                 "a joint that does not move has the type fixed"
             )
@@ -121,7 +122,7 @@ def _demand_joint(joint: Element, what: str) -> None:
             )
 
 
-def _demand_numbers(element: Element, attributes: tuple[Numbers, ...], what: str) -> None:
+def _require_numbers(element: Element, attributes: tuple[Numbers, ...], what: str) -> None:
     """Raise ConfigurationError for an attribute that does not hold its count of finite numbers."""
     for path, attribute, count in attributes:
         for part in element.iterfind(path):
@@ -147,7 +148,7 @@ def _are_numbers(text: str, count: int) -> bool:
         return False
 
 
-def _demand_connected(
+def _require_connected(
     name: str, joint: Element, links: Mapping[str, Element], carriers: dict[str, str], file: str
 ) -> None:
     """Raise ConfigurationError unless a joint connects two links.
@@ -183,7 +184,7 @@ def _end(joint: Element, role: str) -> str:
     return "" if end is None else end.get("link", "")
 
 
-def _demand_tree(links: list[str], parents: Mapping[str, str], file: str) -> None:
+def _require_tree(links: list[str], parents: Mapping[str, str], file: str) -> None:
     """Raise ConfigurationError unless exactly one link has no parent and carries all others."""
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import InvalidInput, shown
+from ..errors import InvalidInput, format_value
 from . import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
 
 ROUNDING = 2.0**-53  #: Largest relative error of one operation in floating point.
@@ -38,11 +38,13 @@ def check(rows: Rows, task: Task) -> None:
     The message names the invalid row or entry.
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
-        raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
+        raise InvalidInput(
+            f"a law needs Rows and a Task, not {format_value(rows)} and {format_value(task)}"
+        )
     if not (
         isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)
     ):
-        raise InvalidInput(f"rows.labels must be a tuple of names, not {shown(rows.labels)}")
+        raise InvalidInput(f"rows.labels must be a tuple of names, not {format_value(rows.labels)}")
     for name, array in (
         ("task.J", task.J),
         ("task.b", task.b),
@@ -52,7 +54,7 @@ def check(rows: Rows, task: Task) -> None:
         ("task.rest", task.rest),
     ):
         if not (type(array) in ARRAYS and array.dtype == np.float64):
-            raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
+            raise InvalidInput(f"{name} must be an array of floats, not {format_value(array)}")
     if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
         raise InvalidInput(
             f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and "

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class RowFactors:
                     where = f"{name}.{kind}" if kind else name
                     raise ConfigurationError(
                         f"{where} of a law is a factor on the scene's, positive: not "
-                        f"{shown(factor)}"
+                        f"{format_value(factor)}"
                     )
 
     def options(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from ..constraints import ConstraintSet, robot_points
-from ..constraints.base import demand_positive
+from ..constraints.base import require_positive
 from ..errors import ConfigurationError, unknown_name
 from ..robots.catalogue import ready_made
 from ..robots.geometry import Pose, Vector3
@@ -30,7 +30,7 @@ from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
-from .reading import Table, checked, chosen, demand_table, from_table, split
+from .reading import Table, checked, chosen, from_table, require_table, split
 from .views import make_camera, make_goal
 
 
@@ -122,9 +122,9 @@ def build_scene(tables: Table, where: str, folder: Path) -> Scene:
         raise ConfigurationError(f"{where}: the key {missing[0]!r} is missing")
     robot = _robot(checked(tables["robot"], str | Table, where, "robot"), f"{where}.robot", folder)
     camera = make_camera(
-        demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder
+        require_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder
     )
-    markers, motion = _target(demand_table(tables["target"], f"{where}.target"), f"{where}.target")
+    markers, motion = _target(require_table(tables["target"], f"{where}.target"), f"{where}.target")
     return Scene(robot, camera, markers, (), motion)
 
 
@@ -196,7 +196,7 @@ def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) 
 
 
 def _square_target(square: Square) -> Array:
-    demand_positive(square.side, "side of a square target")
+    require_positive(square.side, "side of a square target")
     corners = (
         0.5
         * square.side
@@ -224,7 +224,7 @@ def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
 
 def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbances:
     """Return the disturbances of a table; a scalar stands for the same number at every joint."""
-    values = demand_table(table, where)
+    values = require_table(table, where)
     for key in ("acceleration", "distortion_factor"):
         if isinstance(values.get(key), int | float):
             values[key] = [values[key]]

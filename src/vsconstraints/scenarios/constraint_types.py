@@ -36,7 +36,7 @@ from ..constraints import (
 )
 from ..constraints.base import PositionConstraint
 from ..constraints.curves import SHAPES, Shape
-from ..errors import ConfigurationError, VsconstraintsError, described, shown
+from ..errors import ConfigurationError, VsconstraintsError, described, format_value
 from ..plugins.classes import imported_class
 from ..robots.geometry import Pose
 from ..robots.kinematics import RobotPoint
@@ -49,11 +49,11 @@ from .reading import (
     Table,
     checked,
     chosen,
-    demand_known,
-    demand_table,
     from_table,
     parameters,
     placed,
+    require_known,
+    require_table,
     split,
     takes_any,
 )
@@ -88,7 +88,7 @@ def make_constraint(
 
     Raises ConfigurationError for unknown types and keys.
     """
-    values = demand_table(table, where)
+    values = require_table(table, where)
     motion = (
         from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
     )
@@ -100,7 +100,7 @@ def make_constraint(
         make = chosen(values, "type", CONSTRAINTS, where, others=["module:Class"])
     context = {"robot": robot, "camera": camera, "folder": folder, "goals": goals}
     if not takes_any(make):
-        demand_known(values, ["type", "motion", *keys(make)], where)
+        require_known(values, ["type", "motion", *keys(make)], where)
     try:
         arguments = {name: value for name, value in context.items() if name not in values}
         for step in _steps(make):
@@ -112,7 +112,7 @@ def make_constraint(
         if not own:
             raise
         raise ConfigurationError(
-            f"{where}: {kind} cannot be made with {shown(values)}: {described(error)}"
+            f"{where}: {kind} cannot be made with {format_value(values)}: {described(error)}"
         ) from error
     if motion is None:
         return constraint
@@ -176,7 +176,7 @@ def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
     points = table.pop("points", [])
     if isinstance(points, str) and points != "links":
         raise ConfigurationError(
-            f'{where}: points must be a list of tables, or "links", not {shown(points)}'
+            f'{where}: points must be a list of tables, or "links", not {format_value(points)}'
         )
     if not isinstance(points, str):
         return {
@@ -196,7 +196,7 @@ def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
     bodies = []
     for i, body in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
         at = f"{where}.bodies[{i}]"
-        solid, pose, (link, name) = _solid(demand_table(body, at), at, context, attached)
+        solid, pose, (link, name) = _solid(require_table(body, at), at, context, attached)
         bodies.append(attached_body(robot, link, solid, pose, name))
     own = _taken(table, link_bodies)
     if not bodies or own or robot.source is not None:
@@ -236,7 +236,7 @@ def _taken(table: Table, make: Callable[..., Any]) -> Table:
 def _inner(table: Table, key: str, where: str) -> tuple[Table, str]:
     if key not in table:
         raise ConfigurationError(f"{where}: the key {key!r} is missing")
-    return demand_table(table.pop(key), f"{where}.{key}"), f"{where}.{key}"
+    return require_table(table.pop(key), f"{where}.{key}"), f"{where}.{key}"
 
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 import numpy as np
 
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, format_value, unknown_name
 from ..robots.geometry import Pose, Vector3
 from ..vision.motion import Motion
 
@@ -43,11 +43,11 @@ def from_table(
     and for values of the wrong type.
     """
     keys = parameters(make)
-    values = demand_table(table, where)
+    values = require_table(table, where)
     known = [name for name in keys if name not in context]
     arguments = {name: value for name, value in values.items() if name not in known}
     if not takes_any(make):
-        demand_known(values, known, where)
+        require_known(values, known, where)
     for name, parameter in keys.items():
         if name in context:
             arguments[name] = context[name]
@@ -65,9 +65,9 @@ def split(
 
     Raises ConfigurationError for a key that no callable takes.
     """
-    values = demand_table(table, where)
+    values = require_table(table, where)
     known = [[name for name in parameters(make) if name not in without] for make in makes]
-    demand_known(values, [name for names in known for name in names], where)
+    require_known(values, [name for names in known for name in names], where)
     return [{name: values[name] for name in names if name in values} for names in known]
 
 
@@ -107,14 +107,14 @@ def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter
     return types.MappingProxyType(named), any_key
 
 
-def demand_table(value: object, where: str) -> Table:
+def require_table(value: object, where: str) -> Table:
     """Return a copy of a table; raise ConfigurationError if the value is not a table."""
     if not isinstance(value, Mapping):
-        raise ConfigurationError(f"{where} must be a table, not {shown(value)}")
+        raise ConfigurationError(f"{where} must be a table, not {format_value(value)}")
     return dict(value)
 
 
-def demand_known(table: Table, known: Iterable[str], where: str) -> None:
+def require_known(table: Table, known: Iterable[str], where: str) -> None:
     """Raise ConfigurationError unless every key of a table is known; it names the known keys."""
     names = list(known)
     for key in table:
@@ -181,7 +181,7 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
         raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
     except msgspec.ValidationError as error:
         raise ConfigurationError(
-            f"{where}: {key} must be {_words(kind)}, not {shown(value)}"
+            f"{where}: {key} must be {_words(kind)}, not {format_value(value)}"
         ) from error
 
 

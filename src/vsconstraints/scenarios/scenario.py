@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, VsconstraintsError, described, shown
+from ..errors import ConfigurationError, VsconstraintsError, described, format_value
 from ..plugins.classes import IN_SESSION, beside, code_named, module_files, untrusted
 from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
@@ -69,7 +69,7 @@ class Scenario(Described):
     """Reason why a scenario with :attr:`in_session` can run in this process only."""
 
     def __repr__(self) -> str:
-        return f"<Scenario {self.name}: {shown(self.title)}>"
+        return f"<Scenario {self.name}: {format_value(self.title)}>"
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
@@ -143,7 +143,7 @@ class Scenario(Described):
         cannot be built or if the scenario names code that is not trusted.
         """
         if not self.trusted:
-            demand_data(self.name, self.tables, self.folder)
+            require_data(self.name, self.tables, self.folder)
         for what, number in (("trial", trial), ("seed", seed)):
             if number < 0 or number % 1:
                 raise ConfigurationError(
@@ -164,7 +164,7 @@ class Scenario(Described):
             ) from error
 
 
-def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
+def require_data(what: str, tables: dict[str, Any], folder: Path) -> None:
     """Raise ConfigurationError if building the tables would run code or read a special file.
 
     A special file is neither a regular file nor a folder, such as a device.
@@ -174,7 +174,7 @@ def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
     for text in _texts(tables):
         if _mode(folder / text, lambda mode: not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))):
             raise ConfigurationError(
-                f"{what} names {shown(text)}, which is neither a file nor a folder"
+                f"{what} names {format_value(text)}, which is neither a file nor a folder"
             )
 
 
@@ -202,7 +202,8 @@ def _extended(path: Path) -> dict[str, Any]:
         last = files[-1]
         if not isinstance(name, str):
             raise ConfigurationError(
-                f"{last}: extends must be the name or the path of a scenario, not {shown(name)}"
+                f"{last}: extends must be the name or the path of a scenario, not "
+                f"{format_value(name)}"
             )
         files.append(file_named("scenario", name, SHIPPED, shipped_scenarios(), last.parent))
         parts.append(read_toml(files[-1]))

@@ -15,14 +15,14 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, SceneError, shown
+from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, SceneError, format_value
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
-from ..simulation.units import implausible_at
+from ..simulation.units import unit_warnings_at
 from ..vision.camera import Camera
 from ..vision.features import Goal, MinimumJerk
 from ..vision.scene import MINIMUM_DEPTH, Scene
-from .reading import Table, demand_known, demand_table, from_table, parameters
+from .reading import Table, from_table, parameters, require_known, require_table
 from .toml import PLACES
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
@@ -74,7 +74,8 @@ def pose_from(
         return Pose.from_rotation_vector(xyz, rotation_vector)
     if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
         raise InvalidInput(
-            f"rpy are radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?"
+            f"rpy are radians, up to a turn (6.283), not {format_value(list(rpy))}: are these "
+            f"degrees?"
         )
     return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
 
@@ -97,9 +98,9 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     Raises ConfigurationError or InvalidInput, which name the key or value, for unknown keys and
     unusable values.
     """
-    values = demand_table(table, where)
+    values = require_table(table, where)
     places = parameters(Places)
-    demand_known(
+    require_known(
         values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where
     )
     mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
@@ -168,11 +169,11 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
         depth = None if goal.depth_m is None else np.array(goal.depth_m)
         if len(goal.markers_px) != m:
             raise ConfigurationError(
-                f"{where}: markers_px must be {m} × 2 numbers, not {shown(goal.markers_px)}"
+                f"{where}: markers_px must be {m} × 2 numbers, not {format_value(goal.markers_px)}"
             )
         if depth is not None and len(depth) != m:
             raise ConfigurationError(
-                f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}"
+                f"{where}: depth_m must be {m} numbers, not {format_value(goal.depth_m)}"
             )
         if depth is not None and (depth < MINIMUM_DEPTH).any():
             raise ConfigurationError(
@@ -195,7 +196,7 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
             depth = scene.depth(camera)
         except SceneError as error:
             at = np.zeros(scene.robot.n) if q is None else q
-            doubts = "".join(f"; {doubt}" for doubt in implausible_at(scene, "camera_at_q", at))
+            doubts = "".join(f"; {doubt}" for doubt in unit_warnings_at(scene, "camera_at_q", at))
             raise ConfigurationError(f"{where}: at the goal, {error}{doubts}") from error
     return Goal(
         goal.from_time,

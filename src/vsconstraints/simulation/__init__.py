@@ -1,14 +1,14 @@
 """Simulation: setup, closed loop and resulting trajectory."""
 
 from .loop import PATIENCE, score_run, simulate, until_settled
-from .prepared import Prepared
+from .prepared import RunWorkspace
 from .setup import Setup, Tolerances
 from .trajectory import RunScores, Trajectory, intervals
 
 __all__ = [
     "PATIENCE",
-    "Prepared",
     "RunScores",
+    "RunWorkspace",
     "Setup",
     "Tolerances",
     "Trajectory",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InvalidInput
-from ..robots.geometry import Vector3, demand_sign, vector
+from ..robots.geometry import Vector3, require_sign, vector
 from ..robots.limits import per_joint
 from ..rows import Array
 
@@ -95,7 +95,7 @@ class Disturbances:
             "delay",
         )
         factors = "depth_factor", "focal_factor", "marker_distance_factor"
-        demand_sign(self, "disturbance ", positive=factors, zero_or_more=least)
+        require_sign(self, "disturbance ", positive=factors, zero_or_more=least)
         if self.delay != int(self.delay):
             raise InvalidInput(
                 f"disturbance delay is a whole number of image periods, not {self.delay}"

@@ -26,7 +26,7 @@ from .image_sensor import ImageSensor
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
-from .prepared import Prepared, blank_step, make_loop
+from .prepared import RunWorkspace, blank_step, make_loop
 from .setup import Setup
 from .trajectory import Outcome, RunScores, Trajectory
 
@@ -42,7 +42,7 @@ def simulate(
     *,
     by_public_call: bool = False,
     remarks: Sequence[str] | None = None,
-    prepared: Prepared | None = None,
+    prepared: RunWorkspace | None = None,
 ) -> Trajectory:
     """Run a controller on a setup from t = 0 to its duration, or until the run cannot go on.
 
@@ -66,7 +66,7 @@ def simulate(
     if remarks is None:
         remarks = setup.check_start()
     if prepared is None or prepared.factors != controller.factors:
-        prepared = Prepared(setup, controller.factors)
+        prepared = RunWorkspace(setup, controller.factors)
     run = Run(prepared, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     return trajectory_of(run, remarks)
@@ -89,7 +89,7 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
     It is meant for thousands of trials: the whole loop is compiled if step and law are. Lines of
     sight are checked only at the start.
     """
-    prepared = Prepared(setup, controller.factors)
+    prepared = RunWorkspace(setup, controller.factors)
     remarks = setup.check_start(prepared.world)
     run = Run(prepared, controller, whole=False)
     run.to_the_end()
@@ -144,7 +144,7 @@ class Run:
 
     def __init__(
         self,
-        prepared: Prepared,
+        prepared: RunWorkspace,
         controller: Controller,
         *,
         whole: bool = True,

@@ -18,7 +18,7 @@ from .plant import Plant
 from .setup import Setup
 
 
-class Prepared:
+class RunWorkspace:
     """Control steps of a setup for laws with these factors, and the unconstrained baseline.
 
     Runs follow one another; each begins with :meth:`restart`. Custom constraints and laws may keep

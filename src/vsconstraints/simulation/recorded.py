@@ -17,7 +17,7 @@ from ..rows import Array, Rows, Task
 from .image_sensor import ImageSensor
 from .loop import Run, trajectory_of
 from .outcome import Ended
-from .prepared import Prepared
+from .prepared import RunWorkspace
 from .setup import Setup
 from .trajectory import Trajectory
 
@@ -47,7 +47,7 @@ class Recorded:
         See :func:`.simulate` for the parameters and the errors raised.
         """
         run = Run(
-            Prepared(setup, controller.factors),
+            RunWorkspace(setup, controller.factors),
             controller,
             whole=True,
             by_public_call=by_public_call,
@@ -114,7 +114,7 @@ def replay(
     recorded: Recorded,
     *,
     remarks: Sequence[str] | None = None,
-    prepared: Prepared | None = None,
+    prepared: RunWorkspace | None = None,
 ) -> Trajectory:
     """Simulate the motion that follows from recorded commands.
 
@@ -123,7 +123,7 @@ def replay(
     """
     if remarks is None:
         remarks = setup.check_start()
-    run = _Replay(Prepared(setup) if prepared is None else prepared, recorded)
+    run = _Replay(RunWorkspace(setup) if prepared is None else prepared, recorded)
     run.to_the_end()
     trajectory = trajectory_of(run, remarks)
     N = len(trajectory.t)
@@ -143,7 +143,7 @@ class _NoCommandError(Exception):
 class _Replay(Run):
     """A run with recorded commands."""
 
-    def __init__(self, prepared: Prepared, recorded: Recorded) -> None:
+    def __init__(self, prepared: RunWorkspace, recorded: Recorded) -> None:
         self._recorded = recorded
         # the unconstrained baseline is never called: each sample reaches _ask_law
         super().__init__(prepared, Tracking(), whole=True, by_public_call=True)

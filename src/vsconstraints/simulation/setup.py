@@ -21,7 +21,7 @@ from ..errors import (
 )
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
-from ..robots.geometry import demand_sign
+from ..robots.geometry import require_sign
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
 from ..rows.factors import AS_THEY_ARE, RowFactors
@@ -36,7 +36,7 @@ from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
-from .units import implausible
+from .units import unit_warnings
 
 #: Lower bound [s], so that the number of samples per second fits an integer.
 MIN_SAMPLING_TIME = 1e-9
@@ -65,7 +65,7 @@ class Tolerances:
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        demand_sign(self, "tolerance ", positive=vars(self))
+        require_sign(self, "tolerance ", positive=vars(self))
 
 
 @dataclass(frozen=True)
@@ -220,14 +220,14 @@ class Setup:
         """Warnings about implausible numbers and undetermined goals, one sentence each.
 
         They concern numbers that suggest another unit, and goals that the image does not determine.
-        See :func:`vsconstraints.simulation.units.implausible` and
+        See :func:`vsconstraints.simulation.units.unit_warnings` and
         :func:`vsconstraints.simulation.start.undetermined_goals`.
         """
         estimated = self.images is not None or self.sensor().estimates
         # overflows are reported where the numbers are used
         with np.errstate(all="ignore"):
             undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
-            numbers = implausible(
+            numbers = unit_warnings(
                 self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts
             )
         return numbers + undetermined

@@ -44,7 +44,7 @@ RATE = 20.0
 WHOLE_RANGE = 1.0
 
 
-def implausible(
+def unit_warnings(
     scene: Scene,
     constraints: ConstraintSet,
     task: VisualTask,
@@ -69,12 +69,12 @@ def implausible(
     ]
 
 
-def implausible_at(scene: Scene, what: str, q: Array) -> list[str]:
+def unit_warnings_at(scene: Scene, what: str, q: Array) -> list[str]:
     """Return the warnings for a scene alone.
 
     The scene is seen from coordinates ``q`` (n,), which the sentences call ``what``.
     """
-    question = asked_about(what, scene.robot, q)
+    question = degrees_question(what, scene.robot, q)
     return [*_of_camera(scene.camera), *_of_lengths(scene, q), *([question] if question else [])]
 
 
@@ -91,7 +91,7 @@ def in_degrees(robot: Robot, q: Array) -> BoolArray:
     return np.asarray(suspect & ~_prismatic(robot))
 
 
-def asked_about(what: str, robot: Robot, q: Array) -> str:
+def degrees_question(what: str, robot: Robot, q: Array) -> str:
     """Return the question whether coordinates (n,) are in degrees.
 
     The question is empty if they do not look like it.
@@ -291,6 +291,6 @@ def _of_configurations(robot: Robot, task: VisualTask, q0: Array) -> Iterator[st
         if goal.q is not None
     ]
     for what, q in named:
-        question = asked_about(what, robot, q)
+        question = degrees_question(what, robot, q)
         if question:
             yield question

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ..errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ..formulas.lenses import MODELS
 from ..robots.geometry import Vector2
 from ..rows import Array
@@ -84,10 +84,10 @@ def read_calibration(
         side = float(size[0]), float(size[1])
     else:
         side = _number(table, "width", where), _number(table, "height", where)
-    _demand_whole(table, side, where)
+    _require_whole(table, side, where)
     key = _key(table, "K", where)
     K = numbers_of(table[key], key, where)
-    _demand_intrinsics(K, key, side, where)
+    _require_intrinsics(K, key, side, where)
     return {
         "size_px": side,
         "focal_px": (float(K[0]), float(K[4])),
@@ -185,7 +185,7 @@ def _key(table: Calibrated, what: str, where: str) -> str:
     return key
 
 
-def _demand_whole(table: Calibrated, size: tuple[float, float], where: str) -> None:
+def _require_whole(table: Calibrated, size: tuple[float, float], where: str) -> None:
     """Raise ConfigurationError if ROS's camera delivers other images than the calibrated ones.
 
     Such a camera delivers a region of interest, or binned pixels.
@@ -222,13 +222,13 @@ def _number(table: Calibrated, what: str, where: str) -> float:
     return value
 
 
-def _demand_intrinsics(K: Array, key: str, side: tuple[float, float], where: str) -> None:
+def _require_intrinsics(K: Array, key: str, side: tuple[float, float], where: str) -> None:
     """Raise ConfigurationError unless K is a camera matrix without skew.
 
     Its principal point must lie inside the image.
     """
     if K.shape != (9,) or K[[3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
-        given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
+        given = format_value(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
         raise ConfigurationError(
             f"{where}: {key} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}"
         )

@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..errors import ConfigurationError, shown
+from ..errors import ConfigurationError, format_value
 from ..rows import Array
 
 #: Largest size of a file [bytes] and largest nesting depth; calibrations are far below.
@@ -107,7 +107,7 @@ def _of_yaml(text: str) -> object:
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     text = re.sub(r"(?m)^%YAML.*$", "", text)
     try:
-        _demand_plain(yaml, yaml.parse(text, Loader=loader))
+        _require_plain(yaml, yaml.parse(text, Loader=loader))
         # the output of "topic echo" ends with "---", which begins an empty document
         return next((document for document in yaml.load_all(text, Loader=loader) if document), None)
     except yaml.YAMLError as error:
@@ -116,7 +116,7 @@ def _of_yaml(text: str) -> object:
         raise ValueError(f"{place}it is no YAML") from None
 
 
-def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
+def _require_plain(yaml: Any, events: Iterator[Any]) -> None:
     """Raise ValueError for deep nesting, duplicate keys and aliases.
 
     With aliases, a small file can expand to a huge one.
@@ -193,7 +193,7 @@ def _of_element(element: ElementTree.Element) -> object:
 def said(value: object) -> str:
     """Return a value for a message: a short text, or its kind."""
     if isinstance(value, str):
-        return shown(value) if len(value) <= MAX_SHOWN else "a long text"
+        return format_value(value) if len(value) <= MAX_SHOWN else "a long text"
     return (
         "a table"
         if isinstance(value, Mapping)

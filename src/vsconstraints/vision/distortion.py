@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..compiled import load
-from ..errors import InvalidInput, shown, unknown_name
+from ..errors import InvalidInput, format_value, unknown_name
 from ..formulas.lenses import ACCURACY, MODELS, extended
 from ..rows import Array, BoolArray
 
@@ -44,14 +44,14 @@ class Distortion:
             values = tuple(float(value) for value in self.coefficients)
         except (TypeError, ValueError) as error:
             raise InvalidInput(
-                f"coefficients of distortion must be numbers, not {shown(self.coefficients)}"
+                f"coefficients of distortion must be numbers, not {format_value(self.coefficients)}"
             ) from error
         counts = MODELS[self.model].counts
         if len(values) not in counts or not np.isfinite(values).all():
             how_many = " or ".join(map(str, counts))
             raise InvalidInput(
                 f"distortion {self.model} has {how_many} finite coefficients, not {len(values)}: "
-                f"{shown(list(values))}"
+                f"{format_value(list(values))}"
             )
         object.__setattr__(self, "coefficients", values)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..compiled import load
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..errors import ConfigurationError, InvalidInput, format_value
 from ..robots.geometry import Pose
 from ..rows import Array
 from .camera import Camera
@@ -113,12 +113,12 @@ class Measurement:
         taken = t if self.taken is None else self.taken
         if not math.isfinite(taken) or taken > t + AHEAD:
             raise InvalidInput(
-                f"an image was taken before now, t = {t:g} s, not at {shown(self.taken)}"
+                f"an image was taken before now, t = {t:g} s, not at {format_value(self.taken)}"
             )
         taken = min(taken, t)
         if self.camera is not None and not isinstance(self.camera, Pose):
             raise InvalidInput(
-                f"the measured pose of the camera must be a Pose, not {shown(self.camera)}"
+                f"the measured pose of the camera must be a Pose, not {format_value(self.camera)}"
             )
         return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
 
@@ -130,7 +130,7 @@ class Measurement:
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
 
 
-class Beside(NamedTuple):
+class Deviations(NamedTuple):
     """Differences of the parts of a measurement from the model."""
 
     correction: Array  #: (M, 2) correction of the markers in normalised coordinates.
@@ -139,7 +139,9 @@ class Beside(NamedTuple):
     depth_ratio: Array  #: (M,) measured Z divided by the model's, NaN where none is measured.
 
 
-def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, beside: Beside) -> str:
+def describe_implausible(
+    innovation: Array, bounds: Array, camera: Camera, seen: Array, beside: Deviations
+) -> str:
     """Return sentences on the implausible parts of a measurement, with possible causes.
 
     ``innovation`` is from ``formulas.innovation``; ``seen`` (M, 2) are the pixels [px].
@@ -181,7 +183,7 @@ def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, bes
     return "; ".join(said)
 
 
-def _wrong_depth(beside: Beside, allowed: float) -> str:
+def _wrong_depth(beside: Deviations, allowed: float) -> str:
     """Describe the depth that deviates most from the model, and name the unit that explains it."""
     off = np.abs(np.log(np.where(np.isnan(beside.depth_ratio), 1.0, beside.depth_ratio)))
     i = int(np.argmax(off))
@@ -250,11 +252,12 @@ def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
         array = with_nan(value)
     except (TypeError, ValueError) as error:
         raise InvalidInput(
-            f"measured {what} must be {shape} numbers, not {shown(value)}"
+            f"measured {what} must be {shape} numbers, not {format_value(value)}"
         ) from error
     if array.shape != shape or np.isinf(array).any():
         raise InvalidInput(
-            f"measured {what} must be {shape} numbers, NaN where there is none, not {shown(value)}"
+            f"measured {what} must be {shape} numbers, NaN where there is none, not "
+            f"{format_value(value)}"
         )
     return array
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ..errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ..formulas.tracking import gains, goal_at
 from ..rows import Array
 from ..rows.readable import amount, counted, in_one_line
@@ -60,7 +60,7 @@ class Rest:
             raise InvalidInput(f"the damping of rest must be zero or more, not {self.damping}")
         if not np.isfinite(np.asarray(self.posture, dtype=np.float64)).all():
             raise InvalidInput(
-                f"the posture of rest must be finite numbers, not {shown(self.posture)}"
+                f"the posture of rest must be finite numbers, not {format_value(self.posture)}"
             )
         if len(self.posture) and self.damping == 0.0:
             raise ConfigurationError(
@@ -115,7 +115,7 @@ class VisualTask:
         self._times = times = [goal.from_time for goal in goals]
         if times != sorted(times) or len(set(times)) < len(times):
             raise ConfigurationError(
-                f"goals must be in the order of their times; from_time is {shown(times)}"
+                f"goals must be in the order of their times; from_time is {format_value(times)}"
             )
         if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
             raise ConfigurationError("a camera-pose task needs goals with a camera pose")

@@ -122,7 +122,7 @@ class LoopbackArm(Driver):
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
-        address.demand_none()
+        address.require_none()
         self.simulated_time = address.choice("time", ("real", "simulated")) == "simulated"
         self._patience = address.number("patience", 0.1)
         self._at = address.number("at", 0.5)

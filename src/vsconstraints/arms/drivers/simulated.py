@@ -25,7 +25,7 @@ class SimulatedArm(Driver):
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
-        address.demand_none()
+        address.require_none()
         self._plant = setup.plant()
         self._t = 0.0
         self._sent = setup.qd0.copy()

@@ -108,7 +108,7 @@ class UrRtde(Driver):
         self._receive = _Interface(
             _tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate)
         )
-        self._demand_safe()
+        self._require_safe()
         slider = float(self._receive.getTargetSpeedFraction())
         if slider < FULL:
             raise ArmError(
@@ -125,7 +125,7 @@ class UrRtde(Driver):
 
         The first setpoint keeps the position; it returns once the arm is ready for others.
         """
-        _demand_taken("setWatchdog", self._control.setWatchdog(self._frequency))
+        _require_taken("setWatchdog", self._control.setWatchdog(self._frequency))
         q = self.read().q
         self.send(q, np.zeros_like(q))
 
@@ -134,11 +134,11 @@ class UrRtde(Driver):
         receive = self._receive
         if not receive.isConnected():
             raise ArmError("the connection to the arm broke")
-        self._demand_safe()
+        self._require_safe()
         t = float(receive.getTimestamp())
         return Joints(t, np.array(receive.getActualQ()), np.array(receive.getActualQd()))
 
-    def _demand_safe(self) -> None:
+    def _require_safe(self) -> None:
         """Raise ArmError if a safety function of the arm has acted."""
         bits = int(self._receive.getSafetyStatusBits())
         acted = [name for bit, name in STOPPED_BY.items() if bits >> bit & 1]
@@ -152,9 +152,9 @@ class UrRtde(Driver):
             taken = self._control.servoJ(
                 q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain
             )
-            _demand_taken("servoJ", taken)
+            _require_taken("servoJ", taken)
         else:
-            _demand_taken(
+            _require_taken(
                 "speedJ", self._control.speedJ(qd.tolist(), self._acceleration, self.period)
             )
 
@@ -207,7 +207,7 @@ def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
         raise ArmError(f"{what}: {error}") from error
 
 
-def _demand_taken(what: str, accepted: object) -> None:
+def _require_taken(what: str, accepted: object) -> None:
     if accepted is False:
         raise ArmError(f"the arm did not take {what}")
 

@@ -14,14 +14,14 @@ import numpy as np
 
 from ...errors import ConfigurationError
 from ...plugins.processes import deadline
-from ...robots.geometry import demand_sign
+from ...robots.geometry import require_sign
 from ...scenarios.reading import from_table
 from ...scenarios.toml import read_toml
 from ..runs.folder import MANIFEST, manifest_of
 from ..runs.pool import Failure, OpenWorkers
 from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming, prepare_laws
 from .campaign import Campaign
-from .work import Batch, benches, tasks_of
+from .work import Batch, benches, plan_batches
 
 MEASURED = "measured"  #: Source of call times that are measured instead of read from a file.
 SCENES = 3  #: Number of training scenes of each family on which call times are measured.
@@ -53,7 +53,7 @@ class CallTimes:
     budget_s: float | None = None
 
     def __post_init__(self) -> None:
-        demand_sign(self, "call times: ", positive=("unit_s", "slower", "budget_s"))
+        require_sign(self, "call times: ", positive=("unit_s", "slower", "budget_s"))
         for name, call in self.calls.items():
             if not 0.0 <= call < float("inf"):
                 raise ConfigurationError(
@@ -132,7 +132,7 @@ def _measured(
 ) -> CallTimes:
     prepare_laws(campaign.controllers)
     tasks = dict(
-        enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={})))
+        enumerate(plan_batches(campaign.changed(half="training", scenes=SCENES, scenes_in={})))
     )
     found = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:

@@ -9,13 +9,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...errors import ConfigurationError, shown, unknown_name
+from ...errors import ConfigurationError, format_value, unknown_name
 from ...plugins.provenance import digest
 from ...scenarios import Scenario
 from ...scenarios.families import HALVES, SHIPPED, Family
-from ...scenarios.reading import Table, demand_known, demand_table, from_table
+from ...scenarios.reading import Table, from_table, require_known, require_table
 from ...scenarios.toml import read_toml
-from ..experiment import Entries, Experiment, demand_names, entries_of
+from ..experiment import Entries, Experiment, entries_of, require_names
 from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
 from .own_files import contents, files_of_laws, own_folders
@@ -92,7 +92,7 @@ def differences(there: Any, here: Any) -> Iterator[str]:
         if old is None or new is None:
             yield f"{name} is only {'there' if new is None else 'here'}"
         else:
-            said = f"{name} is {shown(old)} there and {shown(new)} here"
+            said = f"{name} is {format_value(old)} there and {format_value(new)} here"
             yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
 
 
@@ -139,8 +139,8 @@ class Campaign(Experiment):
         if file.tuned:
             tables = read_toml(folder / file.tuned)
             name = Path(file.tuned).name
-            demand_known(tables, ["controllers"], name)
-            tuned = demand_table(tables.get("controllers", {}), f"{name}.controllers")
+            require_known(tables, ["controllers"], name)
+            tuned = require_table(tables.get("controllers", {}), f"{name}.controllers")
             controllers += entries_of(tuned, f"{name}.controllers", folder)
         families = tuple(Family.load(name, folder) for name in file.families)
         name = source.stem
@@ -199,19 +199,19 @@ class Campaign(Experiment):
             raise ConfigurationError(f"seed must be 0 or more, not {self.seed}")
         if self.half not in HALVES:
             raise unknown_name("half", self.half, HALVES)
-        demand_names("family", [family.name for family in self.families])
-        self.demand_controllers()
+        require_names("family", [family.name for family in self.families])
+        self.require_controllers()
         known = list(
             dict.fromkeys(condition for family in self.families for condition in family.conditions)
         )
-        demand_names("condition", known)
+        require_names("condition", known)
         for name in (*self.conditions, *self.scenes_in):
             if name not in known:
                 raise unknown_name("condition", name, known)
         for name, most in self.scenes_in.items():
             if isinstance(most, bool) or not isinstance(most, int) or most < 0:
                 raise ConfigurationError(
-                    f"scenes_in.{name} must be an integer, 0 or more, not {shown(most)}"
+                    f"scenes_in.{name} must be an integer, 0 or more, not {format_value(most)}"
                 )
         for family in self.families:
             if not self.conditions_of(family):

@@ -149,7 +149,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", identity, identity())
     try:
         connected = _Cluster(client, address, session)
-        connected.demand_workers()
+        connected.require_workers()
         yield lambda function: nullcontext(SimpleNamespace(run=partial(connected.run, function)))
     finally:
         # the cluster may be gone already
@@ -171,7 +171,7 @@ class _Cluster:
         self._usable: dict[str, bool] = {}
         self._started = False
 
-    def demand_workers(self) -> None:
+    def require_workers(self) -> None:
         """Raise ConfigurationError unless there are workers and all are compatible.
 
         A worker is compatible if it would give the same results as this machine.

@@ -21,7 +21,7 @@ from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
-from .work import Batch, benches, task_of
+from .work import Batch, benches, make_batch
 
 MARK = "runs"  # the table that is written last: a shard is complete if it has this part
 MAX_NAMED = 5  # maximum number of scene ranges in a message
@@ -103,7 +103,7 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
     add_sums(folder, (shard_file(folder, table, name) for table in TABLES))
 
 
-def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
+def finished_shards(folder: Path, campaign: Campaign) -> list[Facts]:
     """Return the footers of the finished shards of a campaign.
 
     Unfinished shards and changed files are removed first. Raises ConfigurationError if the folder
@@ -152,7 +152,7 @@ def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
     ]
 
 
-def demand_same_files(stored: Iterable[StoredShard]) -> None:
+def require_same_files(stored: Iterable[StoredShard]) -> None:
     """Raise ConfigurationError if shards were made with different contents of a custom file."""
     first: dict[str, StoredShard] = {}
     for shard in stored:
@@ -241,7 +241,7 @@ def keep_trajectories(
             missing.setdefault((key.family, key.scene), []).append(key)
     families = {family.name: family for family in campaign.families}
     calls = {
-        at: (task_of(campaign, families[at[0]], [at[1]], limit), keys)
+        at: (make_batch(campaign, families[at[0]], [at[1]], limit), keys)
         for at, keys in missing.items()
     }
     if calls:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
-from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
+from ..runs.files import TRAJECTORIES, replaced, require_unchanged, seal, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import VERSION
 from .campaign import differences, in_words
@@ -19,8 +19,8 @@ from .folder import (  # fmt: skip
     StoredShard,
     chosen,
     clear,
-    demand_same_files,
     missing_scenes,
+    require_same_files,
     shards,
     stored_files,
     trajectory_file,
@@ -73,14 +73,14 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         )
     manifests = {folder: evidence.manifest for folder, evidence in read.items()}
     for folder, manifest in manifests.items():
-        demand_unchanged(
+        require_unchanged(
             folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True
         )
     # in the order of scenes, so that the output does not depend on the order of the folders
     sources = [shard for folder in read for shard in shards(folder)]
     sources.sort(key=lambda source: (source.facts.family, source.facts.scenes))
-    _demand_alike(sources, manifests)
-    _demand_all(sources, manifests)
+    _require_alike(sources, manifests)
+    _require_all(sources, manifests)
     once = _each_once(sources)
     if manifest_of(out) and "merged" not in manifest_of(out):
         raise ConfigurationError(
@@ -120,13 +120,13 @@ def _lines(source: StoredShard, name: str, scenes: Sequence[int]) -> Any:
     return table.filter([number in wanted for number in table["scene"].to_pylist()])
 
 
-def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
+def _require_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
     """Raise ConfigurationError if code, settings or packages of the folders differ.
 
     Machines and the folders of families may differ.
     """
 
-    def demand_same(what: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
+    def require_same(what: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
         (there, one), *others = [*what] or [(Path(), {})]
         for here, other in others:
             if one != other:
@@ -134,10 +134,10 @@ def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
                 raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
 
     for family in {source.facts.family for source in sources}:
-        demand_same(
+        require_same(
             (each.folder, each.facts.identity) for each in sources if each.facts.family == family
         )
-    demand_same(
+    require_same(
         (each.folder, {name: each.facts.identity.get(name) for name in COMMON}) for each in sources
     )
     settings = {}
@@ -147,11 +147,11 @@ def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
             name: {**entry, "folder": ""} for name, entry in configuration["families"].items()
         }
         settings[folder] = {**configuration, "families": families}
-    demand_same(settings.items())
-    demand_same_files(sources)
+    require_same(settings.items())
+    require_same_files(sources)
 
 
-def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
+def _require_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
     """Raise ConfigurationError that names missing shards and scenes."""
     configuration = next(iter(manifests.values()))["configuration"]
     there = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
@@ -192,11 +192,11 @@ def _each_once(sources: Sequence[StoredShard]) -> list[tuple[StoredShard, list[i
         if own := scenes.pop(str(source.path), []):
             once.append((source, own))
         for shared in scenes.values():
-            _demand_same_results(owners[source.facts.family, shared[0]], source, shared)
+            _require_same_results(owners[source.facts.family, shared[0]], source, shared)
     return once
 
 
-def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]) -> None:
+def _require_same_results(one: StoredShard, other: StoredShard, scenes: list[int]) -> None:
     def differ(name: str, scenes: list[int]) -> bool:
         columns = [column.name for column in TABLES[name] if column.name not in TIMING]
         first, second = (_lines(source, name, scenes).select(columns) for source in (one, other))

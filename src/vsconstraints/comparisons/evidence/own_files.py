@@ -84,7 +84,7 @@ def changed(files: Files, others: Files) -> Iterator[str]:
     return (name for name, content in files.items() if others.get(name, content) != content)
 
 
-def demand_unchanged_files(files: Files, earlier: Files) -> None:
+def require_unchanged_files(files: Files, earlier: Files) -> None:
     """Raise ConfigurationError if the content of a file differs from that of earlier results."""
     for name in changed(files, earlier):
         why = "was changed while the campaign ran, or differs from one worker to another"

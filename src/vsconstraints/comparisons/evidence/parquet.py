@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from ...errors import ConfigurationError, one_line
 from ...plugins.extras import demand
-from ...plugins.regular_files import demand_regular
+from ...plugins.regular_files import require_regular
 from ..metrics import (
     CONSTRAINT_COLUMNS,
     LATER_COLUMNS,
@@ -133,7 +133,7 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
     try:
-        demand_regular(path)
+        require_regular(path)
         yield
     except (*UNREADABLE, RecursionError) as error:
         raise ConfigurationError(

@@ -11,15 +11,15 @@ from pathlib import Path
 from ...plugins.processes import INTERRUPTS, signal_of
 from ...plugins.provenance import Files
 from ..runs.files import seal, storing, write_json
-from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
+from ..runs.folder import MANIFEST, Keep, locked, manifest_of, parse_keep
 from ..runs.machine import loaded_versions, machine, provenance, used_versions
 from ..runs.pool import Failure, OpenWorkers, Workers, processes
 from ..runs.spec import BASELINE, prepare_laws
 from .campaign import Campaign
-from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts
-from .own_files import contents, demand_unchanged_files, own_folders
+from .folder import Facts, clear, finished_shards, keep_trajectories, stored_files, write_parts
+from .own_files import contents, own_folders, require_unchanged_files
 from .parquet import TABLES
-from .work import Batch, Part, Shard, failed, scored, tasks_of
+from .work import Batch, Part, Shard, failed, plan_batches, scored
 
 # manifest entries of the last command that made runs; a command without runs keeps them
 OF_WORK = ("wall_time_s", "runs_per_s")
@@ -121,17 +121,17 @@ def collect(
     written; stored shards remain.
     """
     plan = plan or Plan()
-    demand_keep(plan.keep)
+    parse_keep(plan.keep)
     with locked(folder, "evidence"):
         started = time.perf_counter()
         folder = folder.absolute()  # custom parts may change the working directory
         if plan.fresh:
             clear(folder)
-        there = what_is_there(folder, campaign)
+        there = finished_shards(folder, campaign)
         scenes_there = {(facts.family, scene) for facts in there for scene in facts.scenes}
-        tasks = tasks_of(campaign, plan.shard, plan.limit, scenes_there)
+        tasks = plan_batches(campaign, plan.shard, plan.limit, scenes_there)
         for family in {task.family.name: task.family for task in tasks}.values():
-            family.demand_scenes(campaign.half, campaign.seed)
+            family.require_scenes(campaign.half, campaign.seed)
         prepare_laws(campaign.controllers)
         configuration = campaign.resolved()
         manifest = {
@@ -162,7 +162,7 @@ def collect(
                         task = tasks[i]
                         name = tasks[i].family.name
                         files = contents(part.files.keys() - files.keys(), folders) | files
-                        demand_unchanged_files(part.files, files)
+                        require_unchanged_files(part.files, files)
                         files.update(part.files)
                         made = part.runs.num_rows, part.seconds, part.files
                         facts = Facts(name, task.scenes, identities[name], here, *made)

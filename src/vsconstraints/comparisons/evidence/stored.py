@@ -13,15 +13,15 @@ from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
-from ...errors import ConfigurationError, shown
+from ...errors import ConfigurationError, format_value
 from ...plugins.provenance import Files
 from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.families.frozen import family_of
 from ...scenarios.reading import Table
 from ...simulation.trajectory import Outcome
-from ..experiment import demand_names
+from ..experiment import require_names
 from ..record import RunRecord
-from ..runs.files import TRAJECTORIES, demand_unchanged
+from ..runs.files import TRAJECTORIES, require_unchanged
 from ..runs.folder import MANIFEST, Keep, StoredResults, entries, kind_of
 from ..runs.machine import most_samples
 from ..runs.spec import ControllerSpec
@@ -33,7 +33,7 @@ from .folder import (  # fmt: skip
     Facts,
     RunKey,
     StoredShard,
-    demand_same_files,
+    require_same_files,
     shard_file,
     shard_names,
     shards,
@@ -106,7 +106,7 @@ class Evidence(StoredResults):
         if family not in self.families:
             return None
         path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
-        demand_unchanged(self.folder, [path], "finished" in self.manifest)
+        require_unchanged(self.folder, [path], "finished" in self.manifest)
         return RunRecord.load(path, most_samples(self.families[family].tables))
 
     def _table(self, name: str) -> Any:
@@ -137,7 +137,7 @@ class Evidence(StoredResults):
         # trajectories are numerous: each is checked when it is read
         return [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
 
-    def _demand_planned(self) -> None:
+    def _require_planned(self) -> None:
         configuration = self.manifest["configuration"]
         owner = dict[tuple[str, int], str]()
         stored = shards(self.folder)
@@ -162,10 +162,10 @@ class Evidence(StoredResults):
                     raise ConfigurationError(
                         f"{path}, a shard: {other} has scene {scene} of {facts.family}, too"
                     )
-        demand_same_files(stored)
+        require_same_files(stored)
 
     @classmethod
-    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+    def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
         others: dict[str, Any] = {
             "machine": Table,
             "packages": Table,
@@ -193,12 +193,12 @@ class Evidence(StoredResults):
                 f"{', '.join(HALVES)}"
             )
             raise ConfigurationError(f"{where}: {must}")
-        demand_names("family", families, f"{where}: ")
-        demand_names("controller", controllers, f"{where}: ")
+        require_names("family", families, f"{where}: ")
+        require_names("controller", controllers, f"{where}: ")
         for name, entry in families.items():
             at = f"{where}.families.{name}"
             family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
-            demand_names("condition", family["conditions"], f"{at}: ")
+            require_names("condition", family["conditions"], f"{at}: ")
         for name, entry in controllers.items():
             ControllerSpec.from_table(name, entry, f"{where}.controllers")
 
@@ -210,14 +210,14 @@ def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
     scenes = facts.scenes
     family = configuration["families"].get(facts.family)
     if family is None:
-        return f"it is of the family {shown(facts.family)}"
+        return f"it is of the family {format_value(facts.family)}"
     if (
         not scenes
         or list(scenes) != sorted(set(scenes))
         or scenes[0] < 0
         or scenes[-1] >= configuration["scenes"]
     ):
-        return f"its scenes are {shown(scenes)}, of {configuration['scenes']}"
+        return f"its scenes are {format_value(scenes)}, of {configuration['scenes']}"
     planned = {
         **manifest,
         **configuration,

@@ -19,7 +19,7 @@ from ...plugins.classes import beside
 from ...plugins.processes import INTERRUPTS, deadline
 from ...plugins.provenance import Files, own_parts_noted
 from ...scenarios.families import Drawn, Family
-from ...simulation import Prepared, Setup, simulate, until_settled
+from ...simulation import RunWorkspace, Setup, simulate, until_settled
 from ..experiment import Entries
 from ..metrics import score
 from ..record import RunRecord
@@ -28,7 +28,7 @@ from ..runs.machine import run_limit
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
 from .campaign import Campaign
-from .own_files import demand_unchanged_files, has_own_parts, named, own_folders
+from .own_files import has_own_parts, named, own_folders, require_unchanged_files
 from .parquet import TABLES
 
 # Maximum number of runs of a batch, unless a single scene has more. It limits what an interrupt
@@ -111,7 +111,7 @@ class Batch:
 ALL = Shard()
 
 
-def task_of(
+def make_batch(
     campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None
 ) -> Batch:
     """Return the batch of scenes that are run in the same conditions.
@@ -125,7 +125,7 @@ def task_of(
     )
 
 
-def tasks_of(
+def plan_batches(
     campaign: Campaign,
     shard: Shard = ALL,
     limit: float | None = None,
@@ -144,7 +144,7 @@ def tasks_of(
         alike = groupby(
             missing, key=lambda number: (number // size, campaign.conditions_of(family, number))
         )
-        return [task_of(campaign, family, list(batch), limit) for _, batch in alike]
+        return [make_batch(campaign, family, list(batch), limit) for _, batch in alike]
 
     in_turn = zip_longest(*map(of_family, campaign.families))
     return [task for tasks in in_turn for task in tasks if task is not None]
@@ -177,7 +177,7 @@ class Part(NamedTuple):
         *tables, seconds, files = zip(*parts, strict=True)
         together: Files = {}
         for own in files:
-            demand_unchanged_files(own, together)
+            require_unchanged_files(own, together)
             together.update(own)
         return cls._make((*map(parquet.joined, tables), sum(seconds), together))
 
@@ -299,7 +299,7 @@ class Bench:
         self._scene = scene
         self._condition = condition
         self._setup = setup
-        self._ready: tuple[Prepared, list[str]] | None = None
+        self._ready: tuple[RunWorkspace, list[str]] | None = None
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """Run one controller and return the record.
@@ -318,7 +318,7 @@ class Bench:
                     setup = until_settled(
                         scene.setup(self._condition) if setup is None or own_parts else setup
                     )
-                    prepared = Prepared(setup)
+                    prepared = RunWorkspace(setup)
                     self._ready = prepared, setup.check_start(prepared.world)
                 prepared, remarks = self._ready
                 self._ready = None

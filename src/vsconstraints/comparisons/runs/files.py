@@ -230,7 +230,7 @@ def check_sums(
     return [f"{what}: {_named(names)}" for what, names in wrong.items() if names], remark
 
 
-def demand_unchanged(
+def require_unchanged(
     folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False
 ) -> str:
     """Raise ConfigurationError if a file was changed, added later, or lost.

@@ -17,8 +17,8 @@ from ...errors import ConfigurationError, FolderTaken, unknown_name
 from ...plugins import portable
 from ...plugins.classes import code_named, untrusted
 from ...plugins.regular_files import read_regular
-from ...scenarios.reading import NOTHING, Table, checked, demand_table
-from .files import demand_unchanged
+from ...scenarios.reading import NOTHING, Table, checked, require_table
+from .files import require_unchanged
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -53,7 +53,7 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         )
     try:
         path.mkdir(parents=True, exist_ok=True)
-        demand_inside(path)
+        require_inside(path)
         lock = (path / LOCK).open("a+", encoding="utf-8")
     except ConfigurationError:
         raise
@@ -81,7 +81,7 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
             _locked.discard(path)
 
 
-def demand_inside(folder: Path) -> None:
+def require_inside(folder: Path) -> None:
     """Raise ConfigurationError if a link in a folder leads out of it, so that writing would too."""
     whole = os.path.realpath(folder)
     for at, folders, files in os.walk(folder):
@@ -144,14 +144,14 @@ class StoredResults:
         invalid, or if a link leads out of the folder.
         """
         files = cls._files(folder)
-        demand_inside(folder)
-        remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
+        require_inside(folder)
+        remark = require_unchanged(folder, files, "finished" in manifest_of(folder))
         path = folder / MANIFEST
         try:
             manifest = read_manifest(path)
         except (OSError, ValueError, RecursionError) as error:
             raise ConfigurationError(f"{path} cannot be read: {error}") from error
-        cls._demand_readable(manifest, str(path))
+        cls._require_readable(manifest, str(path))
         code = (
             []
             if trust
@@ -159,7 +159,7 @@ class StoredResults:
         )
         remarks = remark, str(untrusted("some of what is drawn", code)) if code else ""
         stored = cls(folder, dict(manifest), trust, tuple(filter(None, remarks)))
-        stored._demand_planned()
+        stored._require_planned()
         return stored
 
     @classmethod
@@ -171,11 +171,11 @@ class StoredResults:
         raise NotImplementedError
 
     @classmethod
-    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+    def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
         """Raise ConfigurationError if an entry of a manifest is invalid."""
         raise NotImplementedError
 
-    def _demand_planned(self) -> None:
+    def _require_planned(self) -> None:
         """Raise ConfigurationError unless all lines of all tables belong to the manifest."""
         raise NotImplementedError
 
@@ -193,7 +193,7 @@ def entries(
     ``needed`` and ``others`` map required and optional keys to types. Raises ConfigurationError for
     a missing key or a wrong type.
     """
-    table = demand_table(value, where)
+    table = require_table(value, where)
     for name in needed:
         if name not in table:
             raise ConfigurationError(f"{where}: the key {name!r} is missing")
@@ -212,7 +212,7 @@ Keep = Literal["none", "failed", "worst", "first", "all"]
 Line = TypeVar("Line", bound=Mapping[str, Any])
 
 
-def demand_keep(keep: str) -> Keep:
+def parse_keep(keep: str) -> Keep:
     """Return the selection of this name; raises ConfigurationError if it is unknown."""
     if keep not in get_args(Keep):
         raise unknown_name("--keep", keep, get_args(Keep))

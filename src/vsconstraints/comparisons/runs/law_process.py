@@ -20,7 +20,7 @@ from ...errors import described
 from ...plugins.classes import beside
 from ...plugins.provenance import Files, add_to_notes, imported, noted
 from ...scenarios import Scenario
-from ...simulation import Prepared, Setup, Trajectory
+from ...simulation import RunWorkspace, Setup, Trajectory
 from ...simulation.recorded import Recorded, replay
 from .pool import Failure, Pool
 from .spec import ControllerSpec
@@ -98,7 +98,7 @@ def simulate_apart(
     run: LawRun,
     setup: Setup,
     remarks: Sequence[str] | None = None,
-    prepared: Prepared | None = None,
+    prepared: RunWorkspace | None = None,
 ) -> Trajectory:
     """Simulate as :func:`.simulate`, with the law in a separate process.
 

@@ -13,10 +13,10 @@ from typing import Any
 from ...compiled import prepare
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
-from ...errors import ConfigurationError, VsconstraintsError, shown
+from ...errors import ConfigurationError, VsconstraintsError, format_value
 from ...plugins.classes import module_files
 from ...scenarios import Scenario
-from ...scenarios.reading import checked, demand_table, from_table
+from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
 from .machine import code_identity, run_limit, used_versions
 
@@ -45,7 +45,7 @@ class RunTiming:
             ("call_time", 0.0, MAX_CALL),
         ):
             if not least <= getattr(self, name) <= most:
-                value = shown(getattr(self, name))
+                value = format_value(getattr(self, name))
                 raise ConfigurationError(
                     f"run: {name} must be from {least:g} to {most:g}, not {value}"
                 )
@@ -105,7 +105,7 @@ class ControllerSpec:
     ) -> ControllerSpec:
         """Read a table of a file or a manifest; raises ConfigurationError if it is invalid."""
         at = f"{where}.{name}"
-        options = demand_table(table, at)
+        options = require_table(table, at)
         law = checked(options.pop("type", name), str, at, "type")
         return cls(
             name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run")

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ...errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ...rows import Array, BoolArray
 from ..metrics import METRICS, Metric
 
@@ -32,7 +32,7 @@ def checked_confidence(confidence: float) -> float:
     """Return a confidence level. Raises ConfigurationError unless 0 < level < 1."""
     if not isinstance(confidence, (int, float)) or not 0.0 < confidence < 1.0:
         raise ConfigurationError(
-            f"confidence must be between 0 and 1, such as 0.95, not {shown(confidence)}"
+            f"confidence must be between 0 and 1, such as 0.95, not {format_value(confidence)}"
         )
     return float(confidence)
 
@@ -77,7 +77,7 @@ def numbers(values: ArrayLike, name: str) -> Array:
     """
     column = array(values, name)
     if np.isinf(column).any():
-        infinite = shown(column[np.isinf(column)][0])
+        infinite = format_value(column[np.isinf(column)][0])
         raise InvalidInput(f"{name} holds {infinite}: NaN stands for a run that does not count")
     return column
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.stats import binom, binomtest, norm
 
-from ...errors import InvalidInput, shown
+from ...errors import InvalidInput, format_value
 from ...rows import Array
 from .judged import Better, array, checked_confidence, checked_name, flags, numbers, pair
 
@@ -269,7 +269,7 @@ def log_ratios(a: Array, b: Array) -> Array:
     """
     negative = np.concatenate([a[a < 0.0], b[b < 0.0]])
     if len(negative):
-        raise InvalidInput(f"no ratio of negative values: {shown(negative[0])}")
+        raise InvalidInput(f"no ratio of negative values: {format_value(negative[0])}")
     with np.errstate(divide="ignore", invalid="ignore"):  # zeros are allowed, see above
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
 

@@ -18,12 +18,12 @@ import numpy as np
 from ...controllers import Choices, Range, law_ranges
 from ...controllers.base import innermost
 from ...controllers.ranges import default_of
-from ...errors import ConfigurationError, shown
+from ...errors import ConfigurationError, format_value
 from ...plugins.provenance import Files
 from ...scenarios.families import Drawn, Family
 from ..evidence import Batch, Campaign, scored
 from ..evidence.campaign import of_controllers, of_family
-from ..evidence.own_files import demand_unchanged_files
+from ..evidence.own_files import require_unchanged_files
 from ..evidence.runner import results
 from ..runs.machine import code_identity, module_versions, run_limit
 from ..runs.pool import Failure, processes, run_all
@@ -212,7 +212,7 @@ class Budget:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ConfigurationError(f"{name} must be 1 or more, not {shown(value)}")
+                raise ConfigurationError(f"{name} must be 1 or more, not {format_value(value)}")
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ class Problem:
                     )
                 drawn += [scene] if scene.found else []
             if not drawn:
-                family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
+                family.require_scenes(TRAINING, campaign.seed, self.budget.scenes)
             for scene, name in product(drawn, campaign.conditions_of(family)):
                 what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
                 tasks.append(Batch(*what, run_limit(scene.tables[name]), drawn=scene))
@@ -319,7 +319,7 @@ def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Ite
             ]
             found = {}
             for at, part in results(calls, pool):
-                demand_unchanged_files(part.files, files)
+                require_unchanged_files(part.files, files)
                 files.update(part.files)
                 lines = part.runs.to_pandas().set_index("controller").to_dict("index")
                 found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]

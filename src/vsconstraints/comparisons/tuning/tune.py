@@ -311,7 +311,7 @@ def tune(
             workers, lambda done, total: on_progress("drawing training scenes", done, total)
         )
         journal = Journal(folder / JOURNAL)
-        _demand_same_files(journal, folder, problem)
+        _require_same_files(journal, folder, problem)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
         with evaluating(tasks, workers, journal.files) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
@@ -353,7 +353,7 @@ def _evaluations(
     on_progress("evaluating", budget.evaluations, budget.evaluations)
 
 
-def _demand_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
+def _require_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
     """Raise ConfigurationError if a file that a custom law loaded or read has changed."""
     campaign = problem.campaign
     now = contents(journal.files, own_folders(campaign.controllers, campaign.families))

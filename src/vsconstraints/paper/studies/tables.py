@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...reports.numbers import largest
-from ...scenarios.reading import demand_known
+from ...scenarios.reading import require_known
 from ..verdicts import ENVIRONMENT
 
 Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
@@ -40,9 +40,9 @@ def read_tables(text: str) -> dict[str, dict[str, Any]]:
         parts += [("layers", layer) for layer in table.get("layers", ())]
         parts += [("measures", measure) for measure in table.get("measures", {}).values()]
         for part, keys in parts:
-            demand_known(keys, KEYS[part].split(), f"{study}.{part}".rstrip("."))
+            require_known(keys, KEYS[part].split(), f"{study}.{part}".rstrip("."))
         for run in (*table.get("runs", ()), *table.get("small", ())):
-            demand_known(run, [*table["varied"], "overrides"], f"{study}.runs")
+            require_known(run, [*table["varied"], "overrides"], f"{study}.runs")
     return tables
 
 

@@ -20,7 +20,7 @@ from typing import Any
 from ...comparisons.runs.spec import ControllerSpec
 from ...controllers import CONTROLLERS, WRAPPERS, Controller, Demand, Resolver, make_controller
 from ...controllers.base import Wrapper, innermost
-from ...errors import ConfigurationError, VsconstraintsError, described, shown
+from ...errors import ConfigurationError, VsconstraintsError, described, format_value
 from ...plugins.provenance import noted_import
 from ...scenarios import Scenario
 from ...simulation import Setup
@@ -129,7 +129,7 @@ def own_spec(law: Controller, name: str, data: bytes = b"") -> InstanceSpec:
 
 def _no_law(value: object) -> ConfigurationError:
     kinds = "a name, module:Class, or a class or an instance of a Controller"
-    return ConfigurationError(f"a law is {kinds}, not {shown(value)}")
+    return ConfigurationError(f"a law is {kinds}, not {format_value(value)}")
 
 
 def _wrappers(law: Controller) -> list[Wrapper]:
@@ -234,6 +234,6 @@ def scenarios_of(scenarios: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenar
             found.append(one if isinstance(one, Scenario) else Scenario.load(one))
         else:
             raise ConfigurationError(
-                f"a scenario is a name, a path, a Scenario or a Setup, not {shown(one)}"
+                f"a scenario is a name, a path, a Scenario or a Setup, not {format_value(one)}"
             )
     return tuple(found)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import ConfigurationError, shown, unknown_name
+from ...errors import ConfigurationError, format_value, unknown_name
 from ...rows import Array
 from ..reading import Table
 from .placements import PLACEMENTS
@@ -96,7 +96,7 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
     if name == "choice":
         if not isinstance(value, list) or not value:
             raise ConfigurationError(
-                f"{where}: choice must be a list of one or more values, not {shown(value)}"
+                f"{where}: choice must be a list of one or more values, not {format_value(value)}"
             )
         return Distribution(name, value)
     rule = RULES[name]
@@ -106,15 +106,19 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
             raise ValueError
         both = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in value))
     except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"{where} must be [{rule.words}], not {shown(value)}") from error
+        raise ConfigurationError(
+            f"{where} must be [{rule.words}], not {format_value(value)}"
+        ) from error
     if not (np.abs(both) <= MAX_NUMBER).all():
-        raise ConfigurationError(f"{where} must be finite, and less than 1e300, not {shown(value)}")
+        raise ConfigurationError(
+            f"{where} must be finite, and less than 1e300, not {format_value(value)}"
+        )
     if both[0].size == 0:
-        raise ConfigurationError(f"{where} is of no number at all: {shown(value)}")
+        raise ConfigurationError(f"{where} is of no number at all: {format_value(value)}")
     if not np.all(rule.holds(*both)):
         numbers = [part.tolist() for part in both]
         raise ConfigurationError(
-            f"{where} = [{rule.words}] needs {rule.needs}, not {shown(numbers)}"
+            f"{where} = [{rule.words}] needs {rule.needs}, not {format_value(numbers)}"
         )
     return Distribution(name, both)
 
@@ -228,7 +232,7 @@ def _draws(value: object) -> bool:
     )
 
 
-def demand_no_placement(tree: Any, where: str) -> None:
+def require_no_placement(tree: Any, where: str) -> None:
     """Raise ConfigurationError if a parsed tree contains a placement.
 
     A condition must not have one, since a scene is placed once for all conditions.
@@ -243,4 +247,4 @@ def demand_no_placement(tree: Any, where: str) -> None:
         else ()
     )
     for name, inner in inside:
-        demand_no_placement(inner, f"{where}.{name}")
+        require_no_placement(inner, f"{where}.{name}")

@@ -10,11 +10,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ...errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ...errors import ConfigurationError, VsconstraintsError, format_value, unknown_name
 from ...plugins.classes import beside
 from ...simulation import Setup, until_settled
-from ..reading import Table, demand_table
-from ..scenario import Described, Scenario, demand_data
+from ..reading import Table, require_table
+from ..scenario import Described, Scenario, require_data
 from ..toml import file_named, read_toml
 from .attempts import (
     Reason,
@@ -27,7 +27,7 @@ from .attempts import (
     share_to_hold,
     violated_by_tracking,
 )
-from .drawing import Streams, demand_no_placement, drawn, merged, parsed
+from .drawing import Streams, drawn, merged, parsed, require_no_placement
 from .drawn import Drawn, Summary, reasons
 
 SHIPPED = Path(__file__).parent  #: folder of the families that come with the package
@@ -95,7 +95,7 @@ class Family(Described):
         most = self.tables.get("attempts", ATTEMPTS)
         if isinstance(most, bool) or not isinstance(most, int) or most < 1:
             raise ConfigurationError(
-                f"{self.name}: attempts must be a positive integer, not {shown(most)}"
+                f"{self.name}: attempts must be a positive integer, not {format_value(most)}"
             )
         return most
 
@@ -108,14 +108,14 @@ class Family(Described):
     def _overrides(self) -> dict[str, Any]:
         where = f"{self.name}.conditions"
         overrides = {}
-        for name, said in demand_table(self.tables.get("conditions", {}), where).items():
+        for name, said in require_table(self.tables.get("conditions", {}), where).items():
             own = {
                 key: value
-                for key, value in demand_table(said, f"{where}.{name}").items()
+                for key, value in require_table(said, f"{where}.{name}").items()
                 if key != TOGETHER
             }
             overrides[name] = parsed(own, f"{where}.{name}")
-            demand_no_placement(overrides[name], f"{where}.{name}")
+            require_no_placement(overrides[name], f"{where}.{name}")
         return overrides
 
     @cached_property
@@ -129,7 +129,7 @@ class Family(Described):
             others = said.get(TOGETHER, [])
             if not isinstance(others, list):
                 raise ConfigurationError(
-                    f"{where} must be a list of conditions, not {shown(others)}"
+                    f"{where} must be a list of conditions, not {format_value(others)}"
                 )
             for other in others:
                 if other not in single:
@@ -161,7 +161,7 @@ class Family(Described):
                 f"a scene's number and seed must be zero or more, not {number} and {seed}"
             )
         if not self.trusted:
-            demand_data(f"family {self.name}", self.tables, self.folder)
+            require_data(f"family {self.name}", self.tables, self.folder)
         return self._filled(Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted))
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
@@ -232,7 +232,7 @@ class Family(Described):
         }
         return known, setups
 
-    def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
+    def require_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
         """Raise ConfigurationError with counts if none of the first scenes is found.
 
         It is called before thousands of scenes are drawn.
@@ -261,7 +261,7 @@ def summarised(
 
     Raises ConfigurationError with counts if the first few scenes are all rejected.
     """
-    family.demand_scenes(half, seed)
+    family.require_scenes(half, seed)
     began = perf_counter()
     drawn_scenes = []
     for number in range(scenes):

@@ -20,7 +20,7 @@ import msgspec
 
 from ... import __version__
 from ...errors import ConfigurationError, unknown_name
-from ...plugins.regular_files import demand_regular, read_regular
+from ...plugins.regular_files import read_regular, require_regular
 from ...simulation import Setup
 from ..reading import Table
 from ..scenario import Scenario
@@ -175,7 +175,7 @@ def _digest(text: str) -> str:
 
 def _lines(path: Path) -> list[str]:
     try:
-        demand_regular(path)
+        require_regular(path)
         with gzip.open(path, "rb") as file:
             return file.read(MAX_BYTES).decode().split("\n")[:-1]
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:

@@ -73,7 +73,7 @@ def _times(factor: float, body: pin.Inertia) -> pin.Inertia:
     return pin.Inertia(factor * body.mass, np.array(body.lever), factor * np.array(body.inertia))
 
 
-def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
+def require_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
     """Raise ConfigurationError unless M(q) is regular.
 
     The message names a joint and the links without mass.
@@ -99,7 +99,7 @@ def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
     )
 
 
-def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> None:
+def require_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> None:
     """Raise ConfigurationError unless the joints' torques (n,) hold the arm at q (n,).
 
     The message names the joints that cannot.
@@ -231,10 +231,10 @@ class DynamicPlant(Plant):
         self.believed = with_masses(
             robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor
         )
-        demand_inertia(robot, self.model, q0)
+        require_inertia(robot, self.model, q0)
         own = robot.limits.effort if dynamics.effort is None else dynamics.effort
         effort = per_joint("plant: effort", own, n)
-        demand_holding(robot, self.model, q0, effort)
+        require_holding(robot, self.model, q0, effort)
         speed = (
             robot.qd_max.copy()
             if dynamics.speed is None

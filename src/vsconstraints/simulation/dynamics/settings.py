@@ -10,8 +10,8 @@ from typing import Literal, get_args
 import numpy as np
 import pinocchio as pin
 
-from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ...robots.geometry import Vector3, demand_sign, vector
+from ...errors import ConfigurationError, InvalidInput, format_value, unknown_name
+from ...robots.geometry import Vector3, require_sign, vector
 from ...robots.limits import per_joint
 from ...rows import Array
 
@@ -34,7 +34,7 @@ class Payload:
     radius: float = 0.0  #: Radius [m].
 
     def __post_init__(self) -> None:
-        demand_sign(self, "plant.payload: ", zero_or_more=("mass", "radius"))
+        require_sign(self, "plant.payload: ", zero_or_more=("mass", "radius"))
         vector(self.centre, 3, "plant.payload: centre")
 
     def inertia(self) -> pin.Inertia:
@@ -51,7 +51,7 @@ class Rods:
     radius: float  #: Radius [m].
 
     def __post_init__(self) -> None:
-        demand_sign(self, "plant.rods: ", positive=("mass_per_length", "radius"))
+        require_sign(self, "plant.rods: ", positive=("mass_per_length", "radius"))
 
     def inertia(self, end: Array) -> pin.Inertia:
         """Return the inertia of the rod from the origin to ``end`` (3,) [m]."""
@@ -80,7 +80,7 @@ class Friction:
 
     def __post_init__(self) -> None:
         several = "viscous", "coulomb", "static"
-        demand_sign(self, "plant: friction: ", zero_or_more=several, positive=("stribeck_speed",))
+        require_sign(self, "plant: friction: ", zero_or_more=several, positive=("stribeck_speed",))
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
         """Return f_v, f_c, f_s and v_s (n,).
@@ -101,8 +101,8 @@ class Friction:
         if (static < coulomb).any():
             raise InvalidInput(
                 f"plant.friction: static must not be less than coulomb, which is "
-                f"{shown(self.coulomb)}: not "
-                f"{shown(self.static)}"
+                f"{format_value(self.coulomb)}: not "
+                f"{format_value(self.static)}"
             )
         return viscous, coulomb, static, speed
 
@@ -154,9 +154,9 @@ class ArmDynamics:
         if int(self.substeps) != self.substeps or not 1 <= self.substeps <= MAX_SUBSTEPS:
             raise InvalidInput(
                 f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not "
-                f"{shown(self.substeps)}"
+                f"{format_value(self.substeps)}"
             )
-        demand_sign(
+        require_sign(
             self,
             "plant: ",
             positive=("bandwidth", "mass_factor", "effort", "speed"),
@@ -164,7 +164,7 @@ class ArmDynamics:
         )
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise InvalidInput(
-                f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}"
+                f"plant: gravity must be 3 finite numbers, not {format_value(self.gravity)}"
             )
 
     @property

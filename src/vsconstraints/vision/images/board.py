@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import ConfigurationError, shown
+from ...errors import ConfigurationError, format_value
 from ...qp.decomposition import svd
 from ...robots.geometry import Pose
 from ...rows import Array, IntArray
@@ -74,7 +74,8 @@ class Board(NamedTuple):
         numbers = np.arange(M) if ids is None else np.array(ids, dtype=np.int64)
         if len(numbers) != M:
             raise ConfigurationError(
-                f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: {shown(ids)}"
+                f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: "
+                f"{format_value(ids)}"
             )
         return cls(pose, _corners((away @ pose.R)[:, :2], side), numbers)
 

@@ -42,7 +42,7 @@ class Detector(NamedTuple):
     counts: Literal["edges", "centres"]
 
 
-def demand_image(image: object) -> None:
+def require_image(image: object) -> None:
     """Raise InvalidInput unless the value is an image (H, W) of grey levels from 0 to 255."""
     right = "an image must be an array (H, W) of grey levels, uint8"
     if not isinstance(image, np.ndarray):
@@ -90,7 +90,7 @@ def apriltag() -> Detector:
     order = [1, 0, 3, 2]
 
     def find(image: Pixels) -> Tags:
-        demand_image(image)
+        require_image(image)
         found = detector.detect(roomy(image))
         return tags_of(
             [(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS]
@@ -111,7 +111,7 @@ def aruco() -> Detector:
     detector = cv2.aruco.ArucoDetector(family, parameters)
 
     def find(image: Pixels) -> Tags:
-        demand_image(image)
+        require_image(image)
         corners, ids, _ = detector.detectMarkers(image)
         # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None if no tag was found
         return tags_of(

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from ...errors import InvalidInput, shown, unknown_name
-from ...robots.geometry import demand_sign
+from ...errors import InvalidInput, format_value, unknown_name
+from ...robots.geometry import require_sign
 
 DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
@@ -57,13 +57,13 @@ class ImageSettings:
         depth = () if isinstance(self.depth, str) else ("depth",)
         positive = "rate_hz", "light", "tag_side_m", "patience_s", *depth
         least = "latency_s", "noise", "blur_px", "exposure_s", "rolling_s"
-        demand_sign(self, "sensor: ", positive=positive, zero_or_more=least)
+        require_sign(self, "sensor: ", positive=positive, zero_or_more=least)
         for name in ("exposure_s", "rolling_s"):
             if getattr(self, name) > 1.0 / self.rate_hz:
                 raise InvalidInput(
                     f"sensor: {name} must not exceed the time between images, "
                     f"{1.0 / self.rate_hz:.3g} s, not "
-                    f"{shown(getattr(self, name))}"
+                    f"{format_value(getattr(self, name))}"
                 )
         for kind in self.opaque:
             if kind not in get_args(OpaqueName):
@@ -72,11 +72,12 @@ class ImageSettings:
             ids = getattr(self, name)
             if ids is not None and not all(int(one) == one and 0 <= one <= LAST_ID for one in ids):
                 raise InvalidInput(
-                    f"sensor: {name} must be numbers from 0 to {LAST_ID}, not {shown(list(ids))}"
+                    f"sensor: {name} must be numbers from 0 to {LAST_ID}, not "
+                    f"{format_value(list(ids))}"
                 )
         if self.tags is not None and len({*self.tags}) != len(self.tags):
             raise InvalidInput(
-                f"sensor: tags must differ from one another, not {shown(list(self.tags))}"
+                f"sensor: tags must differ from one another, not {format_value(list(self.tags))}"
             )
 
     @property

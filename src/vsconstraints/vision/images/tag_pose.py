@@ -11,7 +11,7 @@ from ...robots.geometry import Pose, distance
 from ...rows import Array, BoolArray
 from ..camera import Camera
 from .board import Board
-from .detectors import Detector, Pixels, demand_image
+from .detectors import Detector, Pixels, require_image
 
 #: Largest root mean square reprojection error of corners that belong to the board [px].
 MAX_RESIDUAL = 5.0
@@ -49,7 +49,7 @@ def locate_board(
     that explain the image. Raises InvalidInput if the array is no image, or if its size differs
     from that of the calibration.
     """
-    demand_image(image)
+    require_image(image)
     W, H = camera.size
     height, width = image.shape
     if (width, height) != (W, H):
