@@ -184,9 +184,7 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         README,
-        "leaves speed rows only in {:.0f} % of its runs without disturbances, mostly by less than "
-        "u⁺ in one sampling "
-        "period. Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in "
+        "violates only rows of joint speeds in {:.0f} % of its runs without disturbances. Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in "
         "{:.0f} %, with rows that "
         "look one period ahead in {:.0f} %.",
         lambda: [
