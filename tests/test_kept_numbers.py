@@ -196,7 +196,7 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         WHICH,
-        "leaves rows of joint speeds only in {:.0f} % of its runs without disturbances",
+        "violates only rows of joint speeds in {:.0f} % of its runs without disturbances",
         lambda: [paper_speeds()],
     ),
     (
