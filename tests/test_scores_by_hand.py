@@ -56,6 +56,15 @@ def test_a_run_without_samples_has_no_scores() -> None:
     assert np.isnan(numbers).all()
 
 
+def test_a_row_whose_clearance_is_not_known_is_not_satisfied() -> None:
+    """A custom constraint that cannot say its clearance is named, and its depth is not zero."""
+    run = made(clearance=[[1.0, np.nan, 1.0], [1.0, 1.0, 1.0]])
+    found = score(run, None).result
+    first, _ = run.trajectory.labels
+    assert (found["violated"], found["violated_tolerant"]) == (first, first)
+    assert np.isnan([found["violation_depth"], found["violation_fraction"]]).all()
+
+
 def test_a_run_of_one_sample_has_what_needs_no_second_one() -> None:
     run = made(
         clearance=[[-5.0]],

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled import load
 from ..controllers import Controller
 from ..controllers.base import restart
 from ..errors import ConfigurationError, SceneError, described, format_value
@@ -156,7 +157,8 @@ class _Run:
             real_time=not stream.clock.simulated,
             Ts=self.Ts,
             compiled=(step := self.control.bound()) is not None
-            and step.bind(self.job.controller) is not None,
+            and step.bind(self.job.controller) is not None
+            and load("compiler").compiles(),
             bounds=asdict(self.bounds),
             remarks=tuple(self._remarks()),
         )

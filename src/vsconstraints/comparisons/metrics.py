@@ -80,6 +80,10 @@ class MetricInputs:
         self.violated = np.where(self.least < -NEGLIGIBLE * record.length, -self.least, 0.0)
         self.within_band = np.where(self.violated > record.sampling_band, 0.0, self.violated)
         self.fraction = np.fmax(-self.least / record.length, 0.0)
+        # a row whose clearance is not known is not known to be satisfied
+        unknown = np.isnan(in_period).any(axis=0)
+        self.violated[unknown] = np.nan
+        self.fraction[unknown] = np.nan
         self.outside = in_period < -NEGLIGIBLE * record.length
         alone = self.baseline
         if alone is not None and alone.trajectory.labels != run.labels:
@@ -94,8 +98,9 @@ class MetricInputs:
         self.rows_times = run.rows_time[1:] * 1e6
 
     def named(self, depth: Array) -> str:
-        """Return the labels of the rows with a positive depth (m,), separated by semicolons."""
-        return "; ".join(self.run.labels[i] for i in np.flatnonzero(depth > 0.0))
+        """Return the labels of the rows with a positive or unknown depth (m,), with semicolons."""
+        named = (depth > 0.0) | np.isnan(depth)
+        return "; ".join(self.run.labels[i] for i in np.flatnonzero(named))
 
     @cached_property
     def usage_at_speed(self) -> Array:
