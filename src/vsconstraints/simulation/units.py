@@ -15,6 +15,7 @@ from ..constraints import ConstraintSet, JointRange, JointSpeed
 from ..robots.limits import ActuatorLimits
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
+from ..rows.readable import counted
 from ..vision.camera import Camera
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
@@ -153,7 +154,8 @@ def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) ->
     beyond = band > WHOLE_RANGE
     if beyond.any():
         i = int(np.argmax(band))
-        more = f", as in {beyond.sum() - 1} other rows" if beyond.sum() > 1 else ""
+        others = int(beyond.sum()) - 1
+        more = f", as in {counted(others, 'other row')}" if others else ""
         yield (
             f"u⁺ = {constraints.switching_gain[i]:g} of {constraints.labels[i]} moves φ by "
             f"{band[i]:.3g} times the "
