@@ -4,15 +4,18 @@ A room is a folder of the package. Rooms stand on floors: a room is one floor ab
 that it imports. An import counts anywhere, at the top of a file, inside a function or for type
 checkers only; importing a module imports the packages that contain it. The exit code is 1 if there
 are more floors or parameters than allowed, if imports form a circle, or if a definition has no
-reference. Lines have no limit: a limit makes code denser, not simpler. Pages and words of README
-and docs are counted, too.
+reference. Lines have no limit: a limit makes code denser, not simpler. Density has one: tokens per
+line of code, and the share of assignments that pack several values into one statement. Pages and
+words of README and docs are counted, too.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import re
 import sys
+import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,6 +49,18 @@ MAX_PARAMETERS = 8
 LONG_FILE = 300
 """Files with more lines are listed, but allowed."""
 
+MAX_TOKENS_PER_LINE = 9.5
+"""Largest density of the whole package; other packages of the field have 5 to 8."""
+
+MAX_PACKED = 0.02
+"""Largest share of assignments of the form ``a, b = x, y``, swaps included."""
+
+FEW_LINES = 100
+"""Lines of code up to which density is not judged."""
+
+COUNTED = (tokenize.NAME, tokenize.OP, tokenize.NUMBER, tokenize.STRING)
+"""Kinds of tokens that count."""
+
 
 class Lines(NamedTuple):
     """Numbers of lines: code, docstrings and comments, and blank."""
@@ -67,6 +82,29 @@ class Lines(NamedTuple):
         return cls(len(numbered) - docs - blank, docs, blank)
 
 
+class Density(NamedTuple):
+    """Numbers of tokens of code, of assignments, and of packed assignments."""
+
+    tokens: int
+    assignments: int
+    packed: int
+
+    @classmethod
+    def of(cls, text: str, tree: ast.Module) -> Density:
+        """Count the tokens and assignments of one file; docstrings have no tokens of code."""
+        strings = {line for first, last in docstrings(tree) for line in range(first, last + 1)}
+        tokens = 0
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type in COUNTED and token.start[0] not in strings:
+                tokens += 1
+        assignments = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+        packed = 0
+        for node in assignments:
+            if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
+                packed += 1
+        return cls(tokens, len(assignments), packed)
+
+
 class Module(NamedTuple):
     """One file of the package."""
 
@@ -74,6 +112,7 @@ class Module(NamedTuple):
     file: Path
     tree: ast.Module
     lines: Lines
+    density: Density
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, int]]:
@@ -98,7 +137,7 @@ def read(root: Path) -> dict[str, Module]:
         tree = ast.parse(text)
         parts = file.relative_to(root).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        modules[name] = Module(name, file, tree, Lines.of(text, tree))
+        modules[name] = Module(name, file, tree, Lines.of(text, tree), Density.of(text, tree))
     return modules
 
 
@@ -235,6 +274,22 @@ def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
     )
 
 
+def too_dense(modules: list[Module]) -> list[str]:
+    """Return a sentence for each limit of density that all files together exceed."""
+    code = sum(module.lines.code for module in modules)
+    if code <= FEW_LINES:
+        return []
+    density = Density(*map(sum, zip(*(module.density for module in modules), strict=True)))
+    per_line = density.tokens / code
+    share = density.packed / max(density.assignments, 1)
+    sentences = []
+    if per_line > MAX_TOKENS_PER_LINE:
+        sentences.append(f"{per_line:.1f} tokens per line of code, {MAX_TOKENS_PER_LINE} allowed")
+    if share > MAX_PACKED:
+        sentences.append(f"{share:.1%} of the assignments are packed, {MAX_PACKED:.0%} allowed")
+    return sentences
+
+
 def main(arguments: list[str]) -> int:
     """Print the results described by the module."""
     root = Path(arguments[0]) if arguments else Path(__file__).parents[1] / "src"
@@ -256,10 +311,12 @@ def main(arguments: list[str]) -> int:
 
     def line(title: str, inside: list[Module], floor: str) -> None:
         lines = Lines(*map(sum, zip(*(module.lines for module in inside), strict=True)))
+        tokens = sum(module.density.tokens for module in inside)
         numbers = f"{sum(lines):7} {len(inside):6} {lines.code:6} {lines.docs:6} {lines.blank:6}"
-        print(f"{title:13}{numbers} {floor:>6}")
+        print(f"{title:13}{numbers} {tokens:7} {tokens / max(lines.code, 1):6.1f} {floor:>6}")
 
-    print(f"{'room':13}{'lines':>7} {'files':>6} {'code':>6} {'docs':>6} {'blank':>6} {'floor':>6}")
+    counts = f"{'lines':>7} {'files':>6} {'code':>6} {'docs':>6} {'blank':>6}"
+    print(f"{'room':13}{counts} {'tokens':>7} {'/ line':>6} {'floor':>6}")
     order = {room: i for i, room in enumerate(ROOMS)}
     for room, inside in sorted(
         rooms.items(), key=lambda entry: (order.get(entry[0], -1), entry[0])
@@ -268,6 +325,7 @@ def main(arguments: list[str]) -> int:
     line("all", [*modules.values()], str(max(heights.values(), default=0)))
     if max(heights.values(), default=0) > MAX_FLOORS:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
+    exceeded += too_dense([*modules.values()])
     exceeded += [
         f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)
     ]

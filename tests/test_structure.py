@@ -64,6 +64,15 @@ def test_long_parameter_lists_are_named(tmp_path, capsys):
     assert structure.main([str(tmp_path / "nowhere")]) == 2
 
 
+def test_dense_code_is_named(tmp_path, capsys):
+    """A line of many tokens, and an assignment of two values at once; swaps count as well."""
+    text = "a, b = 1, 2\na, b = b, a\nc = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
+    assert package(tmp_path, a=34 * text) == 1
+    said = capsys.readouterr().out
+    assert "11.7 tokens per line of code, 9.5 allowed" in said
+    assert "66.7% of the assignments are packed, 2% allowed" in said
+
+
 def test_pages_and_words_are_counted(tmp_path, capsys):
     """README and pages beside the package, pages in folders not."""
     (tmp_path / "docs" / "api").mkdir(parents=True)
