@@ -1560,7 +1560,7 @@ def test_where_the_disk_is_full_before_nothing_moves(
         raise FULL
 
     monkeypatch.setattr(record.os, "fsync", full)
-    monkeypatch.setattr("vsconstraints.arms.run_on_arm", lambda job: pytest.fail("it moves"))
+    monkeypatch.setattr("vsconstraints.arms.run_on_arm", lambda *given: pytest.fail("it moves"))
     out = tmp_path / "out"
     assert command_line(monkeypatch, *SHORT, "--out", str(out)) == 2
     told = " ".join(capsys.readouterr().err.split())
@@ -1568,6 +1568,39 @@ def test_where_the_disk_is_full_before_nothing_moves(
     # and the same folder is free for another try
     record.require_own_folder(out)
     assert [path.name for path in out.iterdir()] == [".vsconstraints-lock"]
+
+
+def test_the_record_is_saved_before_anything_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(text: str) -> None:
+        raise BrokenPipeError
+
+    def then_gone(*given: Any) -> Any:
+        done = run_on_arm(*given)
+        monkeypatch.setattr("vsconstraints.cli.arm.console.print", gone)
+        return done
+
+    monkeypatch.setattr("vsconstraints.arms.run_on_arm", then_gone)
+    say(*SHORT, "--out", str(tmp_path / "out"))
+    assert (tmp_path / "out" / "arm" / "log.npz").is_file()
+
+
+def test_signals_do_not_interrupt_the_saving_of_the_record(tmp_path: Path) -> None:
+    saved: list[Path] = []
+
+    def keep(log: ArmLog) -> None:
+        (tmp_path / record.RESERVED).touch()
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        saved.append(record.save_log(tmp_path, log, "simulated://"))
+
+    setup = replace(SETUP, duration=0.05)
+    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup))
+    log = run_on_arm(job, keep)[1]
+    assert (log.ended, log.signal) == ("done", signal.SIGINT)
+    assert saved == [tmp_path / "arm" / "log.npz"]
+    assert not (tmp_path / record.RESERVED).exists()  # its space is free for the record
 
 
 def test_the_room_that_is_kept_is_enough(tmp_path: Path) -> None:

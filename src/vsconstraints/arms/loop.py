@@ -8,7 +8,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -67,9 +67,10 @@ class Job:
     from_arm: bool = False
 
 
-def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
+def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until an error; end at rest.
 
+    ``keep`` saves the log. It is called once the arm stands, before signals are obeyed again.
     Returns the setup with the arm's actual start, and the log. Before anything moves, raises
     ArmError if the arm cannot be reached, and ConfigurationError if it cannot start there
     (:func:`.require_start`), its accelerations are not limited, or images would be rendered in real
@@ -88,7 +89,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     try:
         driver.connect()
         setup = require_start(setup, driver.read(), job.supervision, job.from_arm)
-        return setup, _Run(replace(job, setup=setup), envelope).all_periods()
+        return setup, _Run(replace(job, setup=setup), envelope).all_periods(keep)
     finally:
         # the arm stands by now: an error of its driver must not lose the log
         with suppress(BaseException):
@@ -138,18 +139,27 @@ class _Run:
         self.control.reset()
         restart(self.job.controller, self.Ts, self.control.model)
 
-    def all_periods(self) -> ArmLog:
-        """Run all periods, and the stop."""
+    def all_periods(self, keep: Callable[[ArmLog], None] | None = None) -> ArmLog:
+        """Run all periods, and the stop; ``keep`` is called with the log."""
         stream = self.stream
-        with requests_noted() as requests, self._guarded(), self._watched(requests):
-            ended, cause = self._periods(requests)
-            with stream.turn:
-                if not self.taken:
-                    stream.bring_to_rest(self.silent, self._alive)
+        with requests_noted() as requests:
+            with self._guarded(), self._watched(requests):
+                ended, cause = self._periods(requests)
+                with stream.turn:
+                    if not self.taken:
+                        stream.bring_to_rest(self.silent, self._alive)
+            log = self._log(ended, cause, requests.signal)
+            if keep is not None:
+                keep(log)
+        # a signal that came while the log was saved
+        return replace(log, signal=requests.signal)
+
+    def _log(self, ended: Ended, cause: str, signal_number: int) -> ArmLog:
+        stream = self.stream
         return ArmLog(
             ended=ended,
             cause=cause,
-            signal=requests.signal,
+            signal=signal_number,
             stop=stream.stop[0],
             at_rest=stream.stop[1],
             periods=stream.periods,

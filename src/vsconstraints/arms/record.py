@@ -292,8 +292,11 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
 def save_log(folder: Path, log: ArmLog, where: str) -> Path:
     """Write the log to the folder of a run or else to a temporary one; return its path.
 
-    The motion cannot be repeated. Raises StorageError if both fail.
+    The motion cannot be repeated. The space that :func:`room_for_log` reserves is used. Raises
+    StorageError if both fail.
     """
+    with suppress(OSError):
+        (folder / RESERVED).unlink(missing_ok=True)
     failures = []
     for temporary in (False, True):
         try:
@@ -310,16 +313,22 @@ def save_log(folder: Path, log: ArmLog, where: str) -> Path:
 
 
 def store(
-    folder: Path, suite: Suite, setup: Setup, log: ArmLog, where: str, command: Sequence[str] = ()
+    folder: Path,
+    suite: Suite,
+    setup: Setup,
+    log: ArmLog,
+    where: str,
+    command: Sequence[str] = (),
+    saved: Path | None = None,
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run in the format of a comparison with a simulated baseline.
 
-    The unconstrained baseline is simulated in addition. The suite has one scenario and one
-    controller. Returns the run's trajectory, None if there are less than two periods, and the
-    comparison. Raises StorageError, which names the place of the log, if the log or the results
-    cannot be stored.
+    ``saved`` is the file of the log if :func:`save_log` has written it already. The unconstrained
+    baseline is simulated in addition. The suite has one scenario and one controller. Returns the
+    run's trajectory, None if there are less than two periods, and the comparison. Raises
+    StorageError, which names the place of the log, if the log or the results cannot be stored.
     """
-    log_file = save_log(folder, log, where)
+    log_file = saved or save_log(folder, log, where)
     if log_file != folder / ARM_LOG:
         raise StorageError(f"the results cannot be stored in {folder}. {NOT_LOST.format(log_file)}")
     try:
