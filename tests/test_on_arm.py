@@ -50,7 +50,9 @@ from vsconstraints.arms.drivers import ur_rtde
 from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
+from vsconstraints.arms.loop import _Run
 from vsconstraints.arms.realtime import RealClock, SimulatedClock
+from vsconstraints.arms.stream import Stream
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.record import run_file, stored_run
@@ -747,6 +749,29 @@ def test_commands_beyond_the_arm_are_brought_to_its_limits() -> None:
     )
     assert "commands were brought to the arm's limits" in log.remarks[0]
     assert_stopped(log)
+
+
+def test_a_law_that_returns_after_the_watchdog_has_taken_over_moves_no_setpoint(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    prepared: list[str] = []
+    prepare = Stream.prepare
+    job = Job(SETUP, Own(lambda command: late(command), at=20), driver_for("simulated://", SETUP))
+    run = _Run(job, Envelope.of(SETUP.scene.robot, SETUP.limits, Ts))
+
+    def late(command: Command) -> Command:
+        run._take_over()
+        return command
+
+    def noted(stream: Stream, qdd: Array) -> Any:
+        prepared.append(run.taken)
+        return prepare(stream, qdd)
+
+    monkeypatch.setattr(Stream, "prepare", noted)
+    log = run.all_periods()
+    assert_told(log, "the loop has not gone on")
+    assert prepared
+    assert not any(prepared)
 
 
 @pytest.mark.parametrize(

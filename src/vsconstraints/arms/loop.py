@@ -296,25 +296,26 @@ class _Run:
         started = time.perf_counter()
         with self._own_turn():
             state = stream.read()
-        # time at which the state was read, not the scheduled start of the period
-        t = stream.now()
-        self._check(state)
+            # time at which the state was read, not the scheduled start of the period
+            t = stream.now()
+            self._check(state)
         measured = self._look(t, state.q)
         command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
-        qdd, guarded = stream.within_limits(command.qdd)
-        self.control.commanded(qdd)
-        setpoint, refusal = stream.prepare(qdd)
-        if refusal:
-            raise Halt("failed", f"not sent, {refusal}")
+        # the watchdog may have begun a stop meanwhile, which integrates the same setpoints
         with self._own_turn():
+            qdd, guarded = stream.within_limits(command.qdd)
+            self.control.commanded(qdd)
+            setpoint, refusal = stream.prepare(qdd)
+            if refusal:
+                raise Halt("failed", f"not sent, {refusal}")
             stream.send(setpoint)
-        times = due, late, rows_time, step_time, time.perf_counter() - started
-        image = (
-            measured.get("pixels"),
-            measured.get("taken", np.nan),
-            self.control.innovation[:-1].copy(),
-        )
-        stream.log(times, state, image, guarded)
+            times = due, late, rows_time, step_time, time.perf_counter() - started
+            image = (
+                measured.get("pixels"),
+                measured.get("taken", np.nan),
+                self.control.innovation[:-1].copy(),
+            )
+            stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
         if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
