@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -482,6 +483,29 @@ def test_a_stamp_is_judged_against_now(
         np.testing.assert_allclose(
             log.column("taken")[own] - log.column("scheduled")[own], 0.75 * Ts, atol=1e-3
         )
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        (Decimal, ""),
+        (lambda taken: np.array([taken]), ""),
+        (lambda taken: "now", "an image's time must be a number [s], not 'now'"),
+        (lambda taken: np.array([taken, taken]), "an image's time must be a number [s]"),
+    ],
+)
+def test_a_stamp_of_another_type_leaves_the_log_writable(
+    kind: Callable[[float], Any], told: str, tmp_path: Path
+) -> None:
+    def eye(t: float, q: Array) -> Measurement:
+        return Measurement(SETUP.scene.glance(q)[0], None, kind(t) if t > 0.05 else t)
+
+    log = on("simulated://", images=eye, setup=replace(SETUP, duration=0.1))
+    assert told in log.cause
+    assert (log.ended == "done") == (not told)
+    log.save(tmp_path / "log.npz")
+    with np.load(tmp_path / "log.npz") as kept:
+        assert kept["taken"].shape == kept["scheduled"].shape
 
 
 def test_a_camera_that_stamps_in_a_thread_is_by_no_other_clock() -> None:

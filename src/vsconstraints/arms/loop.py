@@ -325,6 +325,19 @@ class _Run:
             j = int(np.argmax(off))
             raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
 
+    @staticmethod
+    def _stamp(taken: Any) -> float:
+        """Return an image's time stamp [s] as a float, which the log can store.
+
+        Raises Halt if it is not a number.
+        """
+        try:
+            return float(np.asarray(taken, dtype=np.float64).item())
+        except Exception as error:
+            raise Halt(
+                "failed", f"an image's time must be a number [s], not {format_value(taken)}"
+            ) from error
+
     def _look(self, t: float, q: Array) -> dict[str, Any]:
         """Return the arguments of the control step on images; raises Halt if images are lost."""
         if self.job.images is None:
@@ -336,7 +349,7 @@ class _Run:
                 raise Halt(
                     "failed", f"what sees the markers gave no Measurement, but {format_value(seen)}"
                 )
-            taken = t if seen.taken is None else seen.taken
+            taken = t if seen.taken is None else self._stamp(seen.taken)
             now = self.stream.now()
             if not taken <= now + STAMP:  # False also for NaN
                 raise Halt(
