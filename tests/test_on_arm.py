@@ -307,6 +307,28 @@ def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
     assert np.abs(q - log.column("sent_q")[~log.braking]).max() > 1e-5
 
 
+def test_custom_code_that_fails_besides_the_motion_loses_no_log(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Unbound(HierarchicalQP):
+        def bind(self, *given: Any) -> Any:
+            raise ValueError("no such form")
+
+    setup = replace(SETUP, duration=0.05)
+    driver = driver_for("simulated://", setup)
+    monkeypatch.setattr(driver, "send", lambda q, qd: pytest.fail("it moves"))
+    with pytest.raises(ValueError, match="no such form"):
+        run_on_arm(Job(setup, Unbound(), driver))
+
+    class Silent(SimulatedImages):
+        def remarks(self) -> list[str]:
+            raise ValueError("nothing to say")
+
+    log = on("simulated://", images=Silent(setup), setup=setup)
+    assert log.ended == "done"
+    assert "nothing to say" in log.remarks[-1]
+
+
 def test_images_of_a_dry_run_come_late_and_rarely() -> None:
     setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1}).setup()
     eye = image_source("simulated", setup)

@@ -136,6 +136,13 @@ class _Run:
             raise ConfigurationError(
                 f"{self.job.controller.name} has no command at the start: {halt}"
             ) from halt
+        # before the motion, since it calls custom code, which may fail
+        step = self.control.bound()
+        self.compiled = (
+            step is not None
+            and step.bind(self.job.controller) is not None
+            and load("compiler").compiles()
+        )
         self.control.reset()
         restart(self.job.controller, self.Ts, self.control.model)
 
@@ -166,9 +173,7 @@ class _Run:
             missed=stream.missed,
             real_time=not stream.clock.simulated,
             Ts=self.Ts,
-            compiled=(step := self.control.bound()) is not None
-            and step.bind(self.job.controller) is not None
-            and load("compiler").compiles(),
+            compiled=self.compiled,
             bounds=asdict(self.bounds),
             remarks=tuple(self._remarks()),
         )
@@ -183,7 +188,12 @@ class _Run:
             )
         if limited := sum(period.guarded for period in stream.periods):
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")
-        return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
+        if isinstance(images, SimulatedImages):
+            try:
+                remarks += images.remarks()
+            except Exception as error:  # the log must not be lost for a remark
+                remarks.append(f"remarks on images failed: {described(error)}")
+        return remarks
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
