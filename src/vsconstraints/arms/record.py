@@ -20,7 +20,7 @@ from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
 from ..comparisons.stored import ARM_LOG
 from ..controllers import Controller
-from ..errors import ConfigurationError, StorageError, described
+from ..errors import ConfigurationError, StorageError, VsconstraintsError, described
 from ..plugins.provenance import digests
 from ..reports.plots import Figure, Sheet, decades, logarithmic
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -326,15 +326,20 @@ def store(
     ``saved`` is the file of the log if :func:`save_log` has written it already. The unconstrained
     baseline is simulated in addition. The suite has one scenario and one controller. Returns the
     run's trajectory, None if there are less than two periods, and the comparison. Raises
-    StorageError, which names the place of the log, if the log or the results cannot be stored.
+    StorageError, which names the place of the log, if the log or the results cannot be stored, or
+    if scoring fails.
     """
     log_file = saved or save_log(folder, log, where)
     if log_file != folder / ARM_LOG:
         raise StorageError(f"the results cannot be stored in {folder}. {NOT_LOST.format(log_file)}")
     try:
         return _store_results(folder, suite, setup, log, where, command)
-    except (OSError, StorageError) as error:
-        why = error if isinstance(error, OSError) else error.__cause__ or error
+    except Exception as error:  # scoring calls custom code, which can fail in any way
+        why: object = error
+        if isinstance(error, StorageError):
+            why = error.__cause__ or error
+        elif not isinstance(error, (OSError, VsconstraintsError)):
+            why = described(error)
         raise StorageError(
             f"the results cannot be stored in {folder}: {why}. {NOT_LOST.format(log_file)}"
         ) from error
