@@ -634,6 +634,21 @@ def test_an_image_that_cannot_be_right_moves_nothing(eye: Eyes, told: str) -> No
     assert not log.column("sent_qd").any()
 
 
+def test_images_with_a_hidden_marker_are_known_as_frozen_too() -> None:
+    frozen: list[Array] = []
+
+    def eye(t: float, seen: Array) -> Array:
+        seen = seen.copy()
+        seen[3] = np.nan
+        if t >= 0.1:
+            frozen.append(seen)
+            return frozen[0]
+        return seen
+
+    log = shown(eye, setup=replace(SETUP, duration=1.0), image_share=0.05)
+    assert "as if frozen" in log.cause
+
+
 def test_an_image_that_becomes_wrong_brakes_and_is_named() -> None:
     """Frozen from 0.1 s on; the arm goes on until a marker should be beyond the bound, which is
     told with the log.
@@ -1639,6 +1654,19 @@ def test_where_the_disk_is_full_before_nothing_moves(
     # and the same folder is free for another try
     record.require_own_folder(out)
     assert [path.name for path in out.iterdir()] == [".vsconstraints-lock"]
+
+
+def test_where_scoring_fails_the_place_of_the_record_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def wrong(*arguments: Any, **options: Any) -> None:
+        raise ZeroDivisionError("no such score")
+
+    monkeypatch.setattr(record, "compare_runs", wrong)
+    assert command_line(monkeypatch, *SHORT, "--out", str(tmp_path / "out")) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "no such score" in told
+    assert "The record of the arm's motion is kept in" in told
 
 
 def test_the_record_is_saved_before_anything_is_printed(

@@ -376,7 +376,12 @@ class _Run:
             ):
                 self.image_at = max(self.image_at, taken)
                 last = self.stream.periods[-1].pixels if self.stream.periods else None
-                if pixels is None or last is None or not np.array_equal(pixels, last):
+                # hidden markers are NaN
+                if (
+                    pixels is None
+                    or last is None
+                    or not np.array_equal(pixels, last, equal_nan=True)
+                ):
                     self.same_since = taken
                 measured = {
                     "pixels": pixels,
