@@ -13,7 +13,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -350,8 +352,10 @@ def test_a_guardian_is_told_that_all_is_well(
 
 
 def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot be given to another process"):
-        Guardian(lambda: None, 1.0)
+    # the second one holds a lock, for which pickle raises TypeError
+    for stop in (lambda: None, partial(print, Lock())):
+        with pytest.raises(ConfigurationError, match="cannot be given to another process"):
+            Guardian(stop, 1.0)
     guardian = Guardian(Told(tmp_path / "told"), 60.0)
     guardian.alive()
     os.kill(guardian.process.pid, signal.SIGKILL)

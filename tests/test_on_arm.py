@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -50,7 +51,9 @@ from vsconstraints.arms.drivers import ur_rtde
 from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
+from vsconstraints.arms.loop import _Run
 from vsconstraints.arms.realtime import RealClock, SimulatedClock
+from vsconstraints.arms.stream import Stream
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.record import run_file, stored_run
@@ -304,6 +307,28 @@ def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
     assert np.abs(q - log.column("sent_q")[~log.braking]).max() > 1e-5
 
 
+def test_custom_code_that_fails_besides_the_motion_loses_no_log(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Unbound(HierarchicalQP):
+        def bind(self, *given: Any) -> Any:
+            raise ValueError("no such form")
+
+    setup = replace(SETUP, duration=0.05)
+    driver = driver_for("simulated://", setup)
+    monkeypatch.setattr(driver, "send", lambda q, qd: pytest.fail("it moves"))
+    with pytest.raises(ValueError, match="no such form"):
+        run_on_arm(Job(setup, Unbound(), driver))
+
+    class Silent(SimulatedImages):
+        def remarks(self) -> list[str]:
+            raise ValueError("nothing to say")
+
+    log = on("simulated://", images=Silent(setup), setup=setup)
+    assert log.ended == "done"
+    assert "nothing to say" in log.remarks[-1]
+
+
 def test_images_of_a_dry_run_come_late_and_rarely() -> None:
     setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1}).setup()
     eye = image_source("simulated", setup)
@@ -482,6 +507,29 @@ def test_a_stamp_is_judged_against_now(
         )
 
 
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        (Decimal, ""),
+        (lambda taken: np.array([taken]), ""),
+        (lambda taken: "now", "an image's time must be a number [s], not 'now'"),
+        (lambda taken: np.array([taken, taken]), "an image's time must be a number [s]"),
+    ],
+)
+def test_a_stamp_of_another_type_leaves_the_log_writable(
+    kind: Callable[[float], Any], told: str, tmp_path: Path
+) -> None:
+    def eye(t: float, q: Array) -> Measurement:
+        return Measurement(SETUP.scene.glance(q)[0], None, kind(t) if t > 0.05 else t)
+
+    log = on("simulated://", images=eye, setup=replace(SETUP, duration=0.1))
+    assert told in log.cause
+    assert (log.ended == "done") == (not told)
+    log.save(tmp_path / "log.npz")
+    with np.load(tmp_path / "log.npz") as kept:
+        assert kept["taken"].shape == kept["scheduled"].shape
+
+
 def test_a_camera_that_stamps_in_a_thread_is_by_no_other_clock() -> None:
     """In real time, as README's reader would do it."""
     newest: list[tuple[float, Array]] = []
@@ -584,6 +632,21 @@ def test_an_image_that_cannot_be_right_moves_nothing(eye: Eyes, told: str) -> No
     assert log.cause.startswith("t = 0 s: marker ")
     assert told in log.cause
     assert not log.column("sent_qd").any()
+
+
+def test_images_with_a_hidden_marker_are_known_as_frozen_too() -> None:
+    frozen: list[Array] = []
+
+    def eye(t: float, seen: Array) -> Array:
+        seen = seen.copy()
+        seen[3] = np.nan
+        if t >= 0.1:
+            frozen.append(seen)
+            return frozen[0]
+        return seen
+
+    log = shown(eye, setup=replace(SETUP, duration=1.0), image_share=0.05)
+    assert "as if frozen" in log.cause
 
 
 def test_an_image_that_becomes_wrong_brakes_and_is_named() -> None:
@@ -747,6 +810,29 @@ def test_commands_beyond_the_arm_are_brought_to_its_limits() -> None:
     )
     assert "commands were brought to the arm's limits" in log.remarks[0]
     assert_stopped(log)
+
+
+def test_a_law_that_returns_after_the_watchdog_has_taken_over_moves_no_setpoint(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    prepared: list[str] = []
+    prepare = Stream.prepare
+    job = Job(SETUP, Own(lambda command: late(command), at=20), driver_for("simulated://", SETUP))
+    run = _Run(job, Envelope.of(SETUP.scene.robot, SETUP.limits, Ts))
+
+    def late(command: Command) -> Command:
+        run._take_over()
+        return command
+
+    def noted(stream: Stream, qdd: Array) -> Any:
+        prepared.append(run.taken)
+        return prepare(stream, qdd)
+
+    monkeypatch.setattr(Stream, "prepare", noted)
+    log = run.all_periods()
+    assert_told(log, "the loop has not gone on")
+    assert prepared
+    assert not any(prepared)
 
 
 @pytest.mark.parametrize(
@@ -1560,7 +1646,7 @@ def test_where_the_disk_is_full_before_nothing_moves(
         raise FULL
 
     monkeypatch.setattr(record.os, "fsync", full)
-    monkeypatch.setattr("vsconstraints.arms.run_on_arm", lambda job: pytest.fail("it moves"))
+    monkeypatch.setattr("vsconstraints.arms.run_on_arm", lambda *given: pytest.fail("it moves"))
     out = tmp_path / "out"
     assert command_line(monkeypatch, *SHORT, "--out", str(out)) == 2
     told = " ".join(capsys.readouterr().err.split())
@@ -1568,6 +1654,52 @@ def test_where_the_disk_is_full_before_nothing_moves(
     # and the same folder is free for another try
     record.require_own_folder(out)
     assert [path.name for path in out.iterdir()] == [".vsconstraints-lock"]
+
+
+def test_where_scoring_fails_the_place_of_the_record_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def wrong(*arguments: Any, **options: Any) -> None:
+        raise ZeroDivisionError("no such score")
+
+    monkeypatch.setattr(record, "compare_runs", wrong)
+    assert command_line(monkeypatch, *SHORT, "--out", str(tmp_path / "out")) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "no such score" in told
+    assert "The record of the arm's motion is kept in" in told
+
+
+def test_the_record_is_saved_before_anything_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(text: str) -> None:
+        raise BrokenPipeError
+
+    def then_gone(*given: Any) -> Any:
+        done = run_on_arm(*given)
+        monkeypatch.setattr("vsconstraints.cli.arm.console.print", gone)
+        return done
+
+    monkeypatch.setattr("vsconstraints.arms.run_on_arm", then_gone)
+    say(*SHORT, "--out", str(tmp_path / "out"))
+    assert (tmp_path / "out" / "arm" / "log.npz").is_file()
+
+
+def test_signals_do_not_interrupt_the_saving_of_the_record(tmp_path: Path) -> None:
+    saved: list[Path] = []
+
+    def keep(log: ArmLog) -> None:
+        (tmp_path / record.RESERVED).touch()
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        saved.append(record.save_log(tmp_path, log, "simulated://"))
+
+    setup = replace(SETUP, duration=0.05)
+    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup))
+    log = run_on_arm(job, keep)[1]
+    assert (log.ended, log.signal) == ("done", signal.SIGINT)
+    assert saved == [tmp_path / "arm" / "log.npz"]
+    assert not (tmp_path / record.RESERVED).exists()  # its space is free for the record
 
 
 def test_the_room_that_is_kept_is_enough(tmp_path: Path) -> None:

@@ -56,19 +56,30 @@ class Guardian:
         self._said = b""  #: Output of the process besides answers.
         #: Time at which the oldest unanswered heartbeat was sent [s].
         self._unanswered: float | None = None
+        try:
+            message = pickle.dumps(sys.path) + pickle.dumps(stop)
+        except Exception as error:  # custom objects can fail in any way
+            raise ConfigurationError(
+                f"what stops the arm cannot be given to another process: {described(error)}"
+            ) from error
         pipe = subprocess.PIPE
         words = [sys.executable, "-c", CODE]
-        self.process = subprocess.Popen(
-            words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True
-        )
+        try:
+            self.process = subprocess.Popen(
+                words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True
+            )
+        except OSError as error:
+            raise ConfigurationError(
+                f"the process that would stop the arm does not start: {error}"
+            ) from error
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self._to = self.process.stdin
         self._from = self.process.stdout
         try:
-            self._to.write(pickle.dumps(sys.path) + pickle.dumps(stop))
+            self._to.write(message)
             answer = self._from.read(1) if select.select([self._from], [], [], START_S)[0] else b""
-        except (OSError, pickle.PicklingError, AttributeError) as error:
+        except OSError as error:
             self.end(True)
             raise ConfigurationError(
                 f"what stops the arm cannot be given to another process: {error}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -67,9 +67,10 @@ class Job:
     from_arm: bool = False
 
 
-def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
+def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until an error; end at rest.
 
+    ``keep`` saves the log. It is called once the arm stands, before signals are obeyed again.
     Returns the setup with the arm's actual start, and the log. Before anything moves, raises
     ArmError if the arm cannot be reached, and ConfigurationError if it cannot start there
     (:func:`.require_start`), its accelerations are not limited, or images would be rendered in real
@@ -88,7 +89,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     try:
         driver.connect()
         setup = require_start(setup, driver.read(), job.supervision, job.from_arm)
-        return setup, _Run(replace(job, setup=setup), envelope).all_periods()
+        return setup, _Run(replace(job, setup=setup), envelope).all_periods(keep)
     finally:
         # the arm stands by now: an error of its driver must not lose the log
         with suppress(BaseException):
@@ -135,30 +136,44 @@ class _Run:
             raise ConfigurationError(
                 f"{self.job.controller.name} has no command at the start: {halt}"
             ) from halt
+        # before the motion, since it calls custom code, which may fail
+        step = self.control.bound()
+        self.compiled = (
+            step is not None
+            and step.bind(self.job.controller) is not None
+            and load("compiler").compiles()
+        )
         self.control.reset()
         restart(self.job.controller, self.Ts, self.control.model)
 
-    def all_periods(self) -> ArmLog:
-        """Run all periods, and the stop."""
+    def all_periods(self, keep: Callable[[ArmLog], None] | None = None) -> ArmLog:
+        """Run all periods, and the stop; ``keep`` is called with the log."""
         stream = self.stream
-        with requests_noted() as requests, self._guarded(), self._watched(requests):
-            ended, cause = self._periods(requests)
-            with stream.turn:
-                if not self.taken:
-                    stream.bring_to_rest(self.silent, self._alive)
+        with requests_noted() as requests:
+            with self._guarded(), self._watched(requests):
+                ended, cause = self._periods(requests)
+                with stream.turn:
+                    if not self.taken:
+                        stream.bring_to_rest(self.silent, self._alive)
+            log = self._log(ended, cause, requests.signal)
+            if keep is not None:
+                keep(log)
+        # a signal that came while the log was saved
+        return replace(log, signal=requests.signal)
+
+    def _log(self, ended: Ended, cause: str, signal_number: int) -> ArmLog:
+        stream = self.stream
         return ArmLog(
             ended=ended,
             cause=cause,
-            signal=requests.signal,
+            signal=signal_number,
             stop=stream.stop[0],
             at_rest=stream.stop[1],
             periods=stream.periods,
             missed=stream.missed,
             real_time=not stream.clock.simulated,
             Ts=self.Ts,
-            compiled=(step := self.control.bound()) is not None
-            and step.bind(self.job.controller) is not None
-            and load("compiler").compiles(),
+            compiled=self.compiled,
             bounds=asdict(self.bounds),
             remarks=tuple(self._remarks()),
         )
@@ -173,7 +188,12 @@ class _Run:
             )
         if limited := sum(period.guarded for period in stream.periods):
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")
-        return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
+        if isinstance(images, SimulatedImages):
+            try:
+                remarks += images.remarks()
+            except Exception as error:  # the log must not be lost for a remark
+                remarks.append(f"remarks on images failed: {described(error)}")
+        return remarks
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
@@ -286,25 +306,26 @@ class _Run:
         started = time.perf_counter()
         with self._own_turn():
             state = stream.read()
-        # time at which the state was read, not the scheduled start of the period
-        t = stream.now()
-        self._check(state)
+            # time at which the state was read, not the scheduled start of the period
+            t = stream.now()
+            self._check(state)
         measured = self._look(t, state.q)
         command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
-        qdd, guarded = stream.within_limits(command.qdd)
-        self.control.commanded(qdd)
-        setpoint, refusal = stream.prepare(qdd)
-        if refusal:
-            raise Halt("failed", f"not sent, {refusal}")
+        # the watchdog may have begun a stop meanwhile, which integrates the same setpoints
         with self._own_turn():
+            qdd, guarded = stream.within_limits(command.qdd)
+            self.control.commanded(qdd)
+            setpoint, refusal = stream.prepare(qdd)
+            if refusal:
+                raise Halt("failed", f"not sent, {refusal}")
             stream.send(setpoint)
-        times = due, late, rows_time, step_time, time.perf_counter() - started
-        image = (
-            measured.get("pixels"),
-            measured.get("taken", np.nan),
-            self.control.innovation[:-1].copy(),
-        )
-        stream.log(times, state, image, guarded)
+            times = due, late, rows_time, step_time, time.perf_counter() - started
+            image = (
+                measured.get("pixels"),
+                measured.get("taken", np.nan),
+                self.control.innovation[:-1].copy(),
+            )
+            stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
         if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
@@ -313,6 +334,19 @@ class _Run:
         if off.max() > self.bounds.following_rad:
             j = int(np.argmax(off))
             raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
+
+    @staticmethod
+    def _stamp(taken: Any) -> float:
+        """Return an image's time stamp [s] as a float, which the log can store.
+
+        Raises Halt if it is not a number.
+        """
+        try:
+            return float(np.asarray(taken, dtype=np.float64).item())
+        except Exception as error:
+            raise Halt(
+                "failed", f"an image's time must be a number [s], not {format_value(taken)}"
+            ) from error
 
     def _look(self, t: float, q: Array) -> dict[str, Any]:
         """Return the arguments of the control step on images; raises Halt if images are lost."""
@@ -325,7 +359,7 @@ class _Run:
                 raise Halt(
                     "failed", f"what sees the markers gave no Measurement, but {format_value(seen)}"
                 )
-            taken = t if seen.taken is None else seen.taken
+            taken = t if seen.taken is None else self._stamp(seen.taken)
             now = self.stream.now()
             if not taken <= now + STAMP:  # False also for NaN
                 raise Halt(
@@ -342,7 +376,12 @@ class _Run:
             ):
                 self.image_at = max(self.image_at, taken)
                 last = self.stream.periods[-1].pixels if self.stream.periods else None
-                if pixels is None or last is None or not np.array_equal(pixels, last):
+                # hidden markers are NaN
+                if (
+                    pixels is None
+                    or last is None
+                    or not np.array_equal(pixels, last, equal_nan=True)
+                ):
                     self.same_since = taken
                 measured = {
                     "pixels": pixels,

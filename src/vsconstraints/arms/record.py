@@ -20,7 +20,7 @@ from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
 from ..comparisons.stored import ARM_LOG
 from ..controllers import Controller
-from ..errors import ConfigurationError, StorageError, described
+from ..errors import ConfigurationError, StorageError, VsconstraintsError, described
 from ..plugins.provenance import digests
 from ..reports.plots import Figure, Sheet, decades, logarithmic
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -292,8 +292,11 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
 def save_log(folder: Path, log: ArmLog, where: str) -> Path:
     """Write the log to the folder of a run or else to a temporary one; return its path.
 
-    The motion cannot be repeated. Raises StorageError if both fail.
+    The motion cannot be repeated. The space that :func:`room_for_log` reserves is used. Raises
+    StorageError if both fail.
     """
+    with suppress(OSError):
+        (folder / RESERVED).unlink(missing_ok=True)
     failures = []
     for temporary in (False, True):
         try:
@@ -310,22 +313,33 @@ def save_log(folder: Path, log: ArmLog, where: str) -> Path:
 
 
 def store(
-    folder: Path, suite: Suite, setup: Setup, log: ArmLog, where: str, command: Sequence[str] = ()
+    folder: Path,
+    suite: Suite,
+    setup: Setup,
+    log: ArmLog,
+    where: str,
+    command: Sequence[str] = (),
+    saved: Path | None = None,
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run in the format of a comparison with a simulated baseline.
 
-    The unconstrained baseline is simulated in addition. The suite has one scenario and one
-    controller. Returns the run's trajectory, None if there are less than two periods, and the
-    comparison. Raises StorageError, which names the place of the log, if the log or the results
-    cannot be stored.
+    ``saved`` is the file of the log if :func:`save_log` has written it already. The unconstrained
+    baseline is simulated in addition. The suite has one scenario and one controller. Returns the
+    run's trajectory, None if there are less than two periods, and the comparison. Raises
+    StorageError, which names the place of the log, if the log or the results cannot be stored, or
+    if scoring fails.
     """
-    log_file = save_log(folder, log, where)
+    log_file = saved or save_log(folder, log, where)
     if log_file != folder / ARM_LOG:
         raise StorageError(f"the results cannot be stored in {folder}. {NOT_LOST.format(log_file)}")
     try:
         return _store_results(folder, suite, setup, log, where, command)
-    except (OSError, StorageError) as error:
-        why = error if isinstance(error, OSError) else error.__cause__ or error
+    except Exception as error:  # scoring calls custom code, which can fail in any way
+        why: object = error
+        if isinstance(error, StorageError):
+            why = error.__cause__ or error
+        elif not isinstance(error, (OSError, VsconstraintsError)):
+            why = described(error)
         raise StorageError(
             f"the results cannot be stored in {folder}: {why}. {NOT_LOST.format(log_file)}"
         ) from error

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, StorageError
 from .options import Names
 from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, typed_command
+
+if TYPE_CHECKING:
+    from ..arms import ArmLog
 
 SIMULATED_ARM = "simulated://"
 NO_WATCHDOG = "the driver knows of no watchdog in the arm"
@@ -33,7 +38,7 @@ def run(
     """Run a law on an arm, supervised; without --robot a dry run."""
     from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
-    from ..arms.record import punctuality, require_own_folder, room_for_log
+    from ..arms.record import punctuality, require_own_folder, room_for_log, save_log
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
@@ -77,20 +82,29 @@ def run(
         )
     elif not driver.real:
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
+    saved: Path | None = None
+
+    def keep(log: ArmLog) -> None:
+        """Save the log before anything else: a print to a closed terminal raises."""
+        nonlocal saved
+        # `store` tries again, once the end of the motion has been told
+        with suppress(StorageError):
+            saved = save_log(out, log, robot)
+
     with room_for_log(out, setup), real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.sentences())}.")
             console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
-        setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm))
+        setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm), keep)
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
     if log.cause:
         errors.print(f"{log.ended}: {log.cause}")
     note(*log.remarks)
     (console if log.at_rest else errors).print(f"The arm: {log.stop}.")
-    trajectory, _ = store(out, suite, setup, log, robot, typed_command())
+    trajectory, _ = store(out, suite, setup, log, robot, typed_command(), saved)
     report = write_report(out, ReportOptions(figures, trust=True))
     if trajectory is not None:
         console.print(f"{trajectory.status}: {trajectory.reason}")
