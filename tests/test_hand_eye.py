@@ -372,3 +372,58 @@ def test_a_file_without_a_pose_says_what_is_read(tmp_path: Path, text: str, word
     assert "hand_eye.yaml" in str(error.value)
     with pytest.raises(ConfigurationError, match="cannot read the hand–eye calibration"):
         EYE.mounted(camera_in_tip=tmp_path / "none.yaml")
+
+
+COMPUTED = LAUNCH_PY.replace(f'"{TX}"', "str(x)")
+WITHOUT_ROTATION = LAUNCH_PY.replace('"--q', '"--other-')
+POSITIONAL = (
+    'Node(executable="static_transform_publisher", arguments=["0.1", "0", "0.2", "0", "0", "0", '
+    '"tool0", "camera"])\n'
+)
+TWO_NODES = LAUNCH.replace("</launch>", LAUNCH[LAUNCH.index("<node") :])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (COMPUTED, "must be a list of texts, as in .*; they are computed or missing"),
+        (
+            WITHOUT_ROTATION,
+            r"must have \"--x\".* or --roll, --pitch and --yaw .*; it has x, y, z",
+        ),
+        (LAUNCH_PY.replace('"--z"', '"--zz"'), "it has x, y, zz, qx"),
+        (POSITIONAL, "has 6 numbers; 7 are read"),
+        (TWO_NODES, "has 2 nodes of the type static_transform_publisher"),
+        (LAUNCH_PY + LAUNCH_PY, "has 2 nodes of the type static_transform_publisher"),
+        (LAUNCH.replace(' args="', ' other="'), "has 0 numbers; 7 are read"),
+        (f"<!DOCTYPE launch>{LAUNCH}", "has a document type"),
+        ("a: 1  # for a static_transform_publisher\n", "no pose in a form that is known"),
+    ],
+)
+def test_a_launch_file_without_a_complete_pose_is_refused(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    file = tmp_path / "launch"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        EYE.mounted(camera_in_tip=file)
+
+
+OTHER_NODE = '<node pkg="own" type="own" name="own" args="9 9 9 0 0 0 1 a b" />\n  <node'
+IN_ROS_2 = " ".join(f"--{name} {value}" for name, value in OPTIONS.items())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"# for a static_transform_publisher\n{IN_HAND['easy_handeye']}",
+        LAUNCH.replace("<node", f'<!-- args="9 9 9 0 0 0 1 a b" -->\n  {OTHER_NODE}'),
+        f'<launch><node exec="static_transform_publisher" args="{IN_ROS_2}"/></launch>',
+    ],
+    ids=["the word in a comment", "another node", "ROS 2"],
+)
+def test_only_the_publisher_of_a_launch_file_is_read(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "launch"
+    file.write_text(text)
+    mount = EYE.mounted(camera_in_tip=file).mount
+    assert max(distance(mount.inverse, CAMERA_IN_TIP)) < 1e-12
