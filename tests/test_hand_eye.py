@@ -427,3 +427,38 @@ def test_only_the_publisher_of_a_launch_file_is_read(tmp_path: Path, text: str) 
     file.write_text(text)
     mount = EYE.mounted(camera_in_tip=file).mount
     assert max(distance(mount.inverse, CAMERA_IN_TIP)) < 1e-12
+
+
+IN_BASE = f"R_cam2base: {CAMERA_IN_TIP.R.ravel().tolist()}\nt_cam2base: {XYZ}\n"
+
+
+def test_keys_of_opencv_say_where_the_camera_is(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"in the hand .*: give it as camera_in_tip"):
+        EYE.mounted(camera_in_base=opencv_file(tmp_path))
+    file = tmp_path / "base.yaml"
+    file.write_text(IN_BASE)
+    fixed = EYE.mounted(camera_in_base=file).fixed
+    assert fixed is not None
+    assert max(distance(fixed, CAMERA_IN_TIP)) < 1e-12
+    with pytest.raises(ConfigurationError, match=r"beside the arm .*: give it as camera_in_base"):
+        EYE.mounted(camera_in_tip=file)
+    file.write_text(f"calibration_type: eye_in_hand\n{IN_BASE}")
+    with pytest.raises(ConfigurationError, match="says two things of the camera"):
+        EYE.mounted(camera_in_tip=file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        IN_BASE.replace("t_cam2base", "t_cam2gripper"),
+        IN_BASE.replace("t_cam2base", "tvec"),
+        IN_BASE + IN_BASE.replace("cam2base", "cam2gripper"),
+        f"tvec: {XYZ}\n",
+    ],
+    ids=["mixed", "half general", "both", "no rotation"],
+)
+def test_a_pose_is_one_translation_with_its_own_rotation(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "pair.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match="exactly one translation with its rotation"):
+        EYE.mounted(camera_in_base=file)

@@ -42,15 +42,29 @@ BESIDE = ("eye_on_base", "eye_to_hand", "false")
 SAYS_WHERE = ("calibration_type", "eye_on_hand")
 #: Keys of the table that holds the pose, if it is nested.
 INNER = ("transformation", "transform", "effector_camera", "pose")
-#: Keys of a translation; below, keys of a rotation vector or matrix in the same table.
-TRANSLATIONS = ("t_cam2gripper", "t_cam2base", "tvec", "translation_vector", "translation")
-ROTATIONS = (
-    "R_cam2gripper",
-    "R_cam2base",
-    "rvec",
-    "rotation_vector",
-    "rotation_matrix",
-    "rotation",
+
+
+class Pair(NamedTuple):
+    """Keys of a translation and a rotation in one table."""
+
+    translation: str
+    #: Key of a rotation vector or matrix.
+    rotation: str
+    #: True if the keys state that the arm carries the camera, False if not, None if they do not.
+    carried: bool | None
+
+
+#: Keys of poses in files of OpenCV and in others.
+PAIRS = (
+    Pair("t_cam2gripper", "R_cam2gripper", carried=True),
+    Pair("t_cam2base", "R_cam2base", carried=False),
+    Pair("tvec", "rvec", carried=None),
+    Pair("tvec", "rotation_matrix", carried=None),
+    Pair("translation_vector", "rotation_vector", carried=None),
+    Pair("translation_vector", "rotation_matrix", carried=None),
+    Pair("translation", "rotation_vector", carried=None),
+    Pair("translation", "rotation_matrix", carried=None),
+    Pair("translation", "rotation", carried=None),
 )
 
 
@@ -193,8 +207,8 @@ def _of_table(text: str, where: str) -> HandEye:
         numbers = [number_of(word) for word in table.split()]
         if len(numbers) == 16:
             return HandEye(Pose.from_matrix(np.array(numbers).reshape(4, 4)), None)
-    pose = _pose_of(table, where) if isinstance(table, Mapping) else None
-    if pose is None or not isinstance(table, Mapping):
+    found = _found_in(table, where) if isinstance(table, Mapping) else None
+    if found is None or not isinstance(table, Mapping):
         raise ConfigurationError(
             f"{where} holds no pose in a form that is known: transformation with x, y, z, qx, qy, "
             f"qz, qw "
@@ -203,7 +217,15 @@ def _of_table(text: str, where: str) -> HandEye:
             "(MoveIt), 6 or 4 × 4 numbers as data (ViSP), or R_cam2gripper and t_cam2gripper "
             "(OpenCV)"
         )
-    return HandEye(pose, _carried(table, where))
+    carried = _carried(table, where)
+    if carried is None:
+        return found
+    if found.carried not in (None, carried):
+        raise ConfigurationError(
+            f"{where} says two things of the camera: {' or '.join(SAYS_WHERE)} and the keys of the "
+            f"pose contradict each other on whether the arm carries it"
+        )
+    return HandEye(found.pose, carried)
 
 
 def _carried(table: Calibrated, where: str) -> bool | None:
@@ -223,11 +245,17 @@ def _carried(table: Calibrated, where: str) -> bool | None:
     return None
 
 
-def _pose_of(table: Calibrated, where: str) -> Pose | None:
+def _found_in(table: Calibrated, where: str) -> HandEye | None:
     """Return the pose of a table or of one nested in it; None if its form is unknown."""
     for key in INNER:
         if isinstance(table.get(key), Mapping):
-            return _pose_of(table[key], where)
+            return _found_in(table[key], where)
+    pose = _pose_of(table, where)
+    return _of_pair(table, where) if pose is None else HandEye(pose, None)
+
+
+def _pose_of(table: Calibrated, where: str) -> Pose | None:
+    """Return the pose of a table with a quaternion or ViSP's data; None if it has neither."""
     if {"x", "y", "z", "qx", "qy", "qz", "qw"} <= table.keys():
         return _of_quaternion(
             _named(table, "xyz"), [number_of(table[f"q{axis}"]) for axis in "xyzw"]
@@ -239,10 +267,25 @@ def _pose_of(table: Calibrated, where: str) -> Pose | None:
             return _of_quaternion(_named(xyz, "xyz"), _named(quaternion, "xyzw"))
     if "data" in table:
         return _of_numbers(numbers_of(table, "data", where))
-    translation = next((key for key in TRANSLATIONS if key in table), None)
-    rotation = next((key for key in ROTATIONS if key in table), None)
-    if translation is None or rotation is None:
-        return None
+    return None
+
+
+def _of_pair(table: Calibrated, where: str) -> HandEye | None:
+    """Return the pose of the one pair of keys in a table; None if it has no key of a pair.
+
+    Raises ConfigurationError if it has such keys, but not exactly one complete pair.
+    """
+    complete = [pair for pair in PAIRS if pair.translation in table and pair.rotation in table]
+    if len(complete) != 1:
+        keys = dict.fromkeys(key for pair in PAIRS for key in pair[:2] if key in table)
+        if not keys:
+            return None
+        pairs = "; ".join(f"{pair.translation} with {pair.rotation}" for pair in PAIRS)
+        raise ConfigurationError(
+            f"{where}: a pose is exactly one translation with its rotation, not {', '.join(keys)}. "
+            f"Pairs are {pairs}"
+        )
+    translation, rotation, carried = complete[0]
     t = numbers_of(table[translation], translation, where)
     R = numbers_of(table[rotation], rotation, where)
     if len(t) != 3 or len(R) not in (3, 9):
@@ -252,8 +295,8 @@ def _pose_of(table: Calibrated, where: str) -> Pose | None:
             f"{len(t)} and {len(R)}"
         )
     if len(R) == 3:
-        return _of_numbers(np.concatenate((t, R)))
-    return Pose.from_matrix(np.column_stack((R.reshape(3, 3), t)))
+        return HandEye(_of_numbers(np.concatenate((t, R))), carried)
+    return HandEye(Pose.from_matrix(np.column_stack((R.reshape(3, 3), t))), carried)
 
 
 def _named(table: Calibrated, names: str) -> list[float]:
