@@ -13,7 +13,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vsconstraints import Camera
-from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
+from vsconstraints.errors import (
+    CalibrationWarning,
+    ConfigurationError,
+    InvalidInput,
+    VsconstraintsError,
+)
 from vsconstraints.robots import ur5
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
@@ -461,4 +466,15 @@ def test_a_pose_is_one_translation_with_its_own_rotation(tmp_path: Path, text: s
     file = tmp_path / "pair.yaml"
     file.write_text(text)
     with pytest.raises(ConfigurationError, match="exactly one translation with its rotation"):
+        EYE.mounted(camera_in_base=file)
+
+
+def test_a_mount_in_millimetres_is_doubted(tmp_path: Path) -> None:
+    file = tmp_path / "mm.yaml"
+    file.write_text("rvec: [0, 0, 0]\ntvec: [20, 70, -50]\n")
+    far = r"the camera is mounted 88\.3 m from the arm's tip: are its coordinates in mm, not m\?"
+    with pytest.warns(CalibrationWarning, match=far):
+        eye = EYE.mounted(camera_in_tip=file)
+    assert len(eye.doubts) == 1
+    with pytest.warns(CalibrationWarning, match=r"fixed 88\.3 m from the robot's base"):
         EYE.mounted(camera_in_base=file)
