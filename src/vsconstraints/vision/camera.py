@@ -32,6 +32,8 @@ ELSEWHERE = 0.4
 #: from the robot's base if it is fixed [m].
 MAX_MOUNT = 3.0
 MAX_FIXED = 20.0
+#: Number of coefficients of a fisheye, which a Brown–Conrady lens may have, too.
+FISHEYE_COUNT = 4
 TANGENTIAL = 0.02  #: Largest plausible coefficient of tangential distortion.
 #: Arguments of :meth:`.mounted` for a camera that the arm carries.
 CARRIED = ("camera_in_tip", "tip_in_camera")
@@ -177,19 +179,34 @@ class Camera:
         principal_point = self._doubt_of_principal_point()
         if principal_point:
             doubts.append(principal_point)
-        if self.distortion is not None and self.distortion.model == "brown-conrady":
-            tangential = self.distortion.coefficients[2:4]
-            if max(map(abs, tangential)) > TANGENTIAL:
-                p1, p2 = (f"{value:.3g}" for value in tangential)
-                doubts.append(
-                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than "
-                    f"real lenses have them: "
-                    'are these coefficients of a fisheye (distortion_model = "fisheye")?'
-                )
+        lens = self._doubt_of_lens()
+        if lens:
+            doubts.append(lens)
         place = self._doubt_of_place()
         if place:
             doubts.append(place)
         return doubts
+
+    def _doubt_of_lens(self) -> str:
+        """Return a warning if the coefficients may be those of a fisheye; empty if not."""
+        if self.distortion is None or self.distortion.model != "brown-conrady":
+            return ""
+        coefficients = self.distortion.coefficients
+        tangential = coefficients[2:4]
+        if max(map(abs, tangential)) > TANGENTIAL:
+            p1, p2 = (f"{value:.3g}" for value in tangential)
+            return (
+                f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than "
+                f"real lenses have them: "
+                'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+            )
+        if self.distortion.assumed and len(coefficients) == FISHEYE_COUNT:
+            return (
+                "the calibration gives four coefficients of distortion and no model; they are "
+                'read as k₁, k₂, p₁, p₂ (distortion_model = "brown-conrady"): '
+                'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+            )
+        return ""
 
     def _doubt_of_place(self) -> str:
         """Return a warning if the camera is far from the robot's tip or base; empty if it is not.
