@@ -132,6 +132,15 @@ def test_models_of_ros_are_lenses(
     assert_read(Camera.from_calibration(written(tmp_path / "camera.yaml", table)), lens)
 
 
+def test_four_coefficients_without_a_model_are_doubted(tmp_path: Path) -> None:
+    four = np.array([[0.01, 0.02, 0.001, 0.002]])
+    silent = by_opencv(tmp_path / "silent.yaml", distortion_coefficients=four)
+    lens = Distortion("brown-conrady", four[0].tolist())
+    with pytest.warns(CalibrationWarning, match="four coefficients of distortion and no model"):
+        assert_read(Camera.from_calibration(silent), lens)
+    assert_read(Camera.from_calibration(silent, distortion_model="brown-conrady"), lens)
+
+
 def test_which_lens_it_is_can_be_said_where_a_file_does_not(tmp_path: Path) -> None:
     four = np.array([[0.01, 0.02, 0.03, 0.04]])
     silent = by_opencv(tmp_path / "silent.yaml", distortion_coefficients=four)

@@ -5,7 +5,7 @@ ones.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -252,3 +252,38 @@ def test_a_gradient_of_another_shape_says_so() -> None:
 
     with pytest.raises((ConfigurationError, ValueError)):
         with_constraint(Flat(K=0.3, switching_gain=1.0, length=80.0)).check_start()
+
+
+@dataclass(init=False)
+class LeftOf(Left):
+    """Markers stay left of a parabola; a dataclass with an array, which == cannot compare."""
+
+    shift: Array
+
+    def __init__(self, marker: int) -> None:
+        super().__init__(K=0.3, switching_gain=1.0, length=80.0, markers=[marker])
+        self.shift = np.zeros(2)
+
+
+def test_custom_dataclasses_with_arrays_are_told_apart() -> None:
+    setup = Scenario.load("ur5-fov").setup()
+    constraints = ConstraintSet((LeftOf(1), LeftOf(2)), setup.scene)
+    require_gradients(setup.scene, constraints, setup.task, (0.0, setup.q0, setup.qd0))
+
+
+class RightOf(ImageConstraint):
+    """Markers stay right of a line; σ is undefined in the left of the image."""
+
+    kind = "right-of"
+
+    def sigma(self, y: Array) -> Array:
+        return 0.01 - np.sqrt(y[..., 0] + 300.0)
+
+    def gradient(self, y: Array) -> Array:
+        slope = -0.5 / np.sqrt(y[..., 0] + 300.0)
+        return np.stack((slope, np.zeros_like(slope)), axis=-1)
+
+
+def test_sigma_may_be_undefined_where_no_marker_is() -> None:
+    setup = with_constraint(RightOf(K=0.3, switching_gain=1.0, length=80.0))
+    assert setup.check_start() == []

@@ -13,7 +13,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vsconstraints import Camera
-from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
+from vsconstraints.errors import (
+    CalibrationWarning,
+    ConfigurationError,
+    InvalidInput,
+    VsconstraintsError,
+)
 from vsconstraints.robots import ur5
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
@@ -372,3 +377,104 @@ def test_a_file_without_a_pose_says_what_is_read(tmp_path: Path, text: str, word
     assert "hand_eye.yaml" in str(error.value)
     with pytest.raises(ConfigurationError, match="cannot read the hand–eye calibration"):
         EYE.mounted(camera_in_tip=tmp_path / "none.yaml")
+
+
+COMPUTED = LAUNCH_PY.replace(f'"{TX}"', "str(x)")
+WITHOUT_ROTATION = LAUNCH_PY.replace('"--q', '"--other-')
+POSITIONAL = (
+    'Node(executable="static_transform_publisher", arguments=["0.1", "0", "0.2", "0", "0", "0", '
+    '"tool0", "camera"])\n'
+)
+TWO_NODES = LAUNCH.replace("</launch>", LAUNCH[LAUNCH.index("<node") :])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (COMPUTED, "must be a list of texts, as in .*; they are computed or missing"),
+        (
+            WITHOUT_ROTATION,
+            r"must have \"--x\".* or --roll, --pitch and --yaw .*; it has x, y, z",
+        ),
+        (LAUNCH_PY.replace('"--z"', '"--zz"'), "it has x, y, zz, qx"),
+        (POSITIONAL, "has 6 numbers; 7 are read"),
+        (TWO_NODES, "has 2 nodes of the type static_transform_publisher"),
+        (LAUNCH_PY + LAUNCH_PY, "has 2 nodes of the type static_transform_publisher"),
+        (LAUNCH.replace(' args="', ' other="'), "has 0 numbers; 7 are read"),
+        (f"<!DOCTYPE launch>{LAUNCH}", "has a document type"),
+        ("a: 1  # for a static_transform_publisher\n", "no pose in a form that is known"),
+    ],
+)
+def test_a_launch_file_without_a_complete_pose_is_refused(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    file = tmp_path / "launch"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        EYE.mounted(camera_in_tip=file)
+
+
+OTHER_NODE = '<node pkg="own" type="own" name="own" args="9 9 9 0 0 0 1 a b" />\n  <node'
+IN_ROS_2 = " ".join(f"--{name} {value}" for name, value in OPTIONS.items())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"# for a static_transform_publisher\n{IN_HAND['easy_handeye']}",
+        LAUNCH.replace("<node", f'<!-- args="9 9 9 0 0 0 1 a b" -->\n  {OTHER_NODE}'),
+        f'<launch><node exec="static_transform_publisher" args="{IN_ROS_2}"/></launch>',
+    ],
+    ids=["the word in a comment", "another node", "ROS 2"],
+)
+def test_only_the_publisher_of_a_launch_file_is_read(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "launch"
+    file.write_text(text)
+    mount = EYE.mounted(camera_in_tip=file).mount
+    assert max(distance(mount.inverse, CAMERA_IN_TIP)) < 1e-12
+
+
+IN_BASE = f"R_cam2base: {CAMERA_IN_TIP.R.ravel().tolist()}\nt_cam2base: {XYZ}\n"
+
+
+def test_keys_of_opencv_say_where_the_camera_is(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"in the hand .*: give it as camera_in_tip"):
+        EYE.mounted(camera_in_base=opencv_file(tmp_path))
+    file = tmp_path / "base.yaml"
+    file.write_text(IN_BASE)
+    fixed = EYE.mounted(camera_in_base=file).fixed
+    assert fixed is not None
+    assert max(distance(fixed, CAMERA_IN_TIP)) < 1e-12
+    with pytest.raises(ConfigurationError, match=r"beside the arm .*: give it as camera_in_base"):
+        EYE.mounted(camera_in_tip=file)
+    file.write_text(f"calibration_type: eye_in_hand\n{IN_BASE}")
+    with pytest.raises(ConfigurationError, match="says two things of the camera"):
+        EYE.mounted(camera_in_tip=file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        IN_BASE.replace("t_cam2base", "t_cam2gripper"),
+        IN_BASE.replace("t_cam2base", "tvec"),
+        IN_BASE + IN_BASE.replace("cam2base", "cam2gripper"),
+        f"tvec: {XYZ}\n",
+    ],
+    ids=["mixed", "half general", "both", "no rotation"],
+)
+def test_a_pose_is_one_translation_with_its_own_rotation(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "pair.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match="exactly one translation with its rotation"):
+        EYE.mounted(camera_in_base=file)
+
+
+def test_a_mount_in_millimetres_is_doubted(tmp_path: Path) -> None:
+    file = tmp_path / "mm.yaml"
+    file.write_text("rvec: [0, 0, 0]\ntvec: [20, 70, -50]\n")
+    far = r"the camera is mounted 88\.3 m from the arm's tip: are its coordinates in mm, not m\?"
+    with pytest.warns(CalibrationWarning, match=far):
+        eye = EYE.mounted(camera_in_tip=file)
+    assert len(eye.doubts) == 1
+    with pytest.warns(CalibrationWarning, match=r"fixed 88\.3 m from the robot's base"):
+        EYE.mounted(camera_in_base=file)

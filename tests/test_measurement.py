@@ -327,7 +327,8 @@ def test_unknown_depths_of_depth_cameras_are_the_models(unknown):
             np.testing.assert_allclose(found.task.J, expected, rtol=1e-9)
 
 
-#: Depths as they come by mistake, of those in metres, and the guess that names their unit.
+#: Depths as they come by mistake, of those in metres, and the guess that names their unit;
+#: None for the ratio.
 DEPTHS = {
     "millimetres": (lambda Z: 1000.0 * Z, "are depths in millimetres, not metres?"),
     "rounded millimetres": (
@@ -339,13 +340,14 @@ DEPTHS = {
     "feet": (lambda Z: Z / 0.3048, "are depths in feet, not metres?"),
     "background": (
         lambda Z: np.add(Z, (2.0, 0.0, 0.0, 0.0)),
-        "it fits another object, or a target that is elsewhere",
+        None,
     ),
     "in front": (
         lambda Z: Z * (1.0, 1.0, 1.0, 0.1),
-        "it fits another object, or a target that is elsewhere",
+        None,
     ),
-    "kilometres": (lambda Z: Z / 1000.0, "it fits another object, or a target that is elsewhere"),
+    "kilometres": (lambda Z: Z / 1000.0, "that is 0.001 times the model's"),
+    "twice as far and more": (lambda Z: 2.5 * Z, "that is 2.5 times the model's"),
 }
 
 
@@ -363,8 +365,9 @@ def test_depths_in_another_unit_are_doubted(wrong, told):
         remark = step.command(SlidingMode(), 0.0, q, qd, pixels=seen, depth=wrong(depth))[1].remark
         assert remark.startswith("the depth of marker ")
         assert "(allowed is a factor of 2)" in remark
-        assert remark.endswith(told)
         ratio = wrong(depth) / depth
+        worst = ratio[np.argmax(np.abs(np.log(ratio)))]
+        assert remark.endswith(told or f"that is {worst:.3g} times the model's")
         assert step.innovation[6] == pytest.approx(np.maximum(ratio, 1.0 / ratio).max() - 1.0)
         # depths are those of one image
         assert step.command(SlidingMode(), 0.0, q, qd, pixels=seen)[1].remark == ""

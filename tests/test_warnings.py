@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,16 @@ import pytest
 from typer.testing import CliRunner
 
 from vsconstraints.cli import app
-from vsconstraints.comparisons import StoredComparison, Suite
+from vsconstraints.comparisons import StoredComparison, Suite, suite
 from vsconstraints.comparisons.suite import DEFAULT
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.notebooks import Comparison
 from vsconstraints.reports.preview import Preview
+from vsconstraints.reports.summary import obstacles
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario, shipped_scenarios
-from vsconstraints.simulation import simulate
+from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.start import UNSOLVABLE
 from vsconstraints.vision.scene import interaction_matrix
 
@@ -95,6 +97,29 @@ def test_what_cannot_start_is_said_and_raises_nothing() -> None:
     assert len(found["ur5-fov"]) == 1
     assert found["ur5-fov"][0].startswith("no run would start: ")
     assert "are these degrees, not rad?" in found["ur5-fov"][0]
+
+
+def test_warnings_of_a_start_remain_if_goals_cannot_be_checked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fails(setup: Setup) -> list[str]:
+        raise ValueError("not here")
+
+    monkeypatch.setattr(suite, "problems_at_goals", fails)
+    found = warnings_of(changed("ur5-fov", {"constraints.0.switching_gain": 5e4}))["ur5-fov"]
+    assert "moves φ by 100 times the whole allowed range" in found[0]
+    assert re.fullmatch("goals cannot be checked: .*not here.*", found[-1])
+
+
+def test_questions_about_units_make_no_scenario_impossible() -> None:
+    at_goals = ["goal: fov[marker 1] is violated", "goal 2 is forbidden by fov[marker 1]"]
+    others = [
+        "goal 1 has 90 of joint 2: are these degrees, not rad?",
+        "goal 1 has the markers 300 m from the camera: is that in mm, not m?",
+        "goals cannot be checked: ValueError: not here",
+    ]
+    results: Any = SimpleNamespace(stored=SimpleNamespace(warnings={"one": at_goals + others}))
+    assert obstacles(results, "one") == at_goals
 
 
 @pytest.fixture(scope="module")

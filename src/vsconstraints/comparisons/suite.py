@@ -162,16 +162,20 @@ class Suite(Experiment):
         """
         found = {}
         for scenario in self.scenarios:
+            at_goals: list[str] = []
             try:
                 setup, warnings = _remarks_at_start(scenario)
+            except Exception as error:  # custom parts may raise anything; their runs report it too
+                found[scenario.name] = [f"no run would start: {described(error)}"]
+                continue
+            try:
                 # custom parts may change the working directory
                 with chdir("."), beside(scenario.folder):
-                    # the checks of goals below repeat these warnings, with the distance
-                    warnings = [text for text in warnings if text not in setup.forbidden]
                     at_goals = problems_at_goals(setup)
-            except Exception as error:  # custom parts may raise anything; their runs report it too
-                warnings = [f"no run would start: {described(error)}"]
-                at_goals = []
+                    # the checks of goals repeat these warnings, with the distance
+                    warnings = [text for text in warnings if text not in setup.forbidden]
+            except Exception as error:
+                warnings = [*warnings, f"goals cannot be checked: {described(error)}"]
             known = {text.partition(": ")[2] for text in at_goals} & set(warnings)
             warnings += [text for text in at_goals if text.partition(": ")[2] not in known]
             if warnings:

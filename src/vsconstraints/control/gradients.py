@@ -64,7 +64,8 @@ def _wrong(
         first = 0
         for constraint, count, points in constraints.blocks():
             rows = slice(first, first := first + count)
-            if constraint not in checked:
+            # by identity: == of custom dataclasses with arrays is ambiguous
+            if not any(constraint is each for each in checked):
                 continue
             try:
                 yield from _of_coordinates(evaluator, constraint, rows, points, (t, q, qd))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
@@ -35,6 +36,8 @@ MARKS = (
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
+#: Warnings about what holds at a goal.
+OF_A_GOAL = re.compile(r"goal( \d+)?(:| is forbidden by )")
 PERHAPS = "it may be impossible"  #: Reason why a scenario may be unsolvable, if that is not proved.
 IMPLEMENTATION = "implementation"  #: Last column of the first table.
 MAX_NAMES = 9  #: Most scenarios that a cell names.
@@ -158,11 +161,14 @@ def unsolved(results: Results) -> dict[str, str]:
 
 
 def obstacles(results: Results, scenario: str) -> list[str]:
-    """Return the warnings that a scenario may be unsolvable for every controller."""
+    """Return the warnings that a scenario may be unsolvable for every controller.
+
+    Questions about units and goals that could not be checked are left out.
+    """
     return [
         text
         for text in results.stored.warnings.get(scenario, ())
-        if text.startswith("goal") or UNSOLVABLE in text
+        if OF_A_GOAL.match(text) or UNSOLVABLE in text
     ]
 
 

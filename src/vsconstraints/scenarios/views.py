@@ -114,7 +114,7 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
             raise ConfigurationError(
                 f"{where}: the calibration says {' and '.join(twice)}: give one of the two"
             )
-        # this warning is shown at the start of every run
+        # these warnings are shown at the start of every run
         with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
             camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
@@ -122,7 +122,8 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     for key, pose in mounts.items():
         try:
             place = from_table(pose_from, pose, f"{where}.{key}", {"folder": folder})
-            camera = camera.mounted(**{SHORT.get(key, key): place})
+            with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
+                camera = camera.mounted(**{SHORT.get(key, key): place})
         except InvalidInput as error:
             raise ConfigurationError(f"{where}.{key}: {error}") from error
     return camera

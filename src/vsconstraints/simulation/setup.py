@@ -204,7 +204,8 @@ class Setup:
 
         See :func:`vsconstraints.simulation.start.forbidden_goals`.
         """
-        return forbidden_goals(self.scene, self.constraints, self.task)
+        with np.errstate(all="ignore"):  # custom σ may be undefined in parts of the image
+            return forbidden_goals(self.scene, self.constraints, self.task)
 
     @cached_property
     def separated(self) -> list[str]:
@@ -213,7 +214,8 @@ class Setup:
         See :func:`vsconstraints.simulation.start.separated_markers`.
         """
         start = self.scene.glance(self.q0)[0]
-        return separated_markers(self.scene, self.constraints, self.task, start)
+        with np.errstate(all="ignore"):  # custom σ may be undefined in parts of the image
+            return separated_markers(self.scene, self.constraints, self.task, start)
 
     @cached_property
     def doubts(self) -> list[str]:

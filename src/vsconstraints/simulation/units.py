@@ -23,11 +23,9 @@ from ..vision.tracking import TrackingGains, VisualTask
 #: Field of view above which the focal length may be in another unit [deg]; fisheye lenses reach
 #: 130°.
 MAX_VIEW = 150.0
-#: Distance of a camera from the tip that carries it, or between markers, above which millimetres
-#: are suspected [m].
+#: Distance between markers above which millimetres are suspected [m].
 MAX_LENGTH = 3.0
-#: Size of an arm, and distance of camera and target from it, above which millimetres are suspected
-#: [m].
+#: Size of an arm, and distance of the target from it, above which millimetres are suspected [m].
 FAR = 20.0
 #: Joint coordinate above which degrees are suspected [rad]: two turns. Values above ``MANY_TURNS``
 #: are placeholders, or belong to joints that turn more often.
@@ -167,20 +165,6 @@ def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) ->
 
 def _of_lengths(scene: Scene, q0: Array) -> Iterator[str]:
     camera = scene.camera
-    if camera.fixed is None:
-        offset = float(np.linalg.norm(camera.mount.t))
-        if offset > MAX_LENGTH:
-            yield (
-                f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates "
-                f"in mm, not m?"
-            )
-    else:
-        offset = float(np.linalg.norm(camera.fixed.t))
-        if offset > FAR:
-            yield (
-                f"the camera is fixed {offset:.3g} m from the robot's base: are its coordinates "
-                f"in mm, not m?"
-            )
     extent = float(np.ptp(scene.markers, axis=0).max())
     if extent > MAX_LENGTH:
         yield f"the target's markers are {extent:.3g} m apart: are its coordinates in mm, not m?"

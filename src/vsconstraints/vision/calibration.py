@@ -270,6 +270,8 @@ def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion
     if model in MODELS:
         values = _without_trailing_zeros(values, MODELS[model].counts)
     try:
+        if stated is None:
+            return Distortion.of_unstated_model(values.tolist())
         return Distortion(model, values.tolist())  # type: ignore[arg-type]
     except InvalidInput as error:
         raise ConfigurationError(f"{where}: {error}") from error

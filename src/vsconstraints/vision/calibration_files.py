@@ -144,8 +144,11 @@ def _require_plain(yaml: Any, events: Iterator[Any]) -> None:
             raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
 
 
-def _of_xml(text: str) -> object:
-    """Return the content of OpenCV's XML storage."""
+def root_of_xml(text: str) -> ElementTree.Element:
+    """Return the root of an XML file of bounded depth and without a document type.
+
+    Raises ValueError, which names the place, if it is no such file.
+    """
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise ValueError("it has a document type (<!DOCTYPE), which no calibration needs")
     parser: Any = ElementTree.XMLPullParser(events=("start", "end"))
@@ -157,10 +160,15 @@ def _of_xml(text: str) -> object:
             depth += 1 if event == "start" else -1
             if depth > MAX_DEPTH:
                 raise ValueError(f"it is nested deeper than {MAX_DEPTH} levels")
-        root = ElementTree.fromstring(text)
+        return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         line, column = error.position
         raise ValueError(f"line {line}, column {column + 1}: it is no XML") from None
+
+
+def _of_xml(text: str) -> object:
+    """Return the content of OpenCV's XML storage."""
+    root = root_of_xml(text)
     if root.tag != "opencv_storage":
         raise ValueError(
             "it is XML, but its root is not OpenCV's <opencv_storage>: write its numbers into "

@@ -28,6 +28,12 @@ LARGEST_IMAGE = 1e4  #: Longest side of an image [px].
 CENTRED = 0.2
 #: Distance, in the same units, beyond which the principal point belongs to another image.
 ELSEWHERE = 0.4
+#: Distances of a camera above which millimetres are suspected: from the tip that carries it, and
+#: from the robot's base if it is fixed [m].
+MAX_MOUNT = 3.0
+MAX_FIXED = 20.0
+#: Number of coefficients of a fisheye, which a Brown–Conrady lens may have, too.
+FISHEYE_COUNT = 4
 TANGENTIAL = 0.02  #: Largest plausible coefficient of tangential distortion.
 #: Arguments of :meth:`.mounted` for a camera that the arm carries.
 CARRIED = ("camera_in_tip", "tip_in_camera")
@@ -139,6 +145,8 @@ class Camera:
         ConfigurationError
             if a file cannot be read, or if it states that the camera is on the arm while the
             argument is for a camera beside it, or vice versa.
+
+        Issues a CalibrationWarning if the camera is so far away that millimetres are suspected.
         """
         given = {
             "camera_in_tip": camera_in_tip,
@@ -156,8 +164,13 @@ class Camera:
         if key in ("camera_in_tip", "base_in_camera"):
             pose = pose.inverse
         if key in CARRIED:
-            return replace(self, mount=pose, fixed=None)
-        return replace(self, mount=Pose.identity(), fixed=pose)
+            camera = replace(self, mount=pose, fixed=None)
+        else:
+            camera = replace(self, mount=Pose.identity(), fixed=pose)
+        doubt = camera._doubt_of_place()
+        if doubt:
+            warnings.warn(doubt, CalibrationWarning, stacklevel=2)
+        return camera
 
     @property
     def doubts(self) -> list[str]:
@@ -166,16 +179,51 @@ class Camera:
         principal_point = self._doubt_of_principal_point()
         if principal_point:
             doubts.append(principal_point)
-        if self.distortion is not None and self.distortion.model == "brown-conrady":
-            tangential = self.distortion.coefficients[2:4]
-            if max(map(abs, tangential)) > TANGENTIAL:
-                p1, p2 = (f"{value:.3g}" for value in tangential)
-                doubts.append(
-                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than "
-                    f"real lenses have them: "
-                    'are these coefficients of a fisheye (distortion_model = "fisheye")?'
-                )
+        lens = self._doubt_of_lens()
+        if lens:
+            doubts.append(lens)
+        place = self._doubt_of_place()
+        if place:
+            doubts.append(place)
         return doubts
+
+    def _doubt_of_lens(self) -> str:
+        """Return a warning if the coefficients may be those of a fisheye; empty if not."""
+        if self.distortion is None or self.distortion.model != "brown-conrady":
+            return ""
+        coefficients = self.distortion.coefficients
+        tangential = coefficients[2:4]
+        if max(map(abs, tangential)) > TANGENTIAL:
+            p1, p2 = (f"{value:.3g}" for value in tangential)
+            return (
+                f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than "
+                f"real lenses have them: "
+                'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+            )
+        if self.distortion.assumed and len(coefficients) == FISHEYE_COUNT:
+            return (
+                "the calibration gives four coefficients of distortion and no model; they are "
+                'read as k₁, k₂, p₁, p₂ (distortion_model = "brown-conrady"): '
+                'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+            )
+        return ""
+
+    def _doubt_of_place(self) -> str:
+        """Return a warning if the camera is far from the robot's tip or base; empty if it is not.
+
+        The base counts for a camera that is fixed in space.
+        """
+        if self.fixed is None:
+            distance = float(np.linalg.norm(self.mount.t))
+            if distance <= MAX_MOUNT:
+                return ""
+            place = f"mounted {distance:.3g} m from the arm's tip"
+        else:
+            distance = float(np.linalg.norm(self.fixed.t))
+            if distance <= MAX_FIXED:
+                return ""
+            place = f"fixed {distance:.3g} m from the robot's base"
+        return f"the camera is {place}: are its coordinates in mm, not m?"
 
     def _doubt_of_principal_point(self) -> str:
         """Return a warning if the principal point is far off the centre; empty if it is not."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal
 
@@ -36,6 +36,15 @@ class Distortion:
     #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) for Brown–Conrady; (k₁, k₂, k₃, k₄) for
     #: fisheye.
     coefficients: Sequence[float]
+    #: True if the model is assumed, because a calibration file states none.
+    assumed: bool = field(default=False, init=False, repr=False, compare=False)
+
+    @classmethod
+    def of_unstated_model(cls, coefficients: Sequence[float]) -> Distortion:
+        """Return a Brown–Conrady distortion with coefficients from a file that states no model."""
+        distortion = cls("brown-conrady", coefficients)
+        object.__setattr__(distortion, "assumed", True)
+        return distortion
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:

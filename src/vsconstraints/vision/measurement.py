@@ -73,6 +73,8 @@ DEPTH_UNITS = {
     "inches": 1.0 / 0.0254,
     "feet": 1.0 / 0.3048,
 }
+#: Largest deviation from the factor of a unit, as a factor, at which the unit is named.
+UNIT_TOLERANCE = 1.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,13 +193,10 @@ def _wrong_depth(beside: Deviations, allowed: float) -> str:
     predicted = beside.depth[i] / ratio
     # up to half of the markers may be measured on other surfaces: the median shows the unit
     usual = float(np.nanmedian(beside.depth_ratio))
-    fitting = [unit for unit, factor in DEPTH_UNITS.items() if factor / 2.0 < usual < factor * 2.0]
-    unit = min(fitting, key=lambda name: abs(math.log(usual / DEPTH_UNITS[name])), default="")
-    guess = (
-        f"are depths in {unit}, not metres?"
-        if unit
-        else "it fits another object, or a target that is elsewhere"
-    )
+    guess = f"that is {ratio:.3g} times the model's"
+    for unit, factor in DEPTH_UNITS.items():
+        if factor / UNIT_TOLERANCE < usual < factor * UNIT_TOLERANCE:
+            guess = f"are depths in {unit}, not metres?"
     return (
         f"the depth of marker {i + 1} is measured {beside.depth[i]:.3g} m, and is {predicted:.3g} "
         f"m by the model "
