@@ -17,9 +17,11 @@ from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, collect, processes
 from vsconstraints.comparisons.evidence.parquet import TIMING
 from vsconstraints.comparisons.run import Run, perform
-from vsconstraints.comparisons.runs.law_process import LawFailedError, end_law_processes
+from vsconstraints.comparisons.runs import law_process
+from vsconstraints.comparisons.runs.law_process import LawFailedError, LawRun, end_law_processes
 from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
+from vsconstraints.plugins.provenance import noted
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.recorded import Recorded, replay
 
@@ -268,6 +270,29 @@ def test_what_is_no_recording_is_refused(change: dict[str, Any]) -> None:
     assert len(Recorded.from_plain(values, 2).qdd) == 1
     with pytest.raises((ValueError, TypeError)):
         Recorded.from_plain({**values, **change}, 2)
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"gains.json": ""},
+        {"/gains\0.json": ""},
+        {"/gains.json": "0123"},
+        {"/gains.json": 1},
+        {f"/{number}": "" for number in range(law_process.MAX_FILES + 1)},
+        ["/gains.json"],
+    ],
+    ids=["relative path", "null byte", "no hash", "number", "too many", "list"],
+)
+def test_files_that_cannot_be_those_of_a_law_cost_its_own_run(
+    files: object, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = spec(folder, "Honest")
+    setup = asked.load().setup()
+    monkeypatch.setattr(law_process, "_asked", lambda run: {"files": files, "failed": "its reason"})
+    with noted() as files_of_results, pytest.raises(LawFailedError, match="cannot be used"):
+        law_process.simulate_apart(LawRun(asked.load(), asked.controller), setup)
+    assert not {*files_of_results} & {*files}  # type: ignore[misc]
 
 
 class Bomb:

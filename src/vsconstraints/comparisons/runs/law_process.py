@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import re
 from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
@@ -31,6 +32,9 @@ EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait
 
 #: Processes by law; the one used last comes last.
 _processes: dict[str, _LawProcess] = {}
+#: Maximum number of files that the process of a law may name.
+MAX_FILES = 10_000
+
 _finalizers: list[Finalize] = []
 _read_here: Files = {}  #: In a law's process: the files that its code has read in all its runs.
 
@@ -111,7 +115,7 @@ def simulate_apart(
     try:
         if not isinstance(answer, dict):
             raise TypeError("it is no table")
-        add_to_notes({str(path): str(content) for path, content in answer["files"].items()})
+        add_to_notes(_files_from(answer["files"]))
         reason = answer.get("failed")
         recorded = None if reason else Recorded.from_plain(answer["recorded"], setup.scene.robot.n)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -121,6 +125,25 @@ def simulate_apart(
     if recorded is None:
         raise LawFailedError(str(reason))
     return replay(setup, recorded, remarks=remarks, prepared=prepared)
+
+
+def _files_from(table: object) -> Files:
+    """Return the files that the process of a law has named.
+
+    Raises ValueError or TypeError if they are not absolute paths with hashes of contents.
+    """
+    if not isinstance(table, dict):
+        raise TypeError("its files are no table")
+    if len(table) > MAX_FILES:
+        raise ValueError(f"it names more than {MAX_FILES} files")
+    for path, content in table.items():
+        if not (isinstance(path, str) and isinstance(content, str)):
+            raise TypeError("its files are no texts")
+        if not os.path.isabs(path) or "\0" in path:
+            raise ValueError("a file has no absolute path")
+        if not re.fullmatch("[0-9a-f]{16}|", content):
+            raise ValueError("a file has no hash")
+    return table
 
 
 def record(run: LawRun) -> dict[str, Any]:
