@@ -19,7 +19,7 @@ from typing import Any
 
 from ...errors import described
 from ...plugins.classes import beside
-from ...plugins.provenance import Files, add_to_notes, imported, noted
+from ...plugins.provenance import Files, add_to_notes, own_parts_noted
 from ...scenarios import Scenario
 from ...simulation import RunWorkspace, Setup, Trajectory
 from ...simulation.recorded import Recorded, replay
@@ -36,7 +36,6 @@ _processes: dict[str, _LawProcess] = {}
 MAX_FILES = 10_000
 
 _finalizers: list[Finalize] = []
-_read_here: Files = {}  #: In a law's process: the files that its code has read in all its runs.
 
 
 class _LawProcess:
@@ -152,7 +151,7 @@ def record(run: LawRun) -> dict[str, Any]:
     The files that it has read are returned too.
     """
     said: dict[str, Any] = {}
-    with chdir("."), noted() as read:
+    with chdir("."), own_parts_noted() as files:
         try:
             with beside(run.scenario.folder, run.law.folder):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
@@ -162,8 +161,7 @@ def record(run: LawRun) -> dict[str, Any]:
                 said["recorded"] = recorded.plain()
         except BaseException as error:  # even SystemExit: a failure of the law ends its run only
             said["failed"] = described(error)
-    _read_here.update(read)
-    said["files"] = {**_read_here, **imported()}
+    said["files"] = files
     return said
 
 
