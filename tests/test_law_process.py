@@ -18,9 +18,15 @@ from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, collect
 from vsconstraints.comparisons.evidence.parquet import TIMING
 from vsconstraints.comparisons.run import Run, perform
 from vsconstraints.comparisons.runs import law_process
-from vsconstraints.comparisons.runs.law_process import LawFailedError, LawRun, end_law_processes
+from vsconstraints.comparisons.runs.law_process import (
+    LawFailedError,
+    LawProcessLostError,
+    LawRun,
+    end_law_processes,
+)
 from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
+from vsconstraints.errors import VsconstraintsError
 from vsconstraints.plugins.provenance import noted
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.recorded import Recorded, replay
@@ -220,6 +226,32 @@ def test_a_law_that_cannot_be_made_or_ends_its_process_costs_its_own_run(folder:
     with pytest.raises(LawFailedError, match=DIED):
         perform(spec(folder, "Dies"), apart=True)
     assert perform(spec(folder, "Honest"), apart=True).trajectory.status != "failed"
+
+
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [
+        (VsconstraintsError("5 processes in a row ended"), LawProcessLostError),
+        (BlockingIOError(11, "no more processes"), LawProcessLostError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
+)
+def test_a_process_that_cannot_be_asked_is_not_asked_again_and_says_nothing_of_its_law(
+    error: BaseException,
+    raised: type[BaseException],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    end_law_processes()
+
+    def run(self: Any, run: LawRun) -> None:
+        raise error
+
+    monkeypatch.setattr(law_process._LawProcess, "run", run)
+    asked = spec(folder, "Honest")
+    with pytest.raises(raised):
+        law_process.simulate_apart(LawRun(asked.load(), asked.controller), asked.load().setup())
+    assert not law_process._processes
 
 
 def test_what_a_law_reads_in_its_process_is_part_of_what_its_run_is_made_from(

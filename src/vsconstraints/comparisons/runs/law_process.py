@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ...errors import described
+from ...errors import VsconstraintsError, described
 from ...plugins.classes import beside
 from ...plugins.provenance import Files, add_to_notes, own_parts_noted
 from ...scenarios import Scenario
@@ -59,9 +59,9 @@ class _LawProcess:
         """True if no file has changed since the law's code read it."""
         return all(_state_of(path) == state for path, state in self._states.items())
 
-    def end(self) -> None:
-        """End the process."""
-        self.pool.__exit__(None, None, None)
+    def end(self, at_once: bool = False) -> None:
+        """End the process, with ``at_once`` even in the middle of a run."""
+        self.pool.end(at_once)
 
 
 def _state_of(path: str) -> tuple[int, int]:
@@ -184,7 +184,15 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
     while len(_processes) > MAX_PROCESSES:
         oldest = next(iter(_processes))
         _processes.pop(oldest).end()
-    return process.run(run)
+    try:
+        return process.run(run)
+    except BaseException as error:
+        # its worker may still be busy with this run
+        _processes.pop(law).end(at_once=True)
+        # processes that cannot be started say nothing about the law
+        if isinstance(error, (VsconstraintsError, OSError)):
+            return Failure.of(error)
+        raise
 
 
 def end_law_processes() -> None:

@@ -105,15 +105,19 @@ class Pool(Generic[Answer]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self.end(at_once=kind is not None)
+
+    def end(self, at_once: bool = False) -> None:
+        """End the processes, with ``at_once`` even in the middle of a call."""
         idle = [
             worker
             for worker in self._workers
-            if worker.ready and worker.key is None and kind is None
+            if worker.ready and worker.key is None and not at_once
         ]
         if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
             self._workers = [worker for worker in self._workers if worker not in idle]
-        _end_all(self._workers, PATIENCE if kind is None else 0.0)
+        _end_all(self._workers, 0.0 if at_once else PATIENCE)
 
     def run(
         self,
