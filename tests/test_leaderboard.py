@@ -109,6 +109,16 @@ def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others
     assert "| sliding-mode" in leaderboard({"a": replace(study, runs=runs)}, frozen).splitlines()[2]
 
 
+def test_the_code_of_own_laws_is_not_imported_to_read_their_runs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def imported(name: str, *arguments: Any) -> None:
+        raise AssertionError(f"{name} is imported")
+
+    monkeypatch.setattr("vsconstraints.controllers.imported_class", imported)
+    assert Study.load(folder, trust=True, own=True).requires["mine"] is None
+
+
 def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
     assert (
         {*Study.load(folder).laws}
