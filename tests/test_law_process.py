@@ -5,7 +5,7 @@ its commands.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,15 @@ from vsconstraints.comparisons.runs.law_process import (
     LawRun,
     end_law_processes,
 )
-from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
+from vsconstraints.comparisons.runs.pool import (
+    DIED,
+    MAX_PLAIN_LENGTH,
+    Failure,
+    Pool,
+    unpacked_plain,
+)
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
-from vsconstraints.errors import VsconstraintsError
+from vsconstraints.errors import MAX_REASON_LENGTH, VsconstraintsError
 from vsconstraints.plugins.provenance import noted
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.recorded import Recorded, replay
@@ -347,5 +353,40 @@ def test_no_code_is_run_to_read_the_answer_of_a_process_that_is_not_trusted(tmp_
     with Pool(bomb, 1, plain=True) as pool:
         ((_, answer),) = pool.run({0: (tmp_path / "bomb",)})
     assert isinstance(answer, Failure)
-    assert "no plain data" in answer.reason
+    assert "cannot be sent" in answer.reason
+    # as a process sends it that writes to its connection itself
+    read = unpacked_plain(pickle.dumps(Bomb(tmp_path / "bomb")))
+    assert isinstance(read, Failure)
+    assert "cannot be read" in read.reason
     assert not (tmp_path / "bomb").exists()
+
+
+def long_reason() -> None:
+    raise ValueError("x" * 10**6)
+
+
+def long_answer() -> bytes:
+    return bytes(MAX_PLAIN_LENGTH)
+
+
+def surrogate() -> None:
+    raise ValueError("\udcff")
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"),
+    [
+        (long_reason, "ValueError: xxx"),
+        (long_answer, "is longer than"),
+        (surrogate, "ValueError: ?"),
+    ],
+)
+def test_what_a_process_that_is_not_trusted_may_send_is_bounded(
+    function: Callable[[], Any], reason: str
+) -> None:
+    with Pool(function, 1, plain=True) as pool:
+        ((_, answer),) = pool.run({0: ()})
+    assert type(answer) is Failure
+    assert reason in answer.reason
+    assert len(answer.reason) <= MAX_REASON_LENGTH
+    assert vars(answer) == {"reason": answer.reason}

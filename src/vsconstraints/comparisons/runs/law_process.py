@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ...errors import VsconstraintsError, described
+from ...errors import MAX_REASON_LENGTH, VsconstraintsError, described
 from ...plugins.classes import beside
 from ...plugins.provenance import Files, add_to_notes, own_parts_noted
 from ...scenarios import Scenario
@@ -122,7 +122,7 @@ def simulate_apart(
             f"the answer of the law's process cannot be used: {described(error)}"
         ) from error
     if recorded is None:
-        raise LawFailedError(str(reason))
+        raise LawFailedError(str(reason)[:MAX_REASON_LENGTH])
     return replay(setup, recorded, remarks=remarks, prepared=prepared)
 
 
