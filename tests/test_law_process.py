@@ -56,7 +56,7 @@ def change_everything():
     loop.judge = lambda *arguments: ("converged", "")
     loop.intersample_clearance = lambda setup, world, plant, states, clearance: np.full(clearance.shape, np.inf)
     record.RunRecord.failed = None
-    metrics.Measured.utilization = lambda self: 1.0
+    metrics.MetricInputs.utilization = lambda self: 1.0
     ctypes.CDLL(None).fesetround(0x800)  # upwards, on x86-64
 
 
