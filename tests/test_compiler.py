@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from vsconstraints import compiled as kernels
+from vsconstraints.compiled import checksums
 
 SCRIPT = """
 import sys, numpy as np
@@ -137,6 +138,33 @@ def test_a_file_whose_checksum_was_not_written_is_made_again_without_a_note(tmp_
     assert "damaged" not in load_polylines(tmp_path)
     assert file.with_suffix("").stat().st_mtime_ns > begun
     assert load_polylines(tmp_path) == ""
+
+
+def test_a_file_that_is_written_again_gets_another_checksum(tmp_path, capfd):
+    file = tmp_path / "kernel.nbi"
+    file.write_text("first")
+    checksums.seal([file])
+    file.write_text("second")
+    later = file.stat().st_mtime_ns + 10**9
+    os.utime(file, ns=(later, later))
+    checksums.seal([file])
+    checksums.remove_damaged([file])
+    assert file.read_text() == "second"
+    assert capfd.readouterr().err == ""
+
+
+def test_a_checksum_that_cannot_be_read_is_one_of_a_damaged_file(tmp_path, capfd, monkeypatch):
+    file = tmp_path / "kernel.nbi"
+    file.write_text("whole")
+    checksums.seal([file])
+
+    def unreadable(file):
+        raise OSError("input/output error")
+
+    monkeypatch.setattr(checksums, "_written_sum", unreadable)
+    checksums.remove_damaged([file])
+    assert not file.exists()
+    assert "damaged" in capfd.readouterr().err
 
 
 HOMELESS = """

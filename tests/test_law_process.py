@@ -5,7 +5,7 @@ its commands.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,23 @@ from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, collect, processes
 from vsconstraints.comparisons.evidence.parquet import TIMING
 from vsconstraints.comparisons.run import Run, perform
-from vsconstraints.comparisons.runs.law_process import LawFailedError, end_law_processes
-from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
+from vsconstraints.comparisons.runs import law_process
+from vsconstraints.comparisons.runs.law_process import (
+    LawFailedError,
+    LawProcessLostError,
+    LawRun,
+    end_law_processes,
+)
+from vsconstraints.comparisons.runs.pool import (
+    DIED,
+    MAX_PLAIN_LENGTH,
+    Failure,
+    Pool,
+    unpacked_plain,
+)
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
+from vsconstraints.errors import MAX_REASON_LENGTH, VsconstraintsError
+from vsconstraints.plugins.provenance import noted
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.recorded import Recorded, replay
 
@@ -42,7 +56,7 @@ def change_everything():
     loop.judge = lambda *arguments: ("converged", "")
     loop.intersample_clearance = lambda setup, world, plant, states, clearance: np.full(clearance.shape, np.inf)
     record.RunRecord.failed = None
-    metrics.Measured.utilization = lambda self: 1.0
+    metrics.MetricInputs.utilization = lambda self: 1.0
     ctypes.CDLL(None).fesetround(0x800)  # upwards, on x86-64
 
 
@@ -220,6 +234,32 @@ def test_a_law_that_cannot_be_made_or_ends_its_process_costs_its_own_run(folder:
     assert perform(spec(folder, "Honest"), apart=True).trajectory.status != "failed"
 
 
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [
+        (VsconstraintsError("5 processes in a row ended"), LawProcessLostError),
+        (BlockingIOError(11, "no more processes"), LawProcessLostError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
+)
+def test_a_process_that_cannot_be_asked_is_not_asked_again_and_says_nothing_of_its_law(
+    error: BaseException,
+    raised: type[BaseException],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    end_law_processes()
+
+    def run(self: Any, run: LawRun) -> None:
+        raise error
+
+    monkeypatch.setattr(law_process._LawProcess, "run", run)
+    asked = spec(folder, "Honest")
+    with pytest.raises(raised):
+        law_process.simulate_apart(LawRun(asked.load(), asked.controller), asked.load().setup())
+    assert not law_process._processes
+
+
 def test_what_a_law_reads_in_its_process_is_part_of_what_its_run_is_made_from(
     folder: Path, tmp_path: Path
 ) -> None:
@@ -270,6 +310,29 @@ def test_what_is_no_recording_is_refused(change: dict[str, Any]) -> None:
         Recorded.from_plain({**values, **change}, 2)
 
 
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"gains.json": ""},
+        {"/gains\0.json": ""},
+        {"/gains.json": "0123"},
+        {"/gains.json": 1},
+        {f"/{number}": "" for number in range(law_process.MAX_FILES + 1)},
+        ["/gains.json"],
+    ],
+    ids=["relative path", "null byte", "no hash", "number", "too many", "list"],
+)
+def test_files_that_cannot_be_those_of_a_law_cost_its_own_run(
+    files: object, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = spec(folder, "Honest")
+    setup = asked.load().setup()
+    monkeypatch.setattr(law_process, "_asked", lambda run: {"files": files, "failed": "its reason"})
+    with noted() as files_of_results, pytest.raises(LawFailedError, match="cannot be used"):
+        law_process.simulate_apart(LawRun(asked.load(), asked.controller), setup)
+    assert not {*files_of_results} & {*files}  # type: ignore[misc]
+
+
 class Bomb:
     """Runs code where it is read."""
 
@@ -290,5 +353,40 @@ def test_no_code_is_run_to_read_the_answer_of_a_process_that_is_not_trusted(tmp_
     with Pool(bomb, 1, plain=True) as pool:
         ((_, answer),) = pool.run({0: (tmp_path / "bomb",)})
     assert isinstance(answer, Failure)
-    assert "no plain data" in answer.reason
+    assert "cannot be sent" in answer.reason
+    # as a process sends it that writes to its connection itself
+    read = unpacked_plain(pickle.dumps(Bomb(tmp_path / "bomb")))
+    assert isinstance(read, Failure)
+    assert "cannot be read" in read.reason
     assert not (tmp_path / "bomb").exists()
+
+
+def long_reason() -> None:
+    raise ValueError("x" * 10**6)
+
+
+def long_answer() -> bytes:
+    return bytes(MAX_PLAIN_LENGTH)
+
+
+def surrogate() -> None:
+    raise ValueError("\udcff")
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"),
+    [
+        (long_reason, "ValueError: xxx"),
+        (long_answer, "is longer than"),
+        (surrogate, "ValueError: ?"),
+    ],
+)
+def test_what_a_process_that_is_not_trusted_may_send_is_bounded(
+    function: Callable[[], Any], reason: str
+) -> None:
+    with Pool(function, 1, plain=True) as pool:
+        ((_, answer),) = pool.run({0: ()})
+    assert type(answer) is Failure
+    assert reason in answer.reason
+    assert len(answer.reason) <= MAX_REASON_LENGTH
+    assert vars(answer) == {"reason": answer.reason}

@@ -16,7 +16,14 @@ from test_evidence import here
 from test_testset import quiet
 from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Campaign, Plan, collect
-from vsconstraints.comparisons.repetition import Repetition, drawn_lines, repeat
+from vsconstraints.comparisons.repetition import (
+    NUDGE,
+    Repetition,
+    drawn_lines,
+    repeat,
+    repeat_run,
+)
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.study import SHIPPED, Study
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.leaderboard import leaderboard
@@ -100,6 +107,16 @@ def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others
     failing = study.runs.assign(success=False, status="slow", tolerant_success=False)
     runs = study.runs.where(study.runs["controller"] == "sliding-mode", failing)
     assert "| sliding-mode" in leaderboard({"a": replace(study, runs=runs)}, frozen).splitlines()[2]
+
+
+def test_the_code_of_own_laws_is_not_imported_to_read_their_runs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def imported(name: str, *arguments: Any) -> None:
+        raise AssertionError(f"{name} is imported")
+
+    monkeypatch.setattr("vsconstraints.controllers.imported_class", imported)
+    assert Study.load(folder, trust=True, own=True).requires["mine"] is None
 
 
 def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
@@ -255,6 +272,46 @@ def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
     found = made_again(forged, frozen)
     assert (len(found.by_rounding), found.differences) == (1, ())
+
+
+RESULT = {
+    "status": "converged",
+    "violated": "",
+    "violation_fraction": 0.0,
+    "settling_time_s": 2.0,
+    "utilization": 0.5,
+    "acceleration_variation": 1.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("forged", "again", "nudged", "found", "decided_by_rounding"),
+    [
+        ("utilization", {}, {"utilization": 0.51}, "utilization is 0.9", True),
+        ("utilization", {}, {"acceleration_variation": 1.01}, "utilization is 0.9", False),
+        ("utilization", {"utilization": 0.51}, {"utilization": 0.52}, "not reproducible", False),
+    ],
+)
+def test_rounding_excuses_only_numbers_that_it_changes_itself(
+    forged: str,
+    again: dict[str, Any],
+    nudged: dict[str, Any],
+    found: str,
+    decided_by_rounding: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A law that adds random numbers of its own would excuse every line."""
+    results = iter([RESULT, {**RESULT, **again}])
+
+    def made(line: Any, family: Any, law: Any, seed: int, nudge: float = 0.0) -> dict[str, Any]:
+        return {**RESULT, **nudged} if nudge == NUDGE else next(results)
+
+    monkeypatch.setattr("vsconstraints.comparisons.repetition._made", made)
+    line = {**RESULT, forged: 0.9}
+    family = Family.load("planar-arm")
+    (sentence,), by_rounding = repeat_run(line, family, ControllerSpec("sliding-mode"), 0)
+    assert found in sentence
+    assert by_rounding == decided_by_rounding
 
 
 def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package() -> None:

@@ -226,6 +226,32 @@ def test_processes_say_what_they_have_read(tmp_path: Path) -> None:
         collect(reread(tmp_path), tmp_path / "out", plan())
 
 
+WRITES = """
+from itertools import count
+from pathlib import Path
+from vsconstraints.controllers import Tracking
+FILE = Path(__file__).with_name("state.txt")
+RUNS = count()
+class Own(Tracking):
+    name = "own"
+    def __init__(self):
+        super().__init__()
+        run = next(RUNS)
+        if run % 2:
+            FILE.read_text()
+        else:
+            FILE.write_text(f"after run {run}")
+"""
+
+
+def test_a_law_in_its_process_may_read_what_it_has_written(tmp_path: Path) -> None:
+    small = campaign(tmp_path, WRITES)
+    done = collect(small, tmp_path / "out", Plan(workers=processes(1)))
+    assert done.progress.done == 4
+    assert not any(done.progress.failed.values())
+    assert (tmp_path / "state.txt").read_text() != "after run 0"
+
+
 def test_a_tuning_does_not_go_on_with_another_content_of_a_file(tmp_path: Path) -> None:
     law, file = KINDS["an imported helper"]
     problem = Problem(campaign(tmp_path, law), Budget(evaluations=1, seeds=1, scenes=1))

@@ -1,6 +1,7 @@
 """Own formulas that do not fit together are refused, not silently given another one's rows."""
 
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from vsconstraints.constraints import Circle, Curve, ImageConstraint
 from vsconstraints.controllers import Controller
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.plugins.classes import imported_class
+from vsconstraints.plugins.classes import beside, imported_class
 
 
 def half(u, v, r):
@@ -42,6 +43,14 @@ def test_a_formula_with_the_curvature_of_another_is_refused():
 def test_a_class_that_says_nothing_is_refused():
     with pytest.raises(ConfigurationError, match="needs a formula, or sigma and gradient"):
         Everything(K=0.1, switching_gain=1.0, length=1.0)
+
+
+def test_folders_of_own_modules_are_searched_in_their_order(tmp_path):
+    folders = [tmp_path / str(number) for number in range(10)]
+    before = list(sys.path)
+    with beside(*folders, None, folders[0]):
+        assert sys.path == [*before, *map(str, folders)]
+    assert sys.path == before
 
 
 OWN_LAW = """

@@ -21,7 +21,8 @@ from .study import CONDITION, OUTCOME, SCENE, Study
 TOLERANCE = 1e-9  #: Relative difference up to which numbers of two machines count as equal.
 NUDGE = 1e-13  #: Relative change of the start that reveals runs decided by rounding.
 MAX_SECRET = 2**32  #: Secret seeds are below this number.
-RUNS_OF_CALL = 4  #: Runs per call: the law and its baseline, both also from the moved start.
+#: Runs per call: the law and its baseline, both once more, and both from the moved start.
+RUNS_OF_CALL = 6
 
 Line = Mapping[str, Any]  #: One run of a study: its values by column.
 ON_ALL_CORES = processes()
@@ -71,9 +72,10 @@ def repeat(
 ) -> Repetition:
     """Repeat a share of a study's runs, drawn by ``seed``, and report those that differ.
 
-    Numbers differ if they deviate by more than :data:`TOLERANCE`. Rounding decides a run whose
-    result also changes when its start is moved by :data:`NUDGE`. Raises ConfigurationError for laws
-    that do not come with the package, unless they are trusted.
+    Numbers differ if they deviate by more than :data:`TOLERANCE`. Rounding decides a run if all
+    numbers that differ also change when its start is moved by :data:`NUDGE`. A run that differs
+    from the study and from its own repetition here is not reproducible, which is a difference.
+    Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:
@@ -132,7 +134,14 @@ def repeat_run(
     found = _differences(line, made)
     if not found:
         return [], False
-    return found, bool(_differences(made, _made(line, family, law, seed, NUDGE)))
+    unstable = _differences(made, _made(line, family, law, seed))
+    if unstable:
+        return [f"not reproducible here: {sentence}" for sentence in unstable.values()], False
+    changed_by_nudge = _differences(made, _made(line, family, law, seed, NUDGE))
+    unexplained = [text for column, text in found.items() if column not in changed_by_nudge]
+    if unexplained:
+        return unexplained, False
+    return list(found.values()), True
 
 
 def _made(line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0) -> Line:
@@ -147,16 +156,20 @@ def _made(line: Line, family: Family, law: ControllerSpec, seed: int, nudge: flo
     return next(run for run in runs if run["controller"] == law.name)
 
 
-def _differences(one: Line, other: Line) -> list[str]:
-    found = []
+def _differences(one: Line, other: Line) -> dict[str, str]:
+    """Return sentences on the differences of two results, by column."""
+    found = {}
     for column in OUTCOME:
-        a, b = (each[column.name] for each in (one, other))
+        a = one[column.name]
+        b = other[column.name]
         if column.kind == "number":
-            a, b = (math.nan if x is None else x for x in (a, b))
+            a = math.nan if a is None else a
+            b = math.nan if b is None else b
             same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (
                 math.isnan(a) and math.isnan(b)
             )
         else:
             same = a == b
-        found += [] if same else [f"{column.name} is {a!r} and was made {b!r}"]
+        if not same:
+            found[column.name] = f"{column.name} is {a!r} and was made {b!r}"
     return found

@@ -102,9 +102,9 @@ class Study:
     """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by controller name.
 
     ``requires`` holds the required information of each law beyond rows and task; None for a custom
-    law whose code was not trusted. ``frozen`` holds, for each family of a test set and by half, the
-    seed and the hash of its scenes. ``files`` are hashes of the files that custom laws have loaded
-    or read, see :mod:`.own_files`.
+    law, whose code is not imported. ``frozen`` holds, for each family of a test set and by half,
+    the seed and the hash of its scenes. ``files`` are hashes of the files that custom laws have
+    loaded or read, see :mod:`.own_files`.
     """
 
     runs: Any
@@ -227,7 +227,6 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         raise ConfigurationError(f"{evidence.folder} {why}")
     configuration = evidence.manifest["configuration"]
     laws = _laws(configuration["controllers"])
-    known = {name: law for name, law in laws.items() if evidence.trusted or ":" not in law.law}
     frozen = {
         name: family["tables"]["frozen"][configuration["half"]]
         for name, family in configuration["families"].items()
@@ -248,7 +247,7 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             said = Situation.of(scene.scenario(condition)).said
             said["constraints"] = "; ".join(said["constraints"])
             lines += [{**line, **said} for line in each.to_dict("records")]
-    requires = {name: known[name].make().uses if name in known else None for name in laws}
+    requires = {name: None if ":" in law.law else law.make().uses for name, law in laws.items()}
     return Study(
         parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files
     )

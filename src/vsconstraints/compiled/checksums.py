@@ -28,6 +28,22 @@ def _written_sum(file: Path) -> str:
     return _sum_file(file).read_text("ascii", "replace")
 
 
+def _is_intact(file: Path) -> bool:
+    """True if a file has its checksum; False if one of them cannot be read."""
+    try:
+        return _sum_of(file) == _written_sum(file)
+    except OSError:
+        return False
+
+
+def _is_sealed(file: Path) -> bool:
+    """True if a file has not been written since its checksum was."""
+    try:
+        return file.stat().st_mtime_ns <= _sum_file(file).stat().st_mtime_ns
+    except OSError:
+        return False
+
+
 def remove_damaged(files: Sequence[Path]) -> None:
     """Remove the files of one function unless all are intact.
 
@@ -35,23 +51,26 @@ def remove_damaged(files: Sequence[Path]) -> None:
     """
     sums = [_sum_file(file) for file in files]
     if all(sum_file.is_file() for sum_file in sums):
-        damaged = [file for file in files if _sum_of(file) != _written_sum(file)]
+        damaged = [file for file in files if not _is_intact(file)]
         if not damaged:
             return
         note = f"vsconstraints: {damaged[0]} is damaged and compiled again"
         print(note, file=sys.stderr, flush=True)
-    for path in (*files, *sums):
-        path.unlink(missing_ok=True)
+    for file in files:
+        file.unlink(missing_ok=True)  # an error is raised: a damaged file must not be run
+    for sum_file in sums:
+        with suppress(OSError):
+            sum_file.unlink(missing_ok=True)
 
 
 def seal(files: Sequence[Path]) -> None:
-    """Write the checksums of files that have none.
+    """Write the checksums of files that have none, or were written again after theirs.
 
     If they cannot be written, the files are compiled again next time.
     """
     for file in files:
-        sum_file = _sum_file(file)
-        if not sum_file.exists():
+        if not _is_sealed(file):
+            sum_file = _sum_file(file)
             part = sum_file.with_name(f"{sum_file.name}.{os.getpid()}")
             with suppress(OSError):
                 part.write_text(_sum_of(file), "ascii")

@@ -51,16 +51,19 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
 def beside(*folders: Path | None) -> Iterator[None]:
     """Allow imports of modules in these folders within the block.
 
-    Modules of the same names elsewhere in ``sys.path`` take precedence. Custom modules may import
-    their neighbours at any time, and Python searches only ``sys.path``.
+    Modules of the same names elsewhere in ``sys.path`` take precedence, then those of the folders
+    in their order. Custom modules may import their neighbours at any time, and Python searches only
+    ``sys.path``.
     """
-    added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
+    searched = dict.fromkeys(str(folder.resolve()) for folder in folders if folder)
+    added = [path for path in searched if path not in sys.path]
     sys.path += added
     try:
         yield
     finally:
-        for path in added.intersection(sys.path):
-            sys.path.remove(path)
+        for path in added:
+            if path in sys.path:
+                sys.path.remove(path)
 
 
 def plugin_file(name: str, folder: Path | None) -> Path | None:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import re
 from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ...errors import described
+from ...errors import MAX_REASON_LENGTH, VsconstraintsError, described
 from ...plugins.classes import beside
-from ...plugins.provenance import Files, add_to_notes, imported, noted
+from ...plugins.provenance import Files, add_to_notes, own_parts_noted
 from ...scenarios import Scenario
 from ...simulation import RunWorkspace, Setup, Trajectory
 from ...simulation.recorded import Recorded, replay
@@ -31,8 +32,10 @@ EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait
 
 #: Processes by law; the one used last comes last.
 _processes: dict[str, _LawProcess] = {}
+#: Maximum number of files that the process of a law may name.
+MAX_FILES = 10_000
+
 _finalizers: list[Finalize] = []
-_read_here: Files = {}  #: In a law's process: the files that its code has read in all its runs.
 
 
 class _LawProcess:
@@ -56,9 +59,9 @@ class _LawProcess:
         """True if no file has changed since the law's code read it."""
         return all(_state_of(path) == state for path, state in self._states.items())
 
-    def end(self) -> None:
-        """End the process."""
-        self.pool.__exit__(None, None, None)
+    def end(self, at_once: bool = False) -> None:
+        """End the process, with ``at_once`` even in the middle of a run."""
+        self.pool.end(at_once)
 
 
 def _state_of(path: str) -> tuple[int, int]:
@@ -111,7 +114,7 @@ def simulate_apart(
     try:
         if not isinstance(answer, dict):
             raise TypeError("it is no table")
-        add_to_notes({str(path): str(content) for path, content in answer["files"].items()})
+        add_to_notes(_files_from(answer["files"]))
         reason = answer.get("failed")
         recorded = None if reason else Recorded.from_plain(answer["recorded"], setup.scene.robot.n)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -119,8 +122,27 @@ def simulate_apart(
             f"the answer of the law's process cannot be used: {described(error)}"
         ) from error
     if recorded is None:
-        raise LawFailedError(str(reason))
+        raise LawFailedError(str(reason)[:MAX_REASON_LENGTH])
     return replay(setup, recorded, remarks=remarks, prepared=prepared)
+
+
+def _files_from(table: object) -> Files:
+    """Return the files that the process of a law has named.
+
+    Raises ValueError or TypeError if they are not absolute paths with hashes of contents.
+    """
+    if not isinstance(table, dict):
+        raise TypeError("its files are no table")
+    if len(table) > MAX_FILES:
+        raise ValueError(f"it names more than {MAX_FILES} files")
+    for path, content in table.items():
+        if not (isinstance(path, str) and isinstance(content, str)):
+            raise TypeError("its files are no texts")
+        if not os.path.isabs(path) or "\0" in path:
+            raise ValueError("a file has no absolute path")
+        if not re.fullmatch("[0-9a-f]{16}|", content):
+            raise ValueError("a file has no hash")
+    return table
 
 
 def record(run: LawRun) -> dict[str, Any]:
@@ -129,7 +151,7 @@ def record(run: LawRun) -> dict[str, Any]:
     The files that it has read are returned too.
     """
     said: dict[str, Any] = {}
-    with chdir("."), noted() as read:
+    with chdir("."), own_parts_noted() as files:
         try:
             with beside(run.scenario.folder, run.law.folder):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
@@ -139,8 +161,7 @@ def record(run: LawRun) -> dict[str, Any]:
                 said["recorded"] = recorded.plain()
         except BaseException as error:  # even SystemExit: a failure of the law ends its run only
             said["failed"] = described(error)
-    _read_here.update(read)
-    said["files"] = {**_read_here, **imported()}
+    said["files"] = files
     return said
 
 
@@ -163,7 +184,15 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
     while len(_processes) > MAX_PROCESSES:
         oldest = next(iter(_processes))
         _processes.pop(oldest).end()
-    return process.run(run)
+    try:
+        return process.run(run)
+    except BaseException as error:
+        # its worker may still be busy with this run
+        _processes.pop(law).end(at_once=True)
+        # processes that cannot be started say nothing about the law
+        if isinstance(error, (VsconstraintsError, OSError)):
+            return Failure.of(error)
+        raise
 
 
 def end_law_processes() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import io
 import math
 import multiprocessing
 import os
@@ -20,8 +19,10 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
+import msgspec
+
 from ...compiled import COMPLAINT
-from ...errors import VsconstraintsError
+from ...errors import MAX_REASON_LENGTH, VsconstraintsError
 from ...plugins import portable
 from ...plugins.processes import SIGNALS, Stopwatch, end_with, signals_held
 from .machine import process_count
@@ -43,6 +44,7 @@ CHECK = 1.0  # period at which silent processes are checked [s]
 PATIENCE = 5.0  # time that idle processes have to end without being killed [s]
 # announces to a process that the next message is another function to call
 NEXT_FUNCTION = b"function"
+MAX_PLAIN_LENGTH = 2**28  # length of a message of code that is not trusted [bytes]
 MAX_FAILED_STARTS = 5  # successive processes that may die before they are ready
 
 
@@ -105,15 +107,19 @@ class Pool(Generic[Answer]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self.end(at_once=kind is not None)
+
+    def end(self, at_once: bool = False) -> None:
+        """End the processes, with ``at_once`` even in the middle of a call."""
         idle = [
             worker
             for worker in self._workers
-            if worker.ready and worker.key is None and kind is None
+            if worker.ready and worker.key is None and not at_once
         ]
         if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
             self._workers = [worker for worker in self._workers if worker not in idle]
-        _end_all(self._workers, PATIENCE if kind is None else 0.0)
+        _end_all(self._workers, 0.0 if at_once else PATIENCE)
 
     def run(
         self,
@@ -137,9 +143,9 @@ class Pool(Generic[Answer]):
                 repeated.add(waiting[0])
             while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
                 # listed before its start, so that it ends with the pool even if interrupted
-                self._workers.append(
-                    worker := _handed_on.pop() if _handed_on and not self._plain else _Worker()
-                )
+                kept = None if self._plain else _handed_on
+                worker = kept.pop() if kept else _Worker(self._plain)
+                self._workers.append(worker)
                 worker.serve(self._function)
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
@@ -271,33 +277,37 @@ def unpacked(packed: bytes) -> Any:
         return Failure.of(error, "the answer cannot be read: ")
 
 
-class _PlainUnpickler(pickle.Unpickler):
-    """Unpickler of plain data: texts, numbers, bytes, lists and tables of these, or a Failure.
-
-    Pickled data names classes and functions, which ``find_class`` looks up. Here it finds only
-    Failure.
-    """
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) == (Failure.__module__, Failure.__name__):
-            return Failure
-        raise pickle.UnpicklingError(f"{module}.{name} is no plain data")
-
-
 def unpacked_plain(packed: bytes) -> Any:
-    """Return the answer as :func:`unpacked`, but of plain data only: reading it runs no code."""
+    """Return the answer of :func:`_packed_plain`: reading it runs no code and makes no objects."""
     try:
-        return _PlainUnpickler(io.BytesIO(packed)).load()
+        is_answer, content = msgspec.msgpack.decode(packed, type=tuple[bool, Any])
     except Exception as error:  # damaged data can raise any error
         return Failure.of(error, "the answer cannot be read: ")
+    return content if is_answer else Failure(str(content)[:MAX_REASON_LENGTH])
+
+
+def _packed(answer: object) -> bytes:
+    return pickle.dumps(answer)
+
+
+def _packed_plain(answer: object) -> bytes:
+    """Encode plain data or a Failure for :func:`unpacked_plain`."""
+    if isinstance(answer, Failure):
+        reason = answer.reason[:MAX_REASON_LENGTH].encode("utf-8", "replace").decode()
+        return msgspec.msgpack.encode((False, reason))
+    packed = msgspec.msgpack.encode((True, answer))
+    if len(packed) > MAX_PLAIN_LENGTH:
+        raise ValueError(f"it is longer than {MAX_PLAIN_LENGTH} bytes")
+    return packed
 
 
 class _Worker:
-    def __init__(self) -> None:
+    def __init__(self, plain: bool = False) -> None:
         # with spawn they start the same way on every system and inherit no threads
         context = multiprocessing.get_context("spawn")
         self.connection, self._theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
+        self.process = context.Process(target=_serve, args=(self._theirs, os.getpid(), plain))
+        self._max_length = MAX_PLAIN_LENGTH if plain else None
         self.key: Any = None
         self.limit = math.inf
         self._stopwatch = Stopwatch()
@@ -329,7 +339,7 @@ class _Worker:
         alive = self.process.is_alive()  # first, since messages sent before its death remain
         try:
             if self.connection.poll():
-                return self.connection.recv_bytes()
+                return self.connection.recv_bytes(self._max_length)
         except (EOFError, OSError):
             alive = False
         self.dead = not alive
@@ -362,10 +372,11 @@ def _single_threaded() -> Iterator[None]:
             del os.environ[variable]
 
 
-def _serve(connection: Connection, parent: int) -> None:
+def _serve(connection: Connection, parent: int, plain: bool) -> None:
     """Serve calls in a worker until the connection closes.
 
     The worker receives functions, which it confirms, and tuples of arguments, which it answers.
+    With ``plain``, answers are plain data only.
     """
     end_with(parent)
     warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process warns
@@ -381,17 +392,21 @@ def _serve(connection: Connection, parent: int) -> None:
                 gc.freeze()
                 connection.send(None)
             else:
-                connection.send_bytes(_answer(function, message))
+                connection.send_bytes(
+                    _answer(function, message, _packed_plain if plain else _packed)
+                )
     gc.freeze()  # the exit of the interpreter would check all objects several times
 
 
-def _answer(function: Callable[..., object], packed: bytes) -> bytes:
+def _answer(
+    function: Callable[..., object], packed: bytes, pack: Callable[[object], bytes]
+) -> bytes:
     try:
         answer = function(*pickle.loads(packed))
     # even SystemExit: a failure of one call must not end the others
     except BaseException as error:
         answer = Failure.of(error)
     try:
-        return pickle.dumps(answer)
+        return pack(answer)
     except Exception as error:  # user code can raise any error in pickling
-        return pickle.dumps(Failure.of(error, "the answer cannot be sent: "))
+        return pack(Failure.of(error, "the answer cannot be sent: "))
