@@ -206,6 +206,9 @@ class MetricInputs:
         return int((both > 1e6 * self.Ts).sum()) if len(both) else np.nan
 
 
+Measured = MetricInputs  #: Former name, for custom metrics that use it.
+
+
 def _in_period(record: RunRecord) -> Array:
     """Return the least clearance of each sampling period (N, m), at its start and inside it."""
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
