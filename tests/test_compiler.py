@@ -161,7 +161,7 @@ def test_a_checksum_that_cannot_be_read_is_one_of_a_damaged_file(tmp_path, capfd
     def unreadable(file):
         raise OSError("input/output error")
 
-    monkeypatch.setattr(checksums, "_written_sum", unreadable)
+    monkeypatch.setattr(checksums, "written_sum", unreadable)
     checksums.remove_damaged([file])
     assert not file.exists()
     assert "damaged" in capfd.readouterr().err

@@ -53,7 +53,7 @@ def test_products_are_numpys() -> None:
     same(vectors.add_scaled(a, 3.0, b), a + 3.0 * b)
     same(vectors.cross(a, b), np.cross(a, b))
     same(vectors.dot(a, b), a @ b)
-    same(vectors.turned(A, a), A @ a)
+    same(vectors.rotate(A, a), A @ a)
     same(vectors.rotate_inverse(A, a), A.T @ a)
     same(vectors.product(A, B), A @ B)
     same(vectors.transposed_product(A, B), A.T @ B)

@@ -253,11 +253,11 @@ def test_a_process_that_cannot_be_asked_is_not_asked_again_and_says_nothing_of_i
     def run(self: Any, run: LawRun) -> None:
         raise error
 
-    monkeypatch.setattr(law_process._LawProcess, "run", run)
+    monkeypatch.setattr(law_process.LawProcess, "run", run)
     asked = spec(folder, "Honest")
     with pytest.raises(raised):
         law_process.simulate_apart(LawRun(asked.load(), asked.controller), asked.load().setup())
-    assert not law_process._processes
+    assert not law_process.law_processes
 
 
 def test_what_a_law_reads_in_its_process_is_part_of_what_its_run_is_made_from(
@@ -327,7 +327,9 @@ def test_files_that_cannot_be_those_of_a_law_cost_its_own_run(
 ) -> None:
     asked = spec(folder, "Honest")
     setup = asked.load().setup()
-    monkeypatch.setattr(law_process, "_asked", lambda run: {"files": files, "failed": "its reason"})
+    monkeypatch.setattr(
+        law_process, "ask_law", lambda run: {"files": files, "failed": "its reason"}
+    )
     with noted() as files_of_results, pytest.raises(LawFailedError, match="cannot be used"):
         law_process.simulate_apart(LawRun(asked.load(), asked.controller), setup)
     assert not {*files_of_results} & {*files}  # type: ignore[misc]

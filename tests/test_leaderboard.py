@@ -306,7 +306,7 @@ def test_rounding_excuses_only_numbers_that_it_changes_itself(
     def made(line: Any, family: Any, law: Any, seed: int, nudge: float = 0.0) -> dict[str, Any]:
         return {**RESULT, **nudged} if nudge == NUDGE else next(results)
 
-    monkeypatch.setattr("vsconstraints.comparisons.repetition._made", made)
+    monkeypatch.setattr("vsconstraints.comparisons.repetition.repeat_once", made)
     line = {**RESULT, forged: 0.9}
     family = Family.load("planar-arm")
     (sentence,), by_rounding = repeat_run(line, family, ControllerSpec("sliding-mode"), 0)

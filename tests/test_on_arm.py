@@ -51,7 +51,7 @@ from vsconstraints.arms.drivers import ur_rtde
 from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
-from vsconstraints.arms.loop import _Run
+from vsconstraints.arms.loop import ArmRun
 from vsconstraints.arms.realtime import RealClock, SimulatedClock
 from vsconstraints.arms.stream import Stream
 from vsconstraints.cli import app, main
@@ -818,10 +818,10 @@ def test_a_law_that_returns_after_the_watchdog_has_taken_over_moves_no_setpoint(
     prepared: list[str] = []
     prepare = Stream.prepare
     job = Job(SETUP, Own(lambda command: late(command), at=20), driver_for("simulated://", SETUP))
-    run = _Run(job, Envelope.of(SETUP.scene.robot, SETUP.limits, Ts))
+    run = ArmRun(job, Envelope.of(SETUP.scene.robot, SETUP.limits, Ts))
 
     def late(command: Command) -> Command:
-        run._take_over()
+        run.take_over()
         return command
 
     def noted(stream: Stream, qdd: Array) -> Any:

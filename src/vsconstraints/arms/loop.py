@@ -89,14 +89,14 @@ def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[
     try:
         driver.connect()
         setup = require_start(setup, driver.read(), job.supervision, job.from_arm)
-        return setup, _Run(replace(job, setup=setup), envelope).all_periods(keep)
+        return setup, ArmRun(replace(job, setup=setup), envelope).all_periods(keep)
     finally:
         # the arm stands by now: an error of its driver must not lose the log
         with suppress(BaseException):
             driver.close()
 
 
-class _Run:
+class ArmRun:
     """One run; its thread commands the arm unless the watchdog has taken over."""
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
@@ -223,7 +223,7 @@ class _Run:
         ours = threading.current_thread()
 
         def take_over() -> None:
-            self._take_over()
+            self.take_over()
             requests.raising = TakenOver
             if ours is threading.main_thread() and ours.ident is not None:
                 signal.pthread_kill(ours.ident, portable.TAKE_OVER)
@@ -236,7 +236,7 @@ class _Run:
         finally:
             self.watchdog.end()
 
-    def _take_over(self) -> None:
+    def take_over(self) -> None:
         """Brake in place of a loop that hangs.
 
         If it hangs in a call to the arm, the arm stops by its own means.

@@ -130,21 +130,24 @@ def repeat_run(
 
     Return sentences on the differences, and True if rounding decides the run.
     """
-    made = _made(line, family, law, seed)
+    made = repeat_once(line, family, law, seed)
     found = _differences(line, made)
     if not found:
         return [], False
-    unstable = _differences(made, _made(line, family, law, seed))
+    unstable = _differences(made, repeat_once(line, family, law, seed))
     if unstable:
         return [f"not reproducible here: {sentence}" for sentence in unstable.values()], False
-    changed_by_nudge = _differences(made, _made(line, family, law, seed, NUDGE))
+    changed_by_nudge = _differences(made, repeat_once(line, family, law, seed, NUDGE))
     unexplained = [text for column, text in found.items() if column not in changed_by_nudge]
     if unexplained:
         return unexplained, False
     return list(found.values()), True
 
 
-def _made(line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0) -> Line:
+def repeat_once(
+    line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0
+) -> Line:
+    """Make the run of a line once, from a start that is moved by a relative change ``nudge``."""
     laws = ControllerSpec(BASELINE), law
     task = Batch(family, (line["scene"],), (line[CONDITION],), laws, line["half"], seed)
     if nudge:

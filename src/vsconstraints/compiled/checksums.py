@@ -24,14 +24,15 @@ def _sum_of(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def _written_sum(file: Path) -> str:
+def written_sum(file: Path) -> str:
+    """Return the checksum that is written beside a file. Raises OSError."""
     return _sum_file(file).read_text("ascii", "replace")
 
 
 def _is_intact(file: Path) -> bool:
     """True if a file has its checksum; False if one of them cannot be read."""
     try:
-        return _sum_of(file) == _written_sum(file)
+        return _sum_of(file) == written_sum(file)
     except OSError:
         return False
 

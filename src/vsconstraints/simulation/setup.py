@@ -204,7 +204,7 @@ class Setup:
 
         See :func:`vsconstraints.simulation.start.forbidden_goals`.
         """
-        with np.errstate(all="ignore"):  # custom σ may be undefined in parts of the image
+        with np.errstate(divide="ignore", invalid="ignore"):  # custom σ may be undefined in places
             return forbidden_goals(self.scene, self.constraints, self.task)
 
     @cached_property
@@ -214,7 +214,7 @@ class Setup:
         See :func:`vsconstraints.simulation.start.separated_markers`.
         """
         start = self.scene.glance(self.q0)[0]
-        with np.errstate(all="ignore"):  # custom σ may be undefined in parts of the image
+        with np.errstate(divide="ignore", invalid="ignore"):  # custom σ may be undefined in places
             return separated_markers(self.scene, self.constraints, self.task, start)
 
     @cached_property

@@ -31,14 +31,14 @@ MAX_PROCESSES = 8
 EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
 
 #: Processes by law; the one used last comes last.
-_processes: dict[str, _LawProcess] = {}
+law_processes: dict[str, LawProcess] = {}
 #: Maximum number of files that the process of a law may name.
 MAX_FILES = 10_000
 
 _finalizers: list[Finalize] = []
 
 
-class _LawProcess:
+class LawProcess:
     """The process of one law, and the state of the files that its code has read."""
 
     def __init__(self) -> None:
@@ -108,7 +108,7 @@ def simulate_apart(
     ``setup`` is the setup on which the run is scored. Raises LawFailedError if the law's process
     returns no run.
     """
-    answer: object = _asked(run)
+    answer: object = ask_law(run)
     if isinstance(answer, Failure):
         raise LawProcessLostError(str(answer.reason))
     try:
@@ -165,7 +165,8 @@ def record(run: LawRun) -> dict[str, Any]:
     return said
 
 
-def _asked(run: LawRun) -> dict[str, Any] | Failure:
+def ask_law(run: LawRun) -> dict[str, Any] | Failure:
+    """Run a law in its own process. Return a Failure if the process cannot be asked."""
     if not _finalizers:
         _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
     try:
@@ -173,22 +174,22 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
     # options and instances of custom laws can raise any error when they are pickled
     except Exception as error:
         return Failure.of(error, "it cannot be sent to a process: ")
-    process = _processes.pop(law, None)
+    process = law_processes.pop(law, None)
     if process is not None and not process.is_current:
         # the process may hold what a file held before it was edited
         process.end()
         process = None
     if process is None:
-        process = _LawProcess()
-    _processes[law] = process
-    while len(_processes) > MAX_PROCESSES:
-        oldest = next(iter(_processes))
-        _processes.pop(oldest).end()
+        process = LawProcess()
+    law_processes[law] = process
+    while len(law_processes) > MAX_PROCESSES:
+        oldest = next(iter(law_processes))
+        law_processes.pop(oldest).end()
     try:
         return process.run(run)
     except BaseException as error:
         # its worker may still be busy with this run
-        _processes.pop(law).end(at_once=True)
+        law_processes.pop(law).end(at_once=True)
         # processes that cannot be started say nothing about the law
         if isinstance(error, (VsconstraintsError, OSError)):
             return Failure.of(error)
@@ -197,5 +198,5 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
 
 def end_law_processes() -> None:
     """End the processes of all laws that this process has started."""
-    while _processes:
-        _processes.popitem()[1].end()
+    while law_processes:
+        law_processes.popitem()[1].end()
