@@ -97,7 +97,8 @@ def test_processes_are_handed_on_only_where_they_are_kept_and_end_with_the_block
     assert not first & second
     with processes_kept():
         first, second = one_after_the_other()
-        assert second <= first
+        # one process may have answered both calls while the other was starting
+        assert first & second
         with Pool(do, 1) as pool:
             assert dict(pool.run({"dies": ("die",)})) == {"dies": Failure(DIED)}
         # one that died is not handed on
