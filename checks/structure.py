@@ -35,11 +35,14 @@ ROOMS = [
     "control",
     "simulation",
     "scenarios",
-    "learning",
     "comparisons",
     "reports",
-    "paper",
+    "images",
+    "dynamics",
+    "bench",
+    "view",
     "arms",
+    "paper",
     "cli",
 ]
 """Rooms in the order of their dependencies."""

@@ -15,12 +15,12 @@ from typing import Any
 import typer
 import yaml
 
+from vsconstraints.bench.evidence import CallTimes, Campaign
+from vsconstraints.bench.families import Family
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.evidence import CallTimes, Campaign
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import simulate
 

@@ -17,16 +17,16 @@ from typer.testing import CliRunner
 
 import vsconstraints
 from documents import DOCS, PAGES, REFERENCE, ROOT, RUN, Block, blocks, examples, reader_folder, run
+from vsconstraints.bench.evidence import Campaign, call_times, processes
+from vsconstraints.bench.families import Family, families
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite, compare
-from vsconstraints.comparisons.evidence import Campaign, call_times, processes
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import RunTiming
 from vsconstraints.comparisons.suite import BASELINE
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family, families
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import Trajectory, simulate
 

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 
 from campaigns import assert_same, campaign, tables
-from vsconstraints.comparisons.evidence import (  # fmt: skip
+from vsconstraints.bench.evidence import (  # fmt: skip
     TABLES,
     TIMING,
     Batch,
@@ -32,9 +32,9 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
     scored,
     work,
 )
-from vsconstraints.comparisons.evidence import folder as folders
-from vsconstraints.comparisons.evidence.parquet import KEYS
-from vsconstraints.comparisons.evidence.work import plan_batches
+from vsconstraints.bench.evidence import folder as folders
+from vsconstraints.bench.evidence.parquet import KEYS
+from vsconstraints.bench.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.files import SUMS
@@ -240,7 +240,7 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 2)
     collect(small, tmp_path / "large", HERE)
     assert len(folders.shard_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
@@ -328,11 +328,11 @@ def test_batches_of_another_size_are_gone_on_with(
     twice.
     """
     small, out = whole
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 1)
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", before)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
     assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", after)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", after)
     assert collect(small, tmp_path, HERE).progress.stored_before == 4
     assert_same(tables(out), tables(tmp_path))
 

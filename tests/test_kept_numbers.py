@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checks import best, final_errors
 
 from documents import ROOT
-from vsconstraints.comparisons.study import SHIPPED
-from vsconstraints.scenarios.families.frozen import TestSet
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.study import SHIPPED
 
 README = "README.md"
 WHICH = "docs/which-law.md"

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect, processes
+from vsconstraints.bench.evidence.parquet import TIMING
 from vsconstraints.comparisons import Suite, compare
-from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, collect, processes
-from vsconstraints.comparisons.evidence.parquet import TIMING
 from vsconstraints.comparisons.run import Run, perform
 from vsconstraints.comparisons.runs import law_process
 from vsconstraints.comparisons.runs.law_process import (

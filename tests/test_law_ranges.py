@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsconstraints.bench.tuning.problem import Searched
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.tuning.problem import Searched
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,

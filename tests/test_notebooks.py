@@ -37,12 +37,12 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
-from vsconstraints.reports.notebooks import comparison as session
-from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.reports.summary import MARKS
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
+from vsconstraints.view.notebooks import Comparison, NotebookRun, copies
+from vsconstraints.view.notebooks import comparison as session
+from vsconstraints.view.notebooks.inputs import InstanceSpec, spec_of, specs_of
 
 SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)
 """Long enough for tracking to leave the image."""

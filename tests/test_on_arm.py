@@ -1677,7 +1677,7 @@ def test_the_record_is_saved_before_anything_is_printed(
 
     def then_gone(*given: Any) -> Any:
         done = run_on_arm(*given)
-        monkeypatch.setattr("vsconstraints.cli.arm.console.print", gone)
+        monkeypatch.setattr("vsconstraints.arms.commands.console.print", gone)
         return done
 
     monkeypatch.setattr("vsconstraints.arms.run_on_arm", then_gone)

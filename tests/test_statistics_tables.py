@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import statistics as simulated
 
-from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
-from vsconstraints.comparisons.statistics import (
+from vsconstraints.bench.statistics import (
     OUTCOMES,
     compare_laws,
     costs,
@@ -32,7 +31,8 @@ from vsconstraints.comparisons.statistics import (
     rate_of,
     rates,
 )
-from vsconstraints.comparisons.statistics.judged import resolution
+from vsconstraints.bench.statistics.judged import resolution
+from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
 from vsconstraints.errors import ConfigurationError
 
 SCENES = 8

@@ -55,7 +55,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/formulas",
         "src/vsconstraints/vision/measurement.py",
     ),
-    "statistics": ("src/vsconstraints/comparisons/statistics",),
+    "statistics": ("src/vsconstraints/bench/statistics",),
 }
 
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")

@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .reports.notebooks import compare, run
     from .robots.kinematics import RobotPoint
     from .robots.robot import Robot
+    from .view.notebooks import compare, run
     from .vision.camera import Camera
 
 __version__ = "0.1.0"
@@ -17,8 +17,8 @@ _PLACES = {
     "Camera": "vision.camera",
     "Robot": "robots.robot",
     "RobotPoint": "robots.kinematics",
-    "compare": "reports.notebooks",
-    "run": "reports.notebooks",
+    "compare": "view.notebooks",
+    "run": "view.notebooks",
 }
 
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, described, format_value
+from ..images.sensor import ImageSensor
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
-from ..simulation.image_sensor import ImageSensor
 from ..vision.measurement import Measurement
 
 ImageSource = Callable[[float, Array], Measurement | None]

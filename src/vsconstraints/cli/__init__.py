@@ -12,9 +12,13 @@ from typing import Annotated
 import typer
 
 from .. import __version__
+from ..arms import commands as arm
+from ..bench.commands import campaigns, testset
 from ..errors import StorageError, VsconstraintsError, WorkersLost
+from ..paper import commands as paper
 from ..plugins.processes import INTERRUPTS, exit_code, obey_signals, signal_of
-from . import arm, campaigns, options, paper, results, scenes, testset
+from ..view import commands as scenes
+from . import options, results
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
 _HELP = "Compare controllers that keep visual servoing inside its limits."

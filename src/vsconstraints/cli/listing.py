@@ -10,6 +10,7 @@ from itertools import starmap
 from rich.table import Table
 
 from ..arms.drivers import DRIVERS, driver_class
+from ..bench.families import Family, families
 from ..comparisons.metrics import METRICS, Metric
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
@@ -19,7 +20,6 @@ from ..errors import ConfigurationError, unknown_name
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE
 from ..scenarios import CONSTRAINTS, Scenario, shipped_scenarios
-from ..scenarios.families import Family, families
 from ..vision.features import FEATURES
 from .terminal import console
 

@@ -73,7 +73,7 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
     write: Callable[..., Path]
     with progress() as show:
         if campaign:
-            from ..reports.evidence import write_evidence_report  # needs an extra
+            from ..bench.reports import write_evidence_report  # needs an extra
 
             write = partial(
                 write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report")
@@ -220,8 +220,8 @@ def diff(
     Exit code 1 if something got worse, 2 if they are not comparable.
     """
     demand("evidence", "a difference of two folders")
-    from ..comparisons.difference import TOLERANCE, difference
-    from ..reports.difference import page, verdict
+    from ..bench.difference import TOLERANCE, difference
+    from ..bench.reports.difference import page, verdict
 
     names = dict(text.partition("=")[::2] for text in rename or ())
     for text in rename or ():
@@ -302,8 +302,8 @@ def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
     Raises ConfigurationError if it cannot be loaded.
     """
     demand("evidence", "a campaign")
-    from ..comparisons.evidence import Evidence, Shard
-    from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
+    from ..bench.evidence import Evidence, Shard
+    from ..bench.evidence.folder import missing_scenes, shards, stored_files
 
     evidence = Evidence.load(folder, trust=True)  # no part of it is built
     configuration = evidence.manifest["configuration"]

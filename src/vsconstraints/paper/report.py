@@ -91,7 +91,13 @@ def write_report(
         "facts": {name: str(value) for name, value in facts.items() if value},
         "differences": told,
     }
-    text = render("reproduction.md", **TOLD, **shown, findings=findings, numbered=numbered)
+    text = render(
+        Path(__file__).with_name("reproduction.md"),
+        **TOLD,
+        **shown,
+        findings=findings,
+        numbered=numbered,
+    )
     write_pages(result.report, text)
     lines = [
         {**vars(one), "claim": one.key, **vars(found), "measured": found.text}

@@ -22,13 +22,13 @@ from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.suite import BASELINE
 from ..errors import described
 from ..scenarios import Scenario
+from ..view.replay import write_replay
+from ..view.replay.runs import run_of
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
 from .groups import Group
 from .markdown import code
 from .plots import FORMATS, PNG, Figure, Formats
-from .replay import write_replay
-from .replay.runs import run_of
 from .results import Results, RowsShown, clean
 
 # Up to this many scenarios are drawn in this process: starting others takes about as long.

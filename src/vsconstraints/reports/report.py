@@ -16,7 +16,7 @@ from .drawing import Drawn, add_replays, draw_all, remove_stale, shown_scenarios
 from .figures import FIGURES
 from .groups import controller_cells
 from .numbers import of_length
-from .page import render, write_pages
+from .page import TEMPLATES, render, write_pages
 from .plots import PNG, Formats
 from .results import DIVERGED, Results, violated
 
@@ -76,7 +76,7 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))
     ]
     return render(
-        "comparison.md",
+        TEMPLATES / "comparison.md",
         results=results,
         manifest=results.stored.manifest,
         configuration=results.stored.manifest["configuration"],

@@ -12,7 +12,9 @@ import numpy as np
 
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import require_positive
+from ..dynamics import PLANTS
 from ..errors import ConfigurationError, unknown_name
+from ..images.settings import SENSORS
 from ..robots.catalogue import ready_made
 from ..robots.geometry import Pose, Vector3
 from ..robots.limits import NO_LIMITS, ActuatorLimits
@@ -20,12 +22,10 @@ from ..robots.robot import Robot
 from ..rows import Array
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
-from ..simulation.dynamics import PLANTS
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
 from ..vision.features import FEATURES
-from ..vision.images.settings import SENSORS
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask

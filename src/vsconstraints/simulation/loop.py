@@ -19,10 +19,10 @@ from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..errors import SceneError, VsconstraintsError, described
+from ..images.sensor import ImageSensor
 from ..rows import Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
-from .image_sensor import ImageSensor
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of

@@ -12,8 +12,8 @@ import pinocchio as pin
 from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
 from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
+from ..images.settings import OpaqueName
 from ..rows import Array
-from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
 THIN = 1e-6  #: Radius of a line of sight [m].

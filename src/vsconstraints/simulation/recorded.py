@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..controllers import Controller, Tracking
+from ..images.sensor import ImageSensor
 from ..rows import Array, Rows, Task
-from .image_sensor import ImageSensor
 from .loop import Run, trajectory_of
 from .outcome import Ended
 from .prepared import RunWorkspace

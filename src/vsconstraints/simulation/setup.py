@@ -11,6 +11,7 @@ import numpy as np
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
 from ..controllers.delay import split_delay
+from ..dynamics import ArmDynamics, DynamicPlant
 from ..errors import (
     ConfigurationError,
     InvalidInput,
@@ -21,18 +22,17 @@ from ..errors import (
 )
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
+from ..images.sensor import ImageSensor, SceneRenderer
+from ..images.settings import ImageSettings
 from ..robots.geometry import require_sign
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import amount, counted, in_one_line
 from ..vision.features import CameraPose
-from ..vision.images.settings import ImageSettings
 from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
-from .dynamics import ArmDynamics, DynamicPlant
-from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ...reports.plots import WIDTH, Sheet
-from ...reports.scene3d import Scene3D, Viewpoint, bars, tube
-from ...reports.setup_scene import add_robot, add_surroundings, setup_frames
 from ...robots.geometry import Pose
+from ...view.scene3d import Scene3D, Viewpoint, bars, tube
+from ...view.setup_scene import add_robot, add_surroundings, setup_frames
 from ..claims.simulations import phases
 from . import lines as paper
 from .simulations import SHORT, frame_times

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.suite import BASELINE
+from ...dynamics.equivalent import Equivalent
 from ...rows import Array
 from ...simulation import Tolerances, Trajectory, intervals
-from ...simulation.dynamics.equivalent import Equivalent
 from ...vision.features import ImagePoints
 from ..plots.sheet import Sheet
 from ..plots.style import (
