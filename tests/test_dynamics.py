@@ -26,8 +26,8 @@ from vsconstraints.dynamics import (
     Rods,
 )
 from vsconstraints.dynamics.equivalent import Equivalent, lagged
+from vsconstraints.dynamics.figure import draw_disturbance
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.reports.figures.signals import draw_disturbance
 from vsconstraints.reports.figures.view import View
 from vsconstraints.robots import ready_made
 from vsconstraints.rows import Array

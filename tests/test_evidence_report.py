@@ -22,7 +22,7 @@ from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.bench.evidence import Batch, Campaign, scored
 from vsconstraints.bench.families import Family
-from vsconstraints.bench.reports import replay, replayed
+from vsconstraints.bench.reports import replay
 from vsconstraints.bench.reports.dataset import Dataset
 from vsconstraints.bench.reports.failures import divisive_scene
 from vsconstraints.bench.reports.figures import draw_tolerance
@@ -34,6 +34,7 @@ from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.plots import looks
 from vsconstraints.simulation.trajectory import Outcome
+from vsconstraints.view.replay.campaigns import replayed
 
 WIDEST = 8
 

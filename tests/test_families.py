@@ -22,13 +22,13 @@ from typer.testing import CliRunner
 from vsconstraints.bench.families import HALVES, Drawn, Family, Reason, families
 from vsconstraints.bench.families.drawing import DISTRIBUTIONS, Streams, drawn, merged, parsed
 from vsconstraints.bench.families.family import summarised
-from vsconstraints.bench.families.placements import inverse_kinematics
 from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots import READY_MADE
+from vsconstraints.scenarios.inverse_kinematics import inverse_kinematics
 from vsconstraints.simulation import simulate
 
 BY_HAND = """

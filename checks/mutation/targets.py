@@ -55,7 +55,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/formulas",
         "src/vsconstraints/vision/measurement.py",
     ),
-    "statistics": ("src/vsconstraints/bench/statistics",),
+    "statistics": ("src/vsconstraints/bench/statistics", "src/vsconstraints/comparisons/rates.py"),
 }
 
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")

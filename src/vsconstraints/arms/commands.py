@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +20,15 @@ if TYPE_CHECKING:
 
 SIMULATED_ARM = "simulated://"
 NO_WATCHDOG = "the driver knows of no watchdog in the arm"
+
+
+def arms() -> Iterator[tuple[str, ...]]:
+    """Return the kinds of arms by the scheme of their address, for ``vsconstraints list``."""
+    from ..cli.listing import described_entry
+    from .drivers import DRIVERS, driver_class
+
+    for scheme in DRIVERS:
+        yield described_entry(f"{scheme}://", driver_class(scheme))
 
 
 def run(

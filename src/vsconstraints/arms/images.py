@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, described, format_value
-from ..images.sensor import ImageSensor
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
@@ -58,15 +57,16 @@ class SimulatedImages:
         self._sensor = setup.sensor()
         self._sample = 0
         self._world = setup.world()
-        self.renders = isinstance(self._sensor, ImageSensor)
+        self.renders = self._sensor.renders
 
     def __call__(self, t: float, q: Array) -> Measurement | None:
         """Return pixels and time of the newest image; a lost image leaves the previous one."""
         scene = self._setup.scene
         k = self._sample
         self._sample += 1
-        if isinstance(self._sensor, ImageSensor):
+        if self.renders:
             seen = self._sensor.measured(k, q, np.zeros_like(q))
+            assert seen is not None
             assert seen.pixels is not None
             pixels = scene.camera.distort(seen.pixels)
             return (

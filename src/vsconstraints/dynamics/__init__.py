@@ -1,11 +1,15 @@
 """Arms with mass: rigid-body dynamics under the usual joint controllers, and their eq. (6)."""
 
-from .equivalent import Equivalent
-from .plant import DynamicPlant
-from .settings import PLANTS, ArmDynamics, Friction, MujocoDynamics, Payload, Rods
+from typing import TYPE_CHECKING
+
+from ..plugins.lazy import exported
+
+if TYPE_CHECKING:
+    from .equivalent import Equivalent
+    from .plant import DynamicPlant
+    from .settings import ArmDynamics, Friction, MujocoDynamics, Payload, Rods
 
 __all__ = [
-    "PLANTS",
     "ArmDynamics",
     "DynamicPlant",
     "Equivalent",
@@ -14,3 +18,15 @@ __all__ = [
     "Payload",
     "Rods",
 ]
+__getattr__ = exported(
+    __name__,
+    {
+        "Equivalent": "equivalent",
+        "DynamicPlant": "plant",
+        "ArmDynamics": "settings",
+        "Friction": "settings",
+        "MujocoDynamics": "settings",
+        "Payload": "settings",
+        "Rods": "settings",
+    },
+)

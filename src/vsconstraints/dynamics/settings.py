@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -119,6 +119,7 @@ class ArmDynamics:
     are free, and ĝ the weight at the beginning of each period.
     """
 
+    made_by: ClassVar[str] = "vsconstraints.dynamics.plant:DynamicPlant"
     controller: JointController = "computed-torque"
     bandwidth: float = 20.0  #: ω / 2π [Hz].
     #: Number of substeps per sampling period. In each, the controller outputs one torque, and the
@@ -204,7 +205,3 @@ class MujocoDynamics(ArmDynamics):
     """
 
     at_once = False
-
-
-#: Plant types of scenario files; without one, commands are executed according to eq. (6).
-PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}

@@ -29,7 +29,6 @@ from .tag_pose import TagPose, locate_board
 
 #: Disturbances of measurements without rendered images.
 POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")
-STOPPING = 0.1  #: Time constant with which an arm without usable images is braked [s].
 
 
 class SceneRenderer:
@@ -160,6 +159,7 @@ class ImageSensor(Sensor):
     if a package is missing.
     """
 
+    renders = True
     exposures: list[Exposure]  #: All images so far.
 
     def __init__(
@@ -257,13 +257,6 @@ class ImageSensor(Sensor):
         memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
         # the loop waits for the first image
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
-
-    def braking(self, qd: Array) -> Array:
-        """Return q̈ (n,) that stops the arm when there is no usable image.
-
-        The actuators execute as much of it as they can.
-        """
-        return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from ..errors import InvalidInput, format_value, unknown_name
 from ..robots.geometry import require_sign
+from ..simulation.occluders import OpaqueName
 
 DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
-OpaqueName = Literal["links", "bodies", "regions"]
 
 LAST_ID = 586  #: Largest number of a tag: the family tag36h11 has 587 tags.
 
@@ -27,6 +27,8 @@ class ImageSettings:
     Images are rendered and tags are detected in them. The result is the controller's measurement.
     """
 
+    made_by: ClassVar[str] = "vsconstraints.images.sensor:ImageSensor"
+    rendered_by: ClassVar[str] = "vsconstraints.images.sensor:SceneRenderer"
     #: Images per second; each is taken at the first sample that is not before its time.
     rate_hz: float = 30.0
     latency_s: float = 0.03  #: Delay until an image can be used [s]; control waits for the first.
@@ -92,7 +94,3 @@ class ImageSettings:
     def looked_for(self, markers: int) -> tuple[int, ...]:
         """Return the numbers of the tags to detect for a number of markers."""
         return tuple(range(markers)) if self.tags is None else tuple(self.tags)
-
-
-#: Sensor types in scenario files; the default is a measurement as in ``disturbances``.
-SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}

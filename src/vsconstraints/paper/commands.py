@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +21,10 @@ from ..cli.terminal import (
 )
 from ..errors import ConfigurationError, unknown_name
 from ..reports.plots import formats_of
+
+TEXTS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("texts.toml").read_text(encoding="utf-8")
+)
 
 
 def claim_names() -> list[str]:
@@ -80,7 +85,7 @@ def reproduce(
         if latex:
             console.print(f"Tables for LaTeX: {write_tables(result.report)}")
     if findings:
-        say("claims", findings=findings)
+        say(TEXTS["claims"], findings=findings)
     for path, why in drawn.items():
         if why:
             errors.print(f"{path} could not be drawn: {why}")

@@ -12,7 +12,7 @@ from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
 from . import scenario, summary
-from .drawing import Drawn, add_replays, draw_all, remove_stale, shown_scenarios
+from .drawing import Drawn, add_sections, draw_all, remove_stale, shown_scenarios
 from .figures import FIGURES
 from .groups import controller_cells
 from .numbers import of_length
@@ -61,8 +61,7 @@ def write_report(
                 place.mkdir(exist_ok=True)
                 overview, drawn = draw_all(results, chosen, formats, on_drawn)
                 remove_stale(place, (file for one in drawn.values() for file in one.files), formats)
-            if replays:
-                add_replays(results, chosen, drawn)
+            add_sections(results, chosen, drawn, replays)
             write_pages(folder / "report.md", report_text(results, drawn, overview))
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error

@@ -12,9 +12,8 @@ import numpy as np
 
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import require_positive
-from ..dynamics import PLANTS
 from ..errors import ConfigurationError, unknown_name
-from ..images.settings import SENSORS
+from ..plugins.registry import load, scenario_types
 from ..robots.catalogue import ready_made
 from ..robots.geometry import Pose, Vector3
 from ..robots.limits import NO_LIMITS, ActuatorLimits
@@ -103,11 +102,11 @@ def build(
         file.actuation,
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
-        _by_type(file.plant, PLANTS, f"{where}.plant"),
+        _by_type(file.plant, "plant", where),
         _by_type(
             {"type": file.sensor} if isinstance(file.sensor, str) else file.sensor,
-            SENSORS,
-            f"{where}.sensor",
+            "sensor",
+            where,
         ),
     )
 
@@ -138,13 +137,14 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
     return robot.limits
 
 
-def _by_type(table: Table | None, candidates: Any, where: str) -> Any:
-    values = dict(table or {})
-    return (
-        None
-        if table is None
-        else from_table(chosen(values, "type", candidates, where), values, where)
-    )
+def _by_type(table: Table | None, key: str, scenario: str) -> Any:
+    """Return the settings of the table ``key`` by the class that a part registers for its type."""
+    if table is None:
+        return None
+    where = f"{scenario}.{key}"
+    values = dict(table)
+    kind = load(chosen(values, "type", scenario_types(key), where))
+    return from_table(kind, values, where)
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:

@@ -19,7 +19,6 @@ from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..errors import SceneError, VsconstraintsError, described
-from ..images.sensor import ImageSensor
 from ..rows import Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
@@ -225,11 +224,13 @@ class Run:
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
             if (
                 stage == STEP
-                and isinstance(self.sensor, ImageSensor)
+                and self.sensor.renders
                 and self.bound is not None
                 and self.loop.parts[0]
             ):
-                self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
+                seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
+                assert seen is not None
+                self.bound.packed.measure(seen)
                 # without a usable image no law is called and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
@@ -292,7 +293,7 @@ class Run:
         # True if Python moves the robot. In that case, and if images are rendered, samples run one
         # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
-        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
+        self.at_once = 1 if self.pushes or self.sensor.renders else CHUNK
         self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
@@ -351,7 +352,7 @@ class Run:
 
         A reported loss of rank counts only if the rows show it.
         """
-        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+        if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
         times = self.loop.kept.step_time

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ..controllers import Controller, Tracking
-from ..images.sensor import ImageSensor
 from ..rows import Array, Rows, Task
 from .loop import Run, trajectory_of
 from .outcome import Ended
@@ -161,7 +160,7 @@ class _Replay(Run):
             raise _NoCommandError(
                 "the law's process gave no further commands, though the run is not over"
             )
-        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+        if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
         else:
             self.loop.answer.qdd[:] = self._recorded.qdd[k]

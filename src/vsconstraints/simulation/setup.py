@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
 from ..controllers.delay import split_delay
-from ..dynamics import ArmDynamics, DynamicPlant
 from ..errors import (
     ConfigurationError,
     InvalidInput,
@@ -22,8 +22,7 @@ from ..errors import (
 )
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
-from ..images.sensor import ImageSensor, SceneRenderer
-from ..images.settings import ImageSettings
+from ..plugins.registry import load
 from ..robots.geometry import require_sign
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
@@ -35,6 +34,7 @@ from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
+from .settings import PlantSettings, SensorSettings
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
 from .units import unit_warnings
 
@@ -89,9 +89,9 @@ class Setup:
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
     #: Masses, joint controller and friction of the robot; eq. (6) is used if None.
-    dynamics: ArmDynamics | None = None
+    dynamics: PlantSettings | None = None
     #: Settings of rendered images; if None, the controller knows where the markers are.
-    images: ImageSettings | None = None
+    images: SensorSettings | None = None
     #: Time until which a run that is not at rest at the end of its duration continues [s], see
     #: :func:`.until_settled`. None: runs end with their duration.
     time_limit: float | None = None
@@ -158,7 +158,8 @@ class Setup:
                     f"controller, friction "
                     "and gears (plant.dead_time delays torques)"
                 )
-        return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
+        make: Callable[..., Plant] = load(self.dynamics.made_by)
+        return make(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
         """Return the control step that precedes the law, with the law's factors on the rows."""
@@ -174,21 +175,20 @@ class Setup:
     def sensor(self) -> Sensor:
         """Return the sensor that turns true states into measurements for the controller."""
         if self.images is not None:
-            return ImageSensor(
-                self.scene, self.disturbances, self.images, self.photographer(), self.Ts
-            )
+            make: Callable[..., Sensor] = load(self.images.made_by)
+            return make(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
         return Sensor(
             self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene)
         )
 
-    def photographer(self) -> SceneRenderer:
+    def photographer(self) -> Any:
         """Return the renderer of the images that the controller receives.
 
         Raises ConfigurationError if the setup has no image sensor.
         """
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        return SceneRenderer(
+        return load(self.images.rendered_by)(
             self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed
         )
 

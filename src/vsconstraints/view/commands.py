@@ -81,7 +81,7 @@ def replay(
         demand("replay")
     if any(map(campaign_run, runs)):
         demand("evidence", "a run of a campaign")
-        from ..bench.reports import replayed
+        from .replay.campaigns import replayed
     selected = [
         replayed(run, trust, note) if campaign_run(run) else select_run(run, seed, trust, note)
         for run in runs

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
@@ -36,7 +37,9 @@ if TYPE_CHECKING:
     from ..evidence import Campaign, Plan
     from ..evidence import Keep as Kept
     from ..families import Family
-
+TEXTS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("texts.toml").read_text(encoding="utf-8")
+)
 ROWS = "rows"  # information that every law requires
 
 
@@ -53,6 +56,15 @@ def families(names: Names = None, scenes: int = 100, half: str = "held-out", see
         raise typer.Exit(NOTHING_DONE)
 
 
+def listed_families() -> Iterator[tuple[str, str]]:
+    """Return the shipped families with their titles, for ``vsconstraints list``."""
+    from ..families import Family
+    from ..families import families as shipped
+
+    for name in shipped():
+        yield name, Family.load(name).title
+
+
 def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
     """Draw scenes, describe them, and return the number of scenes found."""
     from ..families.family import summarised
@@ -65,7 +77,7 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
     accepted = len(summary.found)
     attempts = sum(scene.attempts for scene in summary.scenes)
     say(
-        "family",
+        TEXTS["family"],
         family=family,
         scenes=scenes,
         summary=summary,
@@ -272,7 +284,7 @@ def advise(
             console.print(_json(found))
         else:
             texts = {"rate_text": rate_text, "toml_items": toml_items, "toml_text": toml_text}
-            say("advice", advice=found, best=found.laws[0], **texts)
+            say(TEXTS["advice"], advice=found, best=found.laws[0], **texts)
             _print_choices(found.laws[:8])
 
 

@@ -17,15 +17,15 @@ import numpy as np
 from ...constraints import JointSpeed
 from ...controllers import Tracking
 from ...errors import ConfigurationError, SceneError, VsconstraintsError
-from ...images.sensor import ImageSensor
 from ...robots.geometry import Pose
 from ...rows import Array
 from ...scenarios.build import build_scene
+from ...scenarios.inverse_kinematics import inverse_kinematics, tip_of
 from ...scenarios.reading import Table, from_table
 from ...simulation import RunScores, Setup, score_run, until_settled
 from ...simulation.occluders import LinesOfSight
 from .drawing import Placed
-from .placements import PLACEMENTS, Ends, Place, inverse_kinematics, tip_of
+from .placements import PLACEMENTS, Ends, Place
 
 #: Least violation, relative to the row's range, at which a row counts as challenged: σ, or φ for
 #: speeds. It is ten times what scores neglect, so that scores count the row as challenged, too.
@@ -217,7 +217,7 @@ def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
 def check_first_image(setup: Setup) -> None:
     """Raise Rejected if the sensor detects no tag in the first image; other sensors pass."""
     sensor = setup.sensor() if setup.images is not None else None
-    if isinstance(sensor, ImageSensor):
+    if sensor is not None and sensor.renders:
         try:
             sensor.measured(0, setup.q0, setup.qd0)
         except SceneError as error:

@@ -3,7 +3,7 @@
 It requires pandas, which ``pip install 'vsconstraints[evidence]'`` installs.
 """
 
-from .dataset import replay, replayed
+from .dataset import replay
 from .report import write_evidence_report
 
-__all__ = ["replay", "replayed", "write_evidence_report"]
+__all__ = ["replay", "write_evidence_report"]

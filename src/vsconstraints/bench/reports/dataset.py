@@ -18,7 +18,6 @@ from ...reports.groups import required_information
 from ...reports.plots import PNG, Figure, Formats
 from ...reports.plots.style import TUNED
 from ...simulation import Setup, simulate, until_settled
-from ...view.replay.runs import ReplayRun, campaign_run
 from ..evidence import Evidence
 from ..families.family import NOMINAL, TOGETHER
 from ..statistics.judged import OUTCOMES, endings
@@ -246,22 +245,6 @@ def replay(
     """
     evidence = Evidence.load(Path(folder), trust)
     return rerun(evidence, setup_of(evidence, family, scene, condition), controller)
-
-
-def replayed(
-    run: str, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None
-) -> ReplayRun:
-    """Simulate the run ``FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER`` again for a replay.
-
-    Raises as :func:`replay`.
-    """
-    folder, family, scene, condition, controller = campaign_run(run)
-    evidence = Evidence.load(Path(folder), trust)
-    for remark in evidence.remarks:
-        on_remark(remark)
-    setup = setup_of(evidence, family, int(scene), condition)
-    trajectory = rerun(evidence, setup, controller).trajectory
-    return ReplayRun(controller, setup, trajectory, f"{family} {scene}, {condition}")
 
 
 def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:

@@ -4,20 +4,17 @@ All are pure functions of arrays with one entry per scene, or of tables of runs.
 the methods.
 """
 
+from ...comparisons.rates import Rate, rate_of, rate_text, with_interval
 from .judged import OUTCOMES, SCENE, distinguishable, judged_metrics, simultaneous, verdict
 from .ranking import Profile, Ranks, across_families, left_out_ranks, profile, ranks
 from .rates import (
     PairedRates,
-    Rate,
     detectable,
     difference_interval,
     mcnemar,
     median,
     paired,
     rate,
-    rate_of,
-    rate_text,
-    with_interval,
 )
 from .tables import compare_laws, costs, medians, rates
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...comparisons.metrics import METRICS, Metric
+from ...comparisons.rates import checked_confidence
 from ...errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ...rows import Array, BoolArray
 
@@ -26,15 +27,6 @@ MIN_SCENES = 6
 #: columns that identify the scene and the condition of a run
 SCENE = ("family", "condition", "half", "scene")
 LAW = "controller"  #: column with the name of the law
-
-
-def checked_confidence(confidence: float) -> float:
-    """Return a confidence level. Raises ConfigurationError unless 0 < level < 1."""
-    if not isinstance(confidence, (int, float)) or not 0.0 < confidence < 1.0:
-        raise ConfigurationError(
-            f"confidence must be between 0 and 1, such as 0.95, not {format_value(confidence)}"
-        )
-    return float(confidence)
 
 
 def checked_name(what: str, name: object, candidates: Any) -> None:

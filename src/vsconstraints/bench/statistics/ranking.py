@@ -13,9 +13,10 @@ from scipy.special import expit, xlogy
 from scipy.stats import f as variance_ratio
 from scipy.stats import friedmanchisquare, norm, rankdata, studentized_range
 
+from ...comparisons.rates import checked_confidence
 from ...errors import InvalidInput
 from ...rows import Array
-from .judged import array, checked_confidence
+from .judged import array
 from .rates import sign_test
 
 

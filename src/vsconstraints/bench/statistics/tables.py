@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...comparisons.rates import checked_confidence
 from ...errors import unknown_name
 from ...plugins.extras import demand
 from ...rows import Array
@@ -23,7 +24,6 @@ from .judged import (
     SCENE,
     Better,
     checked,
-    checked_confidence,
     counts,
     judged_metric,
     resolution,
