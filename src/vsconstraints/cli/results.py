@@ -16,7 +16,7 @@ from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from ..plugins.processes import INTERRUPTS, signal_of
 from ..plugins.registry import load, registered
-from ..reports.plots import formats_of
+from ..reports.formats import formats_of
 from .options import Names
 from .terminal import (
     NOTHING_DONE,

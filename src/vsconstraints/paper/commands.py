@@ -20,7 +20,7 @@ from ..cli.terminal import (
     typed_command,
 )
 from ..errors import ConfigurationError, unknown_name
-from ..reports.plots import formats_of
+from ..reports.formats import formats_of
 
 TEXTS: dict[str, str] = tomllib.loads(
     Path(__file__).with_name("texts.toml").read_text(encoding="utf-8")

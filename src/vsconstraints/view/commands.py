@@ -10,7 +10,7 @@ import typer
 from ..cli.terminal import USAGE_ERROR, console, errors, note, progress
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
-from ..reports.plots import FORMATS
+from ..reports.formats import FORMATS
 
 
 def preview(

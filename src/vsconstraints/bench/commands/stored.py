@@ -9,7 +9,7 @@ from ...cli.results import ReportOptions, ResultsKind
 from ...cli.terminal import Show, note
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
-from ...reports.plots import formats_of
+from ...reports.formats import formats_of
 
 
 def _write_report(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:
