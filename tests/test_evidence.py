@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -361,6 +362,18 @@ def test_another_campaign_is_refused(
     assert what in str(refused.value)
     assert "--fresh" in str(refused.value)
     assert_same(before, tables(out))
+
+
+def test_a_refusal_removes_nothing(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
+    small, out = whole
+    folder = shutil.copytree(out, tmp_path / "copy")
+    (folder / "runs" / "part-unfinished.parquet.part").write_bytes(b"half of it")
+    damaged = sorted((folder / "runs").glob("*.parquet"))[-1]
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    with pytest.raises(ConfigurationError, match="another campaign"):
+        collect(small.select(settings=["seed=4"]), folder, HERE)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 def test_other_code_is_refused_and_fresh_replaces(

@@ -392,3 +392,11 @@ def test_what_a_process_that_is_not_trusted_may_send_is_bounded(
     assert reason in answer.reason
     assert len(answer.reason) <= MAX_REASON_LENGTH
     assert vars(answer) == {"reason": answer.reason}
+
+
+def test_settings_of_a_law_share_its_process(folder: Path) -> None:
+    end_law_processes()
+    for name, alpha in (("slow", 2.0), ("fast", 40.0)):
+        controller = ControllerSpec(name, "laws_apart:Honest", {"alpha": alpha}, folder)
+        perform(RunSpec("example-2d-fov", controller, {"duration": 0.02}), apart=True)
+    assert len(law_process.law_processes) == 1

@@ -204,7 +204,7 @@ def success(runs: Any, law: str) -> int:
 def test_the_table_of_the_ladders_is_that_of_the_kept_runs(study: Any) -> None:
     rungs = study[study["family"].str.startswith("ladder") & (study["scene"] < 40)]
     text = (
-        (ROOT / "docs" / "which-law.md")
+        (ROOT / "docs" / "benchmark.md")
         .read_text(encoding="utf-8")
         .partition("| law | paper's regime |")[2]
     )
@@ -258,7 +258,7 @@ def test_success_over_rows_at_once_is_that_of_the_kept_runs(study: Any) -> None:
     study = study.assign(rows=pd.cut(rows, [0, 1, 2, 4, 17], labels=False))
     scenes = study[study["condition"] == "nominal"].drop_duplicates(["family", "scene"])
     text = (
-        (ROOT / "docs" / "which-law.md")
+        (ROOT / "docs" / "benchmark.md")
         .read_text(encoding="utf-8")
         .partition("- **Several rows at once**")[2]
     )

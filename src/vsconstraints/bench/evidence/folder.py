@@ -106,38 +106,55 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
 def finished_shards(folder: Path, campaign: Campaign) -> list[Facts]:
     """Return the footers of the finished shards of a campaign.
 
-    Unfinished shards and changed files are removed first. Raises ConfigurationError if the folder
-    holds scenes of another campaign, or scenes that were run with different code, settings or
-    files.
+    Unfinished shards and changed files are removed. Raises ConfigurationError if the folder holds
+    scenes of another campaign, or scenes that were run with different code, settings or files;
+    nothing is removed then.
     """
-    for path in list(folder.rglob("*.part")):
-        path.unlink(missing_ok=True)
-    remove_changed(folder, stored_files(folder)[1:])
-    whole = set()
-    for name in shard_names(folder):
-        with suppress(ConfigurationError):  # a truncated file has no footer
-            for table in TABLES:
-                parquet.line_count(shard_file(folder, table, name))
-            whole.add(name)
-    for path in stored_files(folder):
-        if path.suffix == ".parquet" and path.stem not in whole:
-            path.unlink()
-    identities = campaign.identities()
-    problems = list[str]()
-    there = [shard.facts for shard in shards(folder)]
-    for facts in there:
-        only = [] if facts.family in identities else [f"family {facts.family} is only there"]
-        problems = problems or only or list(differences(facts.identity, identities[facts.family]))
-    problems = problems or _changed_files(there, campaign)
-    last = max((max(facts.scenes) for facts in there), default=-1)
-    if not problems and last >= campaign.scenes:
-        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
+    problems = _differences([shard.facts for shard in _complete_shards(folder)], campaign)
     if problems:
         instead = "Give another folder with --out, or --fresh to replace what is there"
         raise ConfigurationError(
             f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}"
         )
-    return there
+    for path in list(folder.rglob("*.part")):
+        path.unlink(missing_ok=True)
+    remove_changed(folder, stored_files(folder)[1:])
+    complete = _complete_shards(folder)
+    names = {shard.name for shard in complete}
+    for path in stored_files(folder):
+        if path.suffix == ".parquet" and path.stem not in names:
+            path.unlink()
+    return [shard.facts for shard in complete]
+
+
+def _complete_shards(folder: Path) -> list[StoredShard]:
+    """Return the shards of which every table can be read."""
+    complete = []
+    for name in shard_names(folder):
+        with suppress(ConfigurationError):  # a truncated file has no footer
+            for table in TABLES:
+                parquet.line_count(shard_file(folder, table, name))
+            path = shard_file(folder, MARK, name)
+            complete.append(StoredShard(folder, name, Facts.of(path), path))
+    return complete
+
+
+def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
+    """Describe how stored shards differ from a campaign: the first shard that does, or files."""
+    identities = campaign.identities()
+    for facts in stored:
+        if facts.family not in identities:
+            return [f"family {facts.family} is only there"]
+        different = list(differences(facts.identity, identities[facts.family]))
+        if different:
+            return different
+    changed_files = _changed_files(stored, campaign)
+    if changed_files:
+        return changed_files
+    last = max((max(facts.scenes) for facts in stored), default=-1)
+    if last >= campaign.scenes:
+        return [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
+    return []
 
 
 def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
