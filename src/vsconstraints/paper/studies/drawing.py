@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -57,23 +57,19 @@ class Layer:
     about: tuple[str, ...] = ()
     look: Look = field(default_factory=dict)
     reference: bool = False  #: True if dashed.
+    least: float = -math.inf  #: Smaller horizontal values are drawn here.
     palette: Sequence[tuple[str, str]] = ()  #: Colours and markers, in order of the series.
     widths: tuple[float, float] | None = None  #: Widths of the first and the last line.
 
     def points(self, points: Points, numbers: Numbers) -> Points:
         """Return the points that the layer shows."""
-        chosen = points
         if self.about:
-            subjects = dict.fromkeys(key[:-1] for key in numbers if len(key) == len(self.about) + 1)
-            chosen = [
-                {**dict(zip(self.about, key, strict=True)), **_text_keys(about(numbers, *key))}
-                for key in subjects
-            ]
-        chosen = where(chosen, **self.where)
-        if self.without:
-            left_out = where(chosen, **self.without)
-            chosen = [point for point in chosen if point not in left_out]
-        return chosen
+            points = numbers_as_points(numbers, self.about)
+        chosen = where(points, **self.where)
+        if not self.without:
+            return chosen
+        left_out = where(chosen, **self.without)
+        return [point for point in chosen if point not in left_out]
 
     def base_look(self, k: int, name: str, looks: Mapping[str, Look]) -> dict[str, Any]:
         """Return the style of series k before that of the layer."""
@@ -103,23 +99,18 @@ class Layer:
                 look |= {key: REFERENCE[key] for key in ("linestyle", "linewidth")}
             yield Series(name, groups[name], {**look, **self.look}, self)
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
-        """Draw the points of a series that belong to a panel."""
-        y = self.y or panel.measure
-        pairs = sorted(
-            (max(point[panel.x], panel.least), point[y])
-            for point in shown(points, y)
-            if math.isfinite(point[panel.x])
-        )
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
+        """Draw points of a series with their columns ``x`` and ``y`` into axes."""
+        finite = [point for point in shown(points, y) if math.isfinite(point[x])]
+        pairs = sorted((max(point[x], self.least), point[y]) for point in finite)
         ax.plot(*np.array(pairs).reshape(-1, 2).T, **series.look)
 
 
 class Level(Layer):
     """A line across the panel at the value of each point."""
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
         """See :class:`Layer`."""
-        y = self.y or panel.measure
         for point in shown(points, y):
             ax.axhline(point[y], **series.look)
 
@@ -131,10 +122,21 @@ class Shaded(Layer):
         """Return no style: an area has no line."""
         return {}
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
         """See :class:`Layer`."""
-        for point in shown(points, self.y):
-            ax.axvspan(point[self.y], 1e-9, **series.look)
+        for point in shown(points, y):
+            ax.axvspan(point[y], 1e-9, **series.look)
+
+
+#: Style of a cross, besides its colour.
+CROSS: Look = {
+    "linestyle": "none",
+    "marker": "x",
+    "markersize": 6.0,
+    "markeredgewidth": 1.4,
+    "clip_on": False,
+    "zorder": 5,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,29 +144,20 @@ class Crosses(Layer):
     """Crosses near the upper edge for runs that failed or were aborted."""
 
     shift: Mapping[str, float] = field(default_factory=dict)  #: To the right, by series.
-    MARKS: ClassVar[Look] = {
-        "linestyle": "none",
-        "marker": "x",
-        "markersize": 6.0,
-        "markeredgewidth": 1.4,
-        "clip_on": False,
-        "zorder": 5,
-    }
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
         """See :class:`Layer`."""
         shift = self.shift.get(series.name, 0.0)
-        values = [point[panel.x] + shift for point in points if ended_early(point)]
-        look = {**series.look, **self.MARKS, "markeredgecolor": series.look["color"]}
+        values = [point[x] + shift for point in points if ended_early(point)]
+        look = {**series.look, **CROSS, "markeredgecolor": series.look["color"]}
         ax.plot(values, [0.92] * len(values), transform=ax.get_xaxis_transform(), **look)
 
 
 class Edge(Layer):
     """A symbol at the left edge for each point."""
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
         """See :class:`Layer`."""
-        y = self.y or panel.measure
         values = [point[y] for point in shown(points, y)]
         ax.plot([0.02] * len(values), values, transform=ax.get_yaxis_transform(), **series.look)
 
@@ -172,9 +165,8 @@ class Edge(Layer):
 class Distribution(Layer):
     """Values against the share of points with smaller values; missing values count as infinite."""
 
-    def draw(self, ax: Any, series: Series, points: Points, panel: Panel) -> None:
+    def draw(self, ax: Any, series: Series, points: Points, x: str, y: str) -> None:
         """See :class:`Layer`."""
-        y = self.y or panel.measure
         values = [point[y] for point in shown(points, y)]
         if values:
             missing = [math.inf] * (len(points) - len(values))
@@ -191,17 +183,16 @@ class Series:
     layer: Layer
 
 
-@dataclass(frozen=True)
-class Panel:
-    """Column of the horizontal axis, its least value that is drawn, measure and scenario.
-
-    The scenario is None if the panel shows all.
-    """
-
-    x: str
-    least: float
-    measure: str
-    scenario: str | None
+def numbers_as_points(numbers: Numbers, columns: Sequence[str]) -> Points:
+    """Return numbers as points, one for each subject that has values of these columns."""
+    points = []
+    for subject in dict.fromkeys(key[:-1] for key in numbers if len(key) == len(columns) + 1):
+        point: dict[str, Any] = dict(zip(columns, subject, strict=True))
+        point["status"] = ""
+        for name, value in about(numbers, *subject).items():
+            point[str(name)] = value
+        points.append(point)
+    return points
 
 
 def shown(points: Iterable[dict[str, Any]], column: str) -> Points:
@@ -228,7 +219,6 @@ class SweepFigure:
     below: str = ""  #: Label of the horizontal axis.
     ticks: Sequence[float] | None = None  #: The horizontal axis is logarithmic if there are any.
     names: Sequence[str] = ()  #: Texts at the ticks.
-    least: float = -math.inf  #: Smaller horizontal values are drawn here.
     limits: tuple[float | None, float] | None = None  #: First limit None: that of the data.
     margin: float | None = None
     columns: int = 0
@@ -261,19 +251,20 @@ class SweepFigure:
         axes = dict(zip(places, made, strict=True))
         for (name, scenario), ax in axes.items():
             self._label(ax, name, scenario, first=scenario == scenarios[0])
-            panel = Panel(self.x, self.least, name, scenario)
             for series in every:
-                if name in (series.layer.on or self.measures):
+                layer = series.layer
+                if name in (layer.on or self.measures):
                     own = where(series.points, scenario=scenario) if scenario else series.points
-                    series.layer.draw(ax, series, own, panel)
+                    layer.draw(ax, series, own, self.x, layer.y or name)
             measure = self.measures[name].of(scenario)
-            self._set_horizontal_axis(ax, measure)
-            self._set_vertical_axis(ax, measure)
-        for name in [name for name, measure in self.measures.items() if measure.same]:
-            row = [ax for place, ax in axes.items() if place[0] == name]
-            top = max(ax.get_ylim()[1] for ax in row)
-            for ax in row:
-                ax.set_ylim(top=top)
+            self._set_scales(ax, measure)
+            self._set_limits(ax, measure)
+        for name, measure in self.measures.items():
+            if measure.same:
+                row = [ax for place, ax in axes.items() if place[0] == name]
+                top = max(ax.get_ylim()[1] for ax in row)
+                for ax in row:
+                    ax.set_ylim(top=top)
         return sheet
 
     def _label(self, ax: Any, name: str, scenario: str | None, first: bool) -> None:
@@ -285,27 +276,22 @@ class SweepFigure:
             title = scenario_title(scenario)
         ax.set_title(title)
 
-    def _set_horizontal_axis(self, ax: Any, measure: Measure) -> None:
+    def _set_scales(self, ax: Any, measure: Measure) -> None:
         ticks = measure.below or self.ticks
         if ticks is not None:
             logarithmic(ax.xaxis, ticks)
+        if self.names:
+            ax.set_xticks(ticks, self.names)
+        if not measure.linear:
+            logarithmic(ax.yaxis, measure.ticks, measure.linear_below)
+
+    def _set_limits(self, ax: Any, measure: Measure) -> None:
         if self.limits:
             first, last = self.limits
             ax.set_xlim(ax.get_xlim()[1] if first is None else first, last)
-        if self.names:
-            ax.set_xticks(ticks, self.names)
-
-    def _set_vertical_axis(self, ax: Any, measure: Measure) -> None:
-        if not measure.linear:
-            logarithmic(ax.yaxis, measure.ticks, measure.linear_below)
         ax.margins(self.margin, measure.margin)
         if measure.level is not None:
             ax.axhline(measure.level, **REFERENCE)
         if measure.low is not None:
             reached = measure.headroom * ax.get_ylim()[1]
             ax.set_ylim(measure.low, max(reached, measure.top))
-
-
-def _text_keys(numbers: Mapping[str | float, float]) -> dict[str, Any]:
-    """Numbers by name as columns of a point, whose run did not fail."""
-    return {**{str(name): value for name, value in numbers.items()}, "status": ""}

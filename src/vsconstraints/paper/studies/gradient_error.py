@@ -105,10 +105,9 @@ class GradientError(Sweep):
         for scenario, errors in (SMALL_ERRORS if small else ERRORS).items():
             for name, law in LAWS.items():
                 for error in errors:
-                    overrides: dict[str, Any] = dict(shorter)
-                    if error:
-                        overrides["disturbances"] = {"gradient_error": error}
-                    runs[ErrorCase(scenario, name, error)] = RunSpec(scenario, law, overrides)
+                    disturbances = {"disturbances": {"gradient_error": error}} if error else {}
+                    spec = RunSpec(scenario, law, {**disturbances, **shorter})
+                    runs[ErrorCase(scenario, name, error)] = spec
         return runs
 
     def lines(self, case: ErrorCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:

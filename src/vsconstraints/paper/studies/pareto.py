@@ -72,12 +72,12 @@ SMALL_RANGES = {
     )
 }
 
+LEAST = 1e-3  #: Smaller unused space is drawn here [%].
 FIGURE = SweepFigure(
     x="unused",
     below="allowed space left unused [%] (less →)",
-    ticks=(1e-3, 0.01, 0.1, 1.0, 10.0),
+    ticks=(LEAST, 0.01, 0.1, 1.0, 10.0),
     names=("≤ 0.001", "0.01", "0.1", "1", "10"),
-    least=1e-3,
     limits=(None, 0.7e-3),
     left=0.8,
     height=2.1,
@@ -96,6 +96,7 @@ FIGURE = SweepFigure(
     layers=(
         Layer(
             by="controller",
+            least=LEAST,
             where={"not_kept": ""},
             look={
                 "linestyle": "none",
@@ -108,6 +109,7 @@ FIGURE = SweepFigure(
         ),
         Layer(
             by="controller",
+            least=LEAST,
             look={
                 "linestyle": "none",
                 "markersize": 3.5,
@@ -119,6 +121,7 @@ FIGURE = SweepFigure(
         ),
         Layer(
             on=("acceleration_variation",),
+            least=LEAST,
             where={"front": True},
             look={
                 "label": "front",
