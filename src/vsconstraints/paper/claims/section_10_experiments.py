@@ -5,8 +5,6 @@ The experiments are simulated at their sampling time, without and with errors in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
 from ...comparisons.run import Run
@@ -138,35 +136,12 @@ def reached(run: Run) -> Finding:
     )
 
 
-def similar(here: Mapping[str, float], alone: Mapping[str, float]) -> str:
-    """Words for the difference of tracks, with (49) and with (49) in L_gφ alone."""
-    return (
-        f"Here tracks differ by up to {here['track_px']:.2f} px, "
-        f"{here['clearance_share']:.2f} % of L from the boundary; with ∇σ_e in L_gφ alone by "
-        f"{alone['track_px']:.2f} px, {alone['clearance_share']:.2f} %"
-    )
-
-
-def little_speed(here: Mapping[str, float], alone: Mapping[str, float]) -> str:
-    """Words for the difference of joint speeds."""
-    return f"Here by up to {here['speed_share']:.0f} % of the fastest joint's speed"
-
-
-def satisfactory(here: Mapping[str, float], alone: Mapping[str, float]) -> str:
-    """Words for the least clearance."""
-    return f"Here {here['clearance_share']:.2f} % of L from the boundary"
-
-
-#: Properties of runs with an error, and the words for the values in the shipped scene.
-WORDS: dict[str, Callable[[Mapping[str, float], Mapping[str, float]], str]] = {
-    "similar": similar,
-    "little_speed": little_speed,
-    "satisfactory": satisfactory,
-}
-
-
 def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
-    """Finding that an error of the gradient changes little in shipped and unselected scenes."""
+    """Finding that an error of the gradient changes little in shipped and unselected scenes.
+
+    ``what`` is the property of a run that is counted: ``similar``, ``little_speed`` or
+    ``satisfactory``.
+    """
     counts, scenes = (
         [number(study, scenario, case, name) for case in CASES] for name in (what, "scenes")
     )
@@ -185,16 +160,22 @@ def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
     both = min(plus, minus)
     here = number(study, scenario, CASES[0], "shipped", what) == 1.0
     names = ("track_px", "speed_share", "clearance_share")
-    values, values_alone = (
-        {name: number(study, scenario, case, "shipped", name) for name in names}
-        for case in (CASES[0], CASES[2])
+    values = {name: number(study, scenario, CASES[0], "shipped", name) for name in names}
+    tracks, speeds, clearance = values.values()
+    tracks_alone, _, clearance_alone = (
+        number(study, scenario, CASES[2], "shipped", name) for name in names
     )
+    measured = {
+        "similar": f"Here tracks differ by up to {tracks:.2f} px, {clearance:.2f} % of L from the "
+        f"boundary; with ∇σ_e in L_gφ alone by {tracks_alone:.2f} px, {clearance_alone:.2f} %",
+        "little_speed": f"Here by up to {speeds:.0f} % of the fastest joint's speed",
+        "satisfactory": f"Here {clearance:.2f} % of L from the boundary",
+    }
     of = [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]
     text = (
         f"{'holds' if here else 'does not hold'} in this scene; "
         f"in {of[0]} unselected scenes, with reversed signs in {of[1]}, "
-        f"with ∇σ_e in L_gφ alone, the other reading of (49), in {of[2]}. "
-        f"{WORDS[what](values, values_alone)}"
+        f"with ∇σ_e in L_gφ alone, the other reading of (49), in {of[2]}. {measured[what]}"
     )
     good = here and both >= NEARLY_ALL
     return finding(text, holds=good, partly=max(both, alone) >= MOST, **values)

@@ -46,14 +46,12 @@ class Comparison:
 
     def __init__(self, pareto: StudyResult, law: str, name: str) -> None:
         #: True by scenario if the printed gains do not keep the boundaries.
-        self.broken = {
-            scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS
-        }
+        self.broken: dict[str, bool] = {}
         self.unused: dict[str, dict[str, float]] = {}
         self.verdicts: dict[str, Verdict] = {}
-        kept = {scenario: number(pareto, scenario, law, "kept") for scenario in SCENARIOS}
         for scenario in SCENARIOS:
-            lost = law == "printed" and kept[scenario] != 1.0
+            self.broken[scenario] = number(pareto, scenario, "printed", "kept") == 0.0
+            lost = number(pareto, scenario, law, "kept") != 1.0 and law == "printed"
             own = nan if lost else pareto.numbers.get((scenario, law, name), nan)
             fields = {
                 field: pareto.numbers.get((scenario, field, "least_unused"), nan)
