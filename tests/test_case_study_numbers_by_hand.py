@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found, gives
-from vsconstraints.paper.claims import simulations
+from vsconstraints.paper import case_study, scenes
+from vsconstraints.paper.claims import section_4_approach, section_9_case_study
 from vsconstraints.rows import Array
 
 LONG = 0.1 * np.arange(121)
@@ -32,7 +33,7 @@ class Phases(Told):
 
 def case(t: Array = LONG, **spans: Any) -> Phases:
     """Rows act in the intervals given."""
-    names = {f"marker{i}": label for i, label in enumerate(simulations.BORDERS, start=1)}
+    names = {f"marker{i}": label for i, label in enumerate(case_study.BORDERS, start=1)}
     names |= {"range": RANGE, "speed": SPEED, "sphere": SPHERE, "lower": "range[joint 6].lower"}
     return Phases({label: during(*spans.get(name, ()), t=t) for name, label in names.items()}, t=t)
 
@@ -44,7 +45,7 @@ def test_the_second_phase_begins_where_its_goal_does_but_for_rounding(
     t = LONG.copy()
     t[40] = 4.0 - early
     run: Any = case(t, sphere=[(t[40], t[40])])
-    assert simulations.phases(run, SPHERE) == (
+    assert case_study.phases(run, SPHERE) == (
         ([], [(t[40], t[40])]) if in_second else ([(t[40], t[40])], [])
     )
 
@@ -72,12 +73,12 @@ def test_5a_needs_less_than_a_hundredth() -> None:
 
 def test_5b_and_5c() -> None:
     """Of the second and third marker, and of no other."""
-    second, third = simulations.BORDERS[1:3]
-    phi = dict.fromkeys(simulations.BORDERS, -1.0) | {
+    second, third = case_study.BORDERS[1:3]
+    phi = dict.fromkeys(case_study.BORDERS, -1.0) | {
         second: during((0.1, 0.5)),
         third: during((0.5, 0.9)),
     }
-    run = Told(phi, {}, dict.fromkeys(simulations.BORDERS, 0.5) | {second: 0.004, third: 0.006})
+    run = Told(phi, {}, dict.fromkeys(case_study.BORDERS, 0.5) | {second: 0.004, third: 0.006})
     run.approach_speed = lambda label: at(
         {10: 4.0, 40: 0.2} if label == second else {50: 2.0, 80: 0.15}, 0.0
     )  # type: ignore[method-assign]
@@ -117,7 +118,10 @@ def test_5e() -> None:
     run = case(range=[(1.0, 2.0)], speed=[(2.5, 3.0)])
     q = np.full((len(LONG), 7), 9.0)
     qd = np.full((len(LONG), 7), 9.0)
-    q[:, 5], qd[:, 1] = at({7: simulations.Q6_LIMIT}, -3.0, LONG), at({7: -0.4, 9: 0.2}, 0.0, LONG)
+    q[:, 5], qd[:, 1] = (
+        at({7: section_9_case_study.Q6_LIMIT}, -3.0, LONG),
+        at({7: -0.4, 9: 0.2}, 0.0, LONG),
+    )
     run.trajectory.q = q
     run.trajectory.qd = qd
     finding = found("5e", run)
@@ -185,7 +189,7 @@ def test_5j() -> None:
     """
     t = 0.002 * np.arange(2100)
     start = np.array([3e-6, 0.0, 0.0, 0.0, 0.0, 4e-6])
-    wanted = simulations.ideal_error(start, -3.0 * start, t)
+    wanted = section_4_approach.ideal_error(start, -3.0 * start, t)
     wanted[:, 3] += at({300: 0.006 * 5e-6, 301: 0.004 * 5e-6}, 0.0, t)
     wanted[t > 4.0 - 1e-9] = 1.0
     finding = found("5j", Phases(t=t, error=wanted))
@@ -196,11 +200,7 @@ def test_5j() -> None:
 
 def test_what_is_simulated_for_the_case_study() -> None:
     """Half the period of 2 ms; tracking starts in motion."""
-    assert (
-        simulations.CASE_HALVED.load().setup().Ts
-        == 0.5 * simulations.CASE.load().setup().Ts
-        == 0.001
-    )
+    assert scenes.CASE_HALVED.load().setup().Ts == 0.5 * scenes.CASE.load().setup().Ts == 0.001
     np.testing.assert_array_equal(
-        simulations.TRACKING.load().setup().qd0, [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]
+        scenes.TRACKING.load().setup().qd0, [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]
     )

@@ -14,7 +14,7 @@ import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found, gives
 from vsconstraints.paper.claims import boundary
-from vsconstraints.paper.claims.simulations import BOWL_ROW, HEART, OTHER_ROW
+from vsconstraints.paper.scenes import BOWL_ROW, HEART, OTHER_ROW
 from vsconstraints.rows import Array
 
 LONG = 0.1 * np.arange(121)

@@ -10,7 +10,7 @@ import pytest
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, verdict
 from vsconstraints.paper.claims import boundary
 from vsconstraints.paper.claims.boundary import rounds_to
-from vsconstraints.paper.claims.experiments import exponentially, one_marker_slides
+from vsconstraints.paper.claims.section_10_experiments import exponentially, one_marker_slides
 from vsconstraints.rows import Array
 
 # --- what several claims share ---

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found
-from vsconstraints.paper.claims import experiments
+from vsconstraints.paper import scenes
+from vsconstraints.paper.claims import section_10_experiments
 from vsconstraints.paper.studies.summary import RunSummary
 from vsconstraints.paper.studies.unselected_experiments import compared
 from vsconstraints.paper.verdicts import NotMeasured
@@ -40,10 +41,10 @@ def test_the_row_that_slides_is_the_one_that_acts_longest() -> None:
             "fov[marker 4]": -1.0,
         }
     )
-    assert experiments.acting_rows(run, "fov") == [ROW, OTHER]
-    assert experiments.sliding_row(run, "fov") == OTHER
+    assert section_10_experiments.acting_rows(run, "fov") == [ROW, OTHER]
+    assert section_10_experiments.sliding_row(run, "fov") == OTHER
     with pytest.raises(NotMeasured, match="no fov row ever acts"):
-        experiments.sliding_row(Told({ROW: -1.0, "occlusion[a]": 0.0}), "fov")  # type: ignore[arg-type]
+        section_10_experiments.sliding_row(Told({ROW: -1.0, "occlusion[a]": 0.0}), "fov")  # type: ignore[arg-type]
 
 
 def test_exponentially() -> None:
@@ -57,7 +58,7 @@ def test_exponentially() -> None:
         speed=at({30: 3.0, 40: 2.0}, -1.0),
         K=0.5,
     )
-    finding = experiments.exponentially(run, ROW)
+    finding = section_10_experiments.exponentially(run, ROW)
     assert finding.verdict == YES
     assert finding.values == {"share": pytest.approx(0.8), "speed": 3.0}
     assert finding.text == (
@@ -69,13 +70,13 @@ def test_exponentially() -> None:
 @pytest.mark.parametrize(("speed", "expected"), [(11.0, YES), (11.1, NO)])
 def test_exponentially_but_for_a_tenth(speed: float, expected: str) -> None:
     run: Any = Told({ROW: 0.0}, {}, {ROW: 1.0}, speed=at({30: speed}, 0.0), K=0.1)
-    assert experiments.exponentially(run, ROW).verdict == expected
+    assert section_10_experiments.exponentially(run, ROW).verdict == expected
 
 
 @pytest.mark.parametrize("clearance", [0.0, -0.5])
 def test_what_has_crossed_the_boundary_does_not_approach_it(clearance: float) -> None:
     run: Any = Told({ROW: 0.0}, {}, {ROW: at({30: clearance}, 1.0)}, speed=at({}, 0.5))
-    finding = experiments.exponentially(run, ROW)
+    finding = section_10_experiments.exponentially(run, ROW)
     assert finding.verdict == NO
     assert np.isnan(finding.values["share"])
 
@@ -86,7 +87,7 @@ def test_one_marker_slides() -> None:
     run: Any = Long(
         phi, {ROW: at({5: -0.25}, -3.0), OTHER: 7.0}, {ROW: at({5: 0.02}, 0.5), OTHER: -7.0}
     )
-    finding = experiments.one_marker_slides(run, "fov")
+    finding = section_10_experiments.one_marker_slides(run, "fov")
     assert finding.verdict == YES
     assert finding.values == {"margin": 0.005, "sigma_max": -0.25, "rows": 1.0}
     assert finding.text == (
@@ -97,7 +98,7 @@ def test_one_marker_slides() -> None:
     both: Any = Long(
         {ROW: at({10: 1.0}), OTHER: at({10: 1.0, 11: 1.0})}, {ROW: 7.0, OTHER: -1.0}, {OTHER: 0.04}
     )
-    finding = experiments.one_marker_slides(both, "fov")
+    finding = section_10_experiments.one_marker_slides(both, "fov")
     assert (finding.verdict, finding.values) == (
         PARTLY,
         {"margin": 0.01, "sigma_max": -1.0, "rows": 2.0},
@@ -105,7 +106,7 @@ def test_one_marker_slides() -> None:
     once: Any = Long({ROW: at({10: 1.0})})
     assert (
         "acts in 1 sample from 0.1 to 0.1 s, at most 0.0 s apart"
-        in experiments.one_marker_slides(once, "fov").text
+        in section_10_experiments.one_marker_slides(once, "fov").text
     )
 
 
@@ -160,7 +161,7 @@ def test_what_is_simulated_of_the_experiments() -> None:
     """Ten times the gain, as sampled and ten times faster, for a minute; these may be aborted."""
     wanted = [("experiment-1-pbvs", 0.1), ("experiment-1-pbvs", 0.01)]
     wanted += [("experiment-2-ibvs", 0.1), ("experiment-2-ibvs", 0.01)]
-    for spec, (name, Ts) in zip(experiments.FASTER, wanted, strict=True):
+    for spec, (name, Ts) in zip(scenes.FASTER, wanted, strict=True):
         tables = spec.tables
         assert (spec.name, tables["sampling_time"], tables["task"]["Kp0"], tables["duration"]) == (
             name,
@@ -169,7 +170,7 @@ def test_what_is_simulated_of_the_experiments() -> None:
             60.0,
         )
         assert spec.may_end_early
-    for spec in (experiments.PBVS, experiments.IBVS):
+    for spec in (scenes.PBVS, scenes.IBVS):
         assert spec.tables["task"]["Kp0"] == 0.6
         assert not spec.may_end_early
 

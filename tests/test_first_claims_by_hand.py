@@ -14,9 +14,8 @@ import pytest
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
-from vsconstraints.errors import ConfigurationError
-from vsconstraints.paper import verdicts
-from vsconstraints.paper.claims import simulations
+from vsconstraints.paper import scenes, verdicts
+from vsconstraints.paper.claims import section_6_advantages
 from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 
@@ -65,32 +64,19 @@ def test_a_run_that_ended_early_is_not_measured(status: str, tolerated: bool) ->
 
 
 def test_a_claim_is_what_is_said_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    texts = {
-        "shared": {"half": "half", "three": "three and a {half}"},
-        "123b": {
-            "where": "where",
-            "sentence": "sentence",
-            "rule": "{three} or {half}",
-            "figure": "figure.png",
-        },
-        "4c": {"where": "there", "sentence": "other", "rule": "rule"},
-    }
+    def measure(study: object) -> Finding:
+        return Finding("holds", "")
+
     monkeypatch.setattr(verdicts, "CLAIMS", {})
-    monkeypatch.setattr(verdicts, "TEXTS", texts)
-    register = claim("123b", "a study")
-    measure = register(lambda study: Finding("holds", ""))
-    claim("4c")(measure)
-    rule = "three and a half or half"
+    register = claim(
+        "123b", "a study", where="where", sentence="sentence", rule="rule", figure="figure.png"
+    )
+    register(measure)
+    claim("4c", where="there", sentence="other", rule="its rule")(measure)
     assert {
-        "123b": Claim(123, "b", "where", "sentence", rule, "figure.png", ("a study",), measure),
-        "4c": Claim(4, "c", "there", "other", "rule", "", (), measure),
+        "123b": Claim(123, "b", "where", "sentence", "rule", "figure.png", ("a study",), measure),
+        "4c": Claim(4, "c", "there", "other", "its rule", "", (), measure),
     } == verdicts.CLAIMS
-    texts["5a"] = texts["4c"] | {"partyl": "true"}
-    with pytest.raises(
-        ConfigurationError,
-        match=r"unknown key in claims\.toml, 5a 'partyl'\. Did you mean 'partly'",
-    ):
-        claim("5a")(measure)
     with pytest.raises(ValueError, match="there are two claims 123b"):
         register(measure)
 
@@ -191,11 +177,11 @@ def test_scenes_differ_as_the_claims_say() -> None:
         setup = spec.load().setup()
         return setup.Ts, setup.constraints.constraints[0].switching_gain
 
-    Ts, gain = period_and_gain(simulations.FOV)
-    assert period_and_gain(simulations.HALVED) == (0.5 * Ts, gain)
-    assert period_and_gain(simulations.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
+    Ts, gain = period_and_gain(scenes.FOV)
+    assert period_and_gain(scenes.HALVED) == (0.5 * Ts, gain)
+    assert period_and_gain(scenes.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
     assert [
-        spec.load().setup().constraints.constraints[0].K for spec in simulations.APPROACHES
+        spec.load().setup().constraints.constraints[0].K for spec in section_6_advantages.APPROACHES
     ] == [0.1, 0.2, 0.4]
 
 
@@ -277,7 +263,7 @@ def test_7b_needs_a_row_that_acts() -> None:
 def test_7b_of_time_constants(
     constants: tuple[float, ...], expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulations, "time_constant", lambda run: run)
+    monkeypatch.setattr(section_6_advantages, "time_constant", lambda run: run)
     assert found("7b", *constants).verdict == expected
 
 

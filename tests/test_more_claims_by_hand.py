@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
-from vsconstraints.paper.claims import general, simulations
-from vsconstraints.paper.claims.experiments import CASES, in_unselected
+from vsconstraints.paper import case_study
+from vsconstraints.paper.claims import section_4_approach
+from vsconstraints.paper.claims.section_10_experiments import CASES, in_unselected
+from vsconstraints.paper.scenes import NOT_DIFFERENTIABLE, SCENES
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.verdicts import CLAIMS, NotMeasured
 from vsconstraints.rows import Array
@@ -153,7 +155,7 @@ def test_5h(run: Phases, most: int, expected: str) -> None:
     assert verdict("5h", run) == expected
     found = CLAIMS["5h"].check(dict(zip(CLAIMS["5h"].needs, [run], strict=True)))
     assert found.values == {"most": most, "same_sample": most}
-    assert int(simulations.at_once(run).max()) == most  # type: ignore[arg-type]
+    assert int(case_study.at_once(run).max()) == most  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("least", "expected"), [(0.0, YES), (-1e-6, NO)])
@@ -176,12 +178,12 @@ def test_5j() -> None:
     v = 3.0  # the start is left at three times itself per second
     e = 1e-6 * (np.exp(-a * t) * (b + v) - np.exp(-b * t) * (a + v)) / (b - a)
     start = np.array([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = simulations.ideal_error(start, v * start, t)
+    found = section_4_approach.ideal_error(start, v * start, t)
     np.testing.assert_allclose(found[:, 0], e, rtol=1e-4)
     np.testing.assert_array_equal(found[:, 1:], 0.0)
     # with one of 0.5 the gain is e^(−1.5) of that at first: ë = −20 e^(−1.5) 0.5, and e falls by
     # half of that times t²
-    found = simulations.ideal_error(
+    found = section_4_approach.ideal_error(
         np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.zeros(6), np.array([0.0, 0.001])
     )
     assert found[1, 1] - 0.5 == pytest.approx(-1.1156508e-6, rel=5e-3)
@@ -470,8 +472,7 @@ def test_12a(step: float, rows: float, expected: str) -> None:
 
 # --- claim 10 ---
 
-SCENES = general.SCENES
-CORNER = [spec.name for spec in SCENES].index(general.NOT_DIFFERENTIABLE)
+CORNER = [spec.name for spec in SCENES].index(NOT_DIFFERENTIABLE)
 
 
 def scenes(changed: Told, good: Told, place: int = 0) -> list[Told]:

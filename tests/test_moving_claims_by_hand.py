@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, found, verdict
-from vsconstraints.paper.claims import general
+from vsconstraints.paper.claims import section_5_remarks
 from vsconstraints.rows import Array
 
 
@@ -79,7 +79,7 @@ def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
             load=lambda: SimpleNamespace(setup=lambda: SimpleNamespace(control=lambda: step))
         )
 
-    monkeypatch.setattr(general, "RunSpec", untold)
+    monkeypatch.setattr(section_5_remarks, "RunSpec", untold)
 
 
 def test_11b(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, found, verdict
-from vsconstraints.paper.claims import general
+from vsconstraints.paper.claims import appendices
+from vsconstraints.paper.scenes import SCENES
 from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.verdicts import Finding
 from vsconstraints.rows import Array
 
-NAMES = [spec.name for spec in general.SCENES]
+NAMES = [spec.name for spec in SCENES]
 
 
 def study(**numbers: float) -> StudyResult:
@@ -137,7 +139,7 @@ def test_10c_asks_for_proportion_of_every_sweep() -> None:
 
 
 def test_the_start_outside_is_what_it_says() -> None:
-    setup = general.OUTSIDE.load().setup()
+    setup = appendices.OUTSIDE.load().setup()
     assert (setup.Ts, setup.duration, setup.constraints.constraints[0].switching_gain) == (
         0.001,
         1.0,
@@ -183,7 +185,7 @@ def test_10e(first: int, later: float, push: float, expected: str) -> None:
 
 def test_10e_of_a_row_that_never_leaves() -> None:
     of = found("10e", Told({ROW: at({7: 0.0}, 5.0)}))
-    assert of == general.Finding(NO, "φ starts at 5 and never falls below zero")
+    assert of == Finding(NO, "φ starts at 5 and never falls below zero")
     assert found("10e", Told({ROW: 0.0})).text == "φ is 0 at the start, not above zero"
     assert verdict("10e", Told({ROW: at({0: 0.5}, -1.0)})) == YES
 

@@ -22,6 +22,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "verdicts": (
         "src/vsconstraints/paper/verdicts.py",
+        "src/vsconstraints/paper/scenes.py",
+        "src/vsconstraints/paper/case_study.py",
         "src/vsconstraints/paper/claims",
     ),
     "laws": (

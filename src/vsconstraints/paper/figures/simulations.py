@@ -12,20 +12,8 @@ from ...reports import plots
 from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
 from ...reports.plots.image import Plane, square
 from ...vision.camera import Camera
-from ..claims import simulations as claims
-from ..claims.simulations import (
-    BORDERS,
-    BOWL_ROW,
-    HEART,
-    NOTCH,
-    OTHER_ROW,
-    RANGE,
-    SECOND,
-    SPEED,
-    SPHERE,
-    TIP,
-    phases,
-)
+from ..case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, active_spans, at_once, phases
+from ..scenes import BOWL_ROW, HEART, NOTCH, OTHER_ROW, SECOND, TIP
 from . import lines as paper
 
 VIEW = 3.7
@@ -161,7 +149,7 @@ def frame_times(run: Run) -> list[float]:
     They lie in the middle of: three simultaneous events; sliding of the third feature; sliding of
     the second feature in the second phase; sliding at the sphere.
     """
-    count = claims.at_once(run)
+    count = at_once(run)
     three = run.t[count == count.max()]
     spans = [
         (three[0], three[-1]),
@@ -225,9 +213,9 @@ def draw_signals(case: Run) -> Sheet:
 
 def _lanes(ax: Any, run: Run) -> None:
     """Draw the active times of each event, and mark the events active at the times of Fig. 12."""
-    shown = [event for event in claims.EVENTS if any(phases(run, event))]
+    shown = [event for event in EVENTS if active_spans(run, event)]
     for lane, event in enumerate(shown):
-        for first, last in (span for phase in phases(run, event) for span in phase):
+        for first, last in active_spans(run, event):
             ax.plot(
                 [first, last],
                 [lane, lane],

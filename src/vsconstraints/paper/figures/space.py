@@ -11,7 +11,7 @@ from ...reports.plots import WIDTH, Sheet
 from ...robots.geometry import Pose
 from ...view.scene3d import Scene3D, Viewpoint, bars, tube
 from ...view.setup_scene import add_robot, add_surroundings, setup_frames
-from ..claims.simulations import phases
+from ..case_study import active_spans
 from . import lines as paper
 from .simulations import SHORT, frame_times
 
@@ -74,11 +74,10 @@ def draw_frames(case: Run) -> Sheet:
         sheet.text(
             left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top"
         )
-        spans = {
-            event: [span for phase in phases(case, event) for span in phase] for event in SHORT
-        }
         active = [
-            SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)
+            name
+            for event, name in SHORT.items()
+            if any(first <= time <= last for first, last in active_spans(case, event))
         ]
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
