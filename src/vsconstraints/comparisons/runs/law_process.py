@@ -153,7 +153,7 @@ def record(run: LawRun) -> dict[str, Any]:
     said: dict[str, Any] = {}
     with chdir("."), own_parts_noted() as files:
         try:
-            with beside(run.scenario.folder, run.law.folder):
+            with beside(run.scenario.folder, run.law.folder_of_neighbours):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
                 recorded = Recorded.of(
                     run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call
