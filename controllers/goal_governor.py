@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from vsconstraints.controllers.base import require_model, restart
 from vsconstraints.controllers.ranges import Declared, positive
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError, format_value
 from vsconstraints.formulas.tracking import held_gains, held_rest, retargeted
-from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.rows import Array, Command, IntArray, Rows, Task
 
 #: Number of predicted accelerations; the last one lasts e^GROWTH times as long as the first.
 STEPS = 40
@@ -37,6 +38,12 @@ SETTLING_TIME = 0.1
 NEGLIGIBLE_WEIGHT = 1e-6
 
 
+@cache
+def no_rows(n: int) -> Rows:
+    """Return rows of n joints that limit nothing."""
+    return Rows.none(n)
+
+
 @dataclass
 class Response:
     """Predicted motion of the tracking law towards a reference at rest.
@@ -48,15 +55,37 @@ class Response:
     sigma: Array  #: (m,) σ at rest.
     Lg: Array  #: (m, n) L_gφ at rest.
     J: Array  #: (k, n) Jacobian of the task at rest.
-    #: (m, n) ∂σ_i/∂s_ref pulled back to the joints, at the state where row i is nearest, and the
-    #: Jacobians (m, k, n) there.
+    #: For a barrier: Jᵀ (∂σ_i/∂s_ref)ᵀ (m, n) and J (m, k, n) at the state where row i is nearest.
     slopes: Array
     nearest_J: Array
+
+    @classmethod
+    def unknown(cls, m: int, n: int, k: int) -> Response:
+        """Return arrays for m rows, n joints and k features, with infinite margins."""
+        return cls(
+            np.full(m, np.inf),
+            np.zeros(m),
+            np.zeros((m, n)),
+            np.zeros((k, n)),
+            np.zeros((m, n)),
+            np.zeros((m, k, n)),
+        )
 
     @property
     def least_margin(self) -> float:
         """The dynamic safety margin d; infinite without rows."""
         return float(self.margins.min(initial=np.inf))
+
+
+@dataclass
+class Motion:
+    """Predicted state: time [s], q and q̇ (n,), and the response of the feature to a unit step."""
+
+    t: float
+    q: Array
+    qd: Array
+    feature: float = 0.0  #: S = ∂s/∂s_ref.
+    feature_rate: float = 0.0  #: Ṡ [1/s].
 
 
 class ReferenceGovernor(Controller):
@@ -199,22 +228,22 @@ class ReferenceGovernor(Controller):
             elapsed = max(now.t - self._last_time, 0.0)
         candidate = reference
         if self.response is not None:
-            candidate = self._candidate(reference, self.response, elapsed)
+            candidate = self.candidate(reference, self.response, elapsed)
         self.moved = bool((candidate != reference).any())
         response = None
         if self.moved:
-            response = self._predict(candidate, len(task.b), keep=0.5 * self.margin)
+            response = self.predict(candidate, 0.5 * self.margin)
             self.moved = response is not None
         if response is None:
             candidate = reference
-            response = self._predict(reference, len(task.b))
+            response = self.predict(reference)
         self.response = response
         self._reference = candidate.copy()
         self._goal = model.goal
         self._last_time = now.t
 
     @abstractmethod
-    def _candidate(self, reference: Array, response: Response, period: float) -> Array:
+    def candidate(self, reference: Array, response: Response, period: float) -> Array:
         """Return the reference after a period [s], of the response to the present reference."""
 
     def _attraction(self, reference: Array) -> Array:
@@ -222,85 +251,74 @@ class ReferenceGovernor(Controller):
         distance = float(np.linalg.norm(reference))
         return -reference / max(distance, SETTLING_TIME * self.speed)
 
-    def _predict(
-        self, reference: Array, features: int, keep: float = -np.inf
-    ) -> Response | None:
-        """Predict the response to a reference.
+    def predict(self, reference: Array, least_margin: float = -np.inf) -> Response | None:
+        """Predict the response to a reference (k,) from the present state.
 
-        None if the model cannot predict it, or as soon as a margin is below ``keep``. Raises
-        InvalidInput if the model has another number of ``features`` than the task.
+        None if the model cannot predict it, or as soon as a margin is below ``least_margin``.
+        Raises InvalidInput if the task of the model has another number of features.
         """
         model = self.model
-        t, q, qd = model.present
-        m, n, k = len(model.labels), len(q), len(reference)
-        response = Response(
-            np.full(m, np.inf),
-            np.empty(m),
-            np.empty((m, n)),
-            np.empty((k, n)),
-            np.zeros((m, n)),
-            np.zeros((m, k, n)),
-        )
-        # ∂s/∂s_ref and ∂ṡ/∂s_ref of the predicted feature
-        step_response, step_rate = 0.0, 0.0
+        motion = Motion(*model.present)
+        m, n, k = len(model.labels), len(motion.q), len(reference)
+        response = Response.unknown(m, n, k)
         N = len(self.periods)
-        rest = model.task.rest_of(n, k)
-        for step in range(N + NEWTON_STEPS + 1):
+        at_rest = N + NEWTON_STEPS
+        for step in range(at_rest + 1):
             try:
-                state = model.at(t, q, qd)
+                state = model.at(motion.t, motion.q, motion.qd)
             except (SceneError, InvalidInput):
                 return None
-            if len(state.task.b) != features:
+            rows = state.rows
+            task = state.task
+            if len(task.b) != k:
                 raise InvalidInput(f"{self.name} predicts other rows and another task than these")
-            at_rest = step == N + NEWTON_STEPS
-            if 0 < step <= N or at_rest:
-                self._note_margins(response, state, step_response, step_rate)
-                if response.least_margin < keep:
+            # the present state and those between Newton steps do not belong to the motion
+            if 0 < step <= N or step == at_rest:
+                if not np.isfinite(rows.sigma).all():
                     return None
-            if at_rest:
-                response.Lg[:] = state.rows.Lg
-                response.J[:] = state.task.J
-                break
+                response.sigma[:] = rows.sigma / rows.scale
+                nearer = np.flatnonzero(-response.sigma < response.margins)
+                response.margins[nearer] = -response.sigma[nearer]
+                self._note_slopes(response, nearer, rows, task, motion)
+                if response.least_margin < least_margin:
+                    return None
             try:
                 if step < N:
-                    period = self.periods[step]
-                    error, b, (Kp, Kv, period) = self._retarget(state.task, reference, period)
-                    q0 = state.task.rest
-                    if len(q0):
-                        q0 = held_rest(q0, qd, rest.damping, rest.stiffness, period)
-                    qdd = self._least_norm(Task(state.task.J, b, rest=q0))
-                    q = q + period * (qd + 0.5 * period * qdd)
-                    qd = qd + period * qdd
-                    t = min(t + period, model.until)
-                    feature_acceleration = Kp * (1.0 - step_response) - Kv * step_rate
-                    step_response += period * (step_rate + 0.5 * period * feature_acceleration)
-                    step_rate += period * feature_acceleration
-                else:
-                    error = state.task.error - reference
-                    q = q + self._least_norm(Task(state.task.J, -error))
-                    qd = np.zeros(n)
-                    step_response, step_rate = 1.0, 0.0
+                    self._track(motion, task, reference, self.periods[step])
+                elif step < at_rest:
+                    self._approach_rest(motion, task, reference)
             except (InvalidInput, np.linalg.LinAlgError):  # a number is not finite
                 return None
+        response.Lg[:] = rows.Lg
+        response.J[:] = task.J
         return response
 
-    def _note_margins(
-        self, response: Response, state: Any, step_response: float, step_rate: float
-    ) -> None:
-        """Update the margins, and the gradients of the rows that are nearer than before.
+    def _track(self, motion: Motion, task: Task, reference: Array, period: float) -> None:
+        """Continue the motion by tracking with constant q̈ for about a period [s]."""
+        _, b, (Kp, Kv, held) = self._retarget(task, reference, period)
+        q0 = task.rest
+        if len(q0):
+            rest = self.model.task.rest_of(len(motion.q), len(reference))
+            q0 = held_rest(q0, motion.qd, rest.damping, rest.stiffness, held)
+        qdd = self._least_norm(Task(task.J, b, rest=q0))
+        motion.q = motion.q + held * (motion.qd + 0.5 * held * qdd)
+        motion.qd = motion.qd + held * qdd
+        motion.t = min(motion.t + held, self.model.until)
+        acceleration = Kp * (1.0 - motion.feature) - Kv * motion.feature_rate
+        motion.feature += held * (motion.feature_rate + 0.5 * held * acceleration)
+        motion.feature_rate += held * acceleration
 
-        ∂σ/∂s_ref J = S L_gφ/K with the step response S, since L_gφ = K ∂σ/∂q. For a row on φ
-        itself, as of a speed, it is Ṡ L_gφ.
-        """
-        rows = state.rows
-        K = np.asarray(self.model.K)
-        response.sigma[:] = rows.sigma / rows.scale
-        nearer = np.flatnonzero(-response.sigma < response.margins)
-        share = np.full(len(K), step_rate)
-        np.divide(step_response, K, out=share, where=K > 0.0)
-        response.margins[nearer] = -response.sigma[nearer]
-        response.slopes[nearer] = ((share / rows.scale)[:, None] * rows.Lg)[nearer]
-        response.nearest_J[nearer] = state.task.J
+    def _approach_rest(self, motion: Motion, task: Task, reference: Array) -> None:
+        """Make a Newton step to the state of rest at the reference."""
+        motion.q = motion.q + self._least_norm(Task(task.J, reference - task.error))
+        motion.qd = np.zeros(len(motion.q))
+        motion.feature = 1.0
+        motion.feature_rate = 0.0
+
+    def _note_slopes(
+        self, response: Response, nearer: IntArray, rows: Rows, task: Task, motion: Motion
+    ) -> None:
+        """Note the gradients of the rows that are ``nearer`` than before, if the law uses them."""
 
     def _retarget(
         self, task: Task, reference: Array, period: float
@@ -314,9 +332,7 @@ class ReferenceGovernor(Controller):
         Kp, Kv = gains.at(error)
         period = self._held(period, Kp)
         held = held_gains(Kp, Kv, period)
-        b = retargeted(
-            task.b, task.error, task.error_rate, reference, gains.at(task.error), held
-        )
+        b = retargeted(task.b, task.error, task.error_rate, reference, gains.at(task.error), held)
         return error, b, (*held, period)
 
     def _held(self, period: float, Kp: float) -> float:
@@ -328,7 +344,7 @@ class ReferenceGovernor(Controller):
 
         Raises InvalidInput or LinAlgError if a number is not finite.
         """
-        command = self._tracking.command(Rows.none(task.J.shape[1]), task)
+        command = self._tracking.command(no_rows(task.J.shape[1]), task)
         if command.status == "failed":
             raise np.linalg.LinAlgError(command.reason)
         return command.qdd
@@ -393,7 +409,7 @@ class GoalGovernor(ReferenceGovernor):
                 f"influence of {self.name} must be above its margin {margin:g}, not {influence:g}"
             )
 
-    def _candidate(self, reference: Array, response: Response, period: float) -> Array:
+    def candidate(self, reference: Array, response: Response, period: float) -> Array:
         """Return s_ref + T v Δ ρ, with Δ and ρ of the explicit reference governor."""
         width = self.influence - self.margin
         share = min(max((response.least_margin - self.margin) / width, 0.0), 1.0)
@@ -450,7 +466,7 @@ class BarrierGovernor(ReferenceGovernor):
         self.sharpness = sharpness
         super().__init__(speed=speed, margin=margin, horizon=horizon, **options)
 
-    def _candidate(self, reference: Array, response: Response, period: float) -> Array:
+    def candidate(self, reference: Array, response: Response, period: float) -> Array:
         """Return s_ref + T ṡ_ref, with the least change of v a that ∇h ṡ_ref ≥ −α h requires."""
         if not period > 0.0:
             return reference
@@ -478,6 +494,20 @@ class BarrierGovernor(ReferenceGovernor):
         total = float(weights.sum())
         h = least - self.margin - float(np.log(total)) / self.sharpness
         return h, gradient / total
+
+    def _note_slopes(
+        self, response: Response, nearer: IntArray, rows: Rows, task: Task, motion: Motion
+    ) -> None:
+        """See the base class.
+
+        The feature moves by S with the reference, so that Jᵀ (∂σ/∂s_ref)ᵀ = S L_gφ/K, since L_gφ =
+        K ∂σ/∂q. For a row on φ itself, as of a speed, it is Ṡ L_gφ.
+        """
+        K = np.asarray(self.model.K)[nearer]
+        share = np.full(len(nearer), motion.feature_rate)
+        np.divide(motion.feature, K, out=share, where=K > 0.0)
+        response.slopes[nearer] = (share / rows.scale[nearer])[:, None] * rows.Lg[nearer]
+        response.nearest_J[nearer] = task.J
 
     def _held(self, period: float, Kp: float) -> float:
         """Return a longer time where the reference is far away, since it is tracked more slowly."""

@@ -14,7 +14,7 @@ from ...compiled import prepare
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
-from ...plugins.classes import module_files
+from ...plugins.classes import folder_of_neighbours, module_files
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
