@@ -22,7 +22,6 @@ from ..rows import Array
 from .scaling import equilibrate
 from .solver import Answer, Infeasible, QPSolver, require
 
-
 #: Exit flags of DAQP.
 DAQP_OPTIMAL = 1
 DAQP_INFEASIBLE = -1
@@ -181,8 +180,8 @@ class QpsolversSolver(QPSolver):
         if not solution.found or solution.x is None or solution.z is None:
             error = Infeasible if self._settings.exact else SolverError
             raise error(f"{self.name} found no solution")
-        x = np.asarray(solution.x, dtype=np.float64)
-        multipliers = np.asarray(solution.z, dtype=np.float64)
+        x: Array = np.asarray(solution.x, dtype=np.float64)
+        multipliers: Array = np.asarray(solution.z, dtype=np.float64)
         if scaled:
             x, multipliers = scaled.original(x, multipliers)
         return Answer(x, multipliers, _iterations(solution.extras))
