@@ -75,7 +75,7 @@ def reader_folder(folder: Path) -> Path:
     """Make the folder look as a reader's who has the repository: its folders, and the examples
     themselves.
     """
-    for name in ("comparisons", "examples"):
+    for name in ("comparisons", "controllers", "examples"):
         (folder / name).symlink_to(ROOT / name)
     for path in (ROOT / "examples").iterdir():
         if path.is_file():

@@ -228,10 +228,13 @@ def test_what_the_test_set_does_not_cover_is_said() -> None:
 
 def test_the_readme_shows_the_examples_as_they_are() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    cautious = (ROOT / "examples" / "cautious.py").read_text(encoding="utf-8")
+    shown = "".join(
+        (ROOT / path).read_text(encoding="utf-8")
+        for path in ("controllers/cautious.py", "examples/horizon.py")
+    )
     for block in re.findall(r"```python\n(.*?)```", readme, flags=re.S):
         for found in re.findall(r"^class .*?(?=^\S|\Z)", block, flags=re.S | re.M):
-            assert found.strip() in cautious
+            assert found.strip() in shown
     arm = (ROOT / "examples" / "my-arm.toml").read_text(encoding="utf-8")
     (toml,) = re.findall(r"```toml\n(.*?)```", readme, flags=re.S)
     assert toml in arm
@@ -239,8 +242,8 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
 
 
 def test_the_example_law_is_the_same_wherever_it_is_shown() -> None:
-    example = (ROOT / "examples" / "cautious.py").read_text(encoding="utf-8")
-    (law,) = re.findall(r"^class Cautious.*?(?=^\S)", example, flags=re.S | re.M)
+    example = (ROOT / "controllers" / "cautious.py").read_text(encoding="utf-8")
+    (law,) = re.findall(r"^class Cautious.*", example, flags=re.S | re.M)
     notebook = nbformat.read(ROOT / "notebooks" / "own-law.ipynb", as_version=4)
     shown = [
         (ROOT / name).read_text(encoding="utf-8")
@@ -254,7 +257,7 @@ def test_the_example_law_keeps_scenes_that_it_was_not_made_for() -> None:
     """Twelve held-out scenes of the six-axis arm with all kinds of rows, all of which tracking
     violates.
     """
-    law = runpy.run_path(str(ROOT / "examples" / "cautious.py"))["Cautious"]()
+    law = runpy.run_path(str(ROOT / "controllers" / "cautious.py"))["Cautious"]()
     family = Family.load("six-axis")
     for number in range(12):
         setup = family.scene(number, half="held-out").setup("nominal")

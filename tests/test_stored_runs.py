@@ -646,8 +646,8 @@ def test_what_laws_need_is_compiled_before_runs_and_no_code_of_own_laws_is_run(
     )
     prepare_laws(
         [
-            *map(ControllerSpec, ("predictive", "goal-governor")),
+            *map(ControllerSpec, ("predictive", "sliding-mode")),
             ControllerSpec("mine", "nowhere:Law"),
         ]
     )
-    assert asked == [("goal_governor", "predictive", "task_priority")]
+    assert asked == [("predictive", "task_priority")]

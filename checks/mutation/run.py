@@ -22,7 +22,7 @@ from .targets import QUICK
 
 ROOT = Path(__file__).resolve().parents[2]
 
-COPIED = ("src", "tests", "examples", "comparisons", "README.md", "pyproject.toml")
+COPIED = ("src", "tests", "controllers", "examples", "comparisons", "README.md", "pyproject.toml")
 
 THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp",
                "osqp", "proxsuite",

@@ -50,8 +50,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/delay.py",
         "src/vsconstraints/compiled/delay.py",
-        "src/vsconstraints/controllers/goal_governor.py",
-        "src/vsconstraints/compiled/goal_governor.py",
+        "controllers/goal_governor.py",
     ),
     "formulas": (
         "src/vsconstraints/formulas",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import secrets
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
 from ..comparisons.runs.machine import run_limit
 from ..comparisons.runs.pool import Failure, OpenWorkers, processes
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import MOVED
 from ..plugins.classes import untrusted
 from .evidence import Batch, scored
 from .evidence.own_files import changed, contents, own_folders
@@ -35,12 +36,15 @@ class Repetition:
     ``differences`` are sentences on runs that differ. ``by_rounding`` are sentences on runs that
     differ only because rounding decides them. ``changed_files`` are the names of files that custom
     laws have loaded or read and whose content on this machine differs from that in the study.
+    ``moved`` are laws that are no longer part of the package, with their files: their runs are not
+    repeated.
     """
 
     runs: int
     differences: tuple[str, ...]
     by_rounding: tuple[str, ...]
     changed_files: tuple[str, ...] = ()
+    moved: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def agreeing(self) -> int:
@@ -54,8 +58,12 @@ def secret_seed() -> int:
 
 
 def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
-    """Draw a share of a study's runs; the order of the study's lines has no influence."""
-    ordered = study.runs.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
+    """Draw a share of a study's runs; the order of the study's lines has no influence.
+
+    Runs of laws that are no longer part of the package are not drawn.
+    """
+    repeatable = study.runs[~study.runs["controller"].isin([*moved_laws(study)])]
+    ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
     lines: list[dict[str, Any]] = ordered.to_dict("records")
     return Random(seed).sample(lines, math.ceil(share * len(lines)))
 
@@ -107,8 +115,17 @@ def repeat(
                 by_kind[number] = f"{where}: {'; '.join(found)}"
             on_progress(done, len(lines))
     return Repetition(
-        len(lines), _in_order(differences), _in_order(by_rounding), changed_files(study)
+        len(lines),
+        _in_order(differences),
+        _in_order(by_rounding),
+        changed_files(study),
+        moved_laws(study),
     )
+
+
+def moved_laws(study: Study) -> dict[str, str]:
+    """Return the laws that are no longer part of the package, with their file and class."""
+    return {name: MOVED[law.law] for name, law in study.laws.items() if law.law in MOVED}
 
 
 def changed_files(study: Study) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from .. import __version__
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import MOVED
 from ..errors import ConfigurationError, VsconstraintsError, format_value
 from ..plugins.provenance import Files
 from ..scenarios import Scenario
@@ -151,7 +152,7 @@ class Study:
             study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
         for name, law in study.laws.items():
             try:
-                if ":" not in law.law:
+                if ":" not in law.law and law.law not in MOVED:
                     law.make()
             except VsconstraintsError as error:
                 raise ConfigurationError(

@@ -179,7 +179,7 @@ def perform(
     """
     scenario = spec.load()
     # custom parts may change the working directory, and import neighbouring modules at any time
-    with chdir("."), beside(scenario.folder, spec.controller.folder):
+    with chdir("."), beside(scenario.folder, spec.controller.folder_of_neighbours):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
         law_run = LawRun(

@@ -183,6 +183,10 @@ def leaderboard(
             )
         for sentence in repetition.differences:
             errors.print(f"error: {name}: {sentence}")
+        for law, file in repetition.moved.items():
+            errors.print(
+                f"remark: {name}: no run of {law} is repeated, since this law is now {file}"
+            )
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
         counts += f", {len(repetition.by_rounding)} are decided by rounding"
         repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...comparisons.experiment import Entries
 from ...errors import ConfigurationError
-from ...plugins.classes import code_named
+from ...plugins.classes import code_named, module_of
 from ...plugins.provenance import Files, digest, own_parts_noted
 from ..families import Family
 
@@ -34,7 +34,7 @@ def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
     candidates = []
     for entry in controllers:
         if ":" in entry.law:
-            module = entry.law.partition(":")[0]
+            module = module_of(entry.law)
             candidates += [(module, entry.folder)] if entry.folder is not None else []
             candidates += [(module, file.parent) for file in entry.files]
     candidates += [(family.name, family.folder) for family in families if _own_constraints(family)]

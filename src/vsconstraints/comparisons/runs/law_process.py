@@ -1,8 +1,8 @@
 """Runs of custom laws, each law in a separate process that only returns the law's commands.
 
-All settings of a law share its process. The calling process simulates, judges and scores the motion that follows from these commands. It
-never loads the law's code. The law therefore cannot affect the runs of other laws or its own scores
-by changing its process.
+All settings of a law share its process. The calling process simulates, judges and scores the motion
+that follows from these commands. It never loads the law's code. The law therefore cannot affect the
+runs of other laws or its own scores by changing its process.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def record(run: LawRun) -> dict[str, Any]:
     said: dict[str, Any] = {}
     with chdir("."), own_parts_noted() as files:
         try:
-            with beside(run.scenario.folder, run.law.folder):
+            with beside(run.scenario.folder, run.law.folder_of_neighbours):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
                 recorded = Recorded.of(
                     run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call

@@ -1,10 +1,7 @@
-"""An own controller and an own constraint, named in own-parts.toml and own-scenario.toml as
-cautious:…
-"""
+"""The README's law: tracking, corrected by one row after another."""
 
 import numpy as np
 
-from vsconstraints.constraints import ImageConstraint
 from vsconstraints.controllers import Controller, Tracking
 from vsconstraints.rows import Command, Rows, Task
 
@@ -28,19 +25,3 @@ class Cautious(Controller):
             if excess > 0.0:
                 qdd = qdd - excess * np.linalg.pinv(rows.Lg[[i]])[:, 0]
         return Command(qdd, "ok", near, rows.labels)
-
-
-class Horizon(ImageConstraint):
-    """Keeps every marker below a line in the image: σ = (line − v) / 100 ≤ 0."""
-
-    kind = "horizon"
-
-    def __init__(self, *, line: float, K: float, switching_gain: float):
-        super().__init__(K=K, switching_gain=switching_gain, length=100.0)
-        self.line = line
-
-    def sigma(self, y):
-        return (self.line - y[..., 1]) / 100.0
-
-    def gradient(self, y):
-        return np.broadcast_to([0.0, -0.01], y.shape)

@@ -1,4 +1,7 @@
-"""Model predictive path integral control: cost-weighted mean of random plans."""
+"""Model predictive path integral control: cost-weighted mean of random plans.
+
+For formulas and results see ``docs/laws.md``.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..rows import Array, BoolArray, Command, Rows, Task
-from .predictive import Plan, PredictiveControl, whole_number
-from .ranges import Range, option, positive_number
-from .resolver import row_weights
+from vsconstraints.controllers import PredictiveControl, Range
+from vsconstraints.controllers.predictive import Plan, whole_number
+from vsconstraints.controllers.ranges import option, positive_number
+from vsconstraints.controllers.resolver import row_weights
+from vsconstraints.rows import Array, BoolArray, Command, Rows, Task
 
 MOST = 100_000  #: Upper limit of samples and of seeds.
 SEEN = ("phi", "sigma", "J", "b", "rest")  #: Fields of predictions that are used.
@@ -20,8 +24,8 @@ SEEN = ("phi", "sigma", "J", "b", "rest")  #: Fields of predictions that are use
 class PathIntegralControl(PredictiveControl):
     """Model predictive path integral control (MPPI): weighted mean of random plans.
 
-    Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; formulas:
-    :doc:`/laws`. S plans are sampled around the last one, the first without noise, and predicted
+    Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; S
+    plans are sampled around the last one, the first without noise, and predicted
     without linearisation. Their cost is the objective of :class:`.PredictiveControl` plus a penalty
     of rows. Few samples leave noise in the command, and rows may be violated. Plans that the model
     cannot predict to their end are dropped. Every reset restarts from the seed, so that runs repeat
