@@ -40,6 +40,14 @@ def large_projection(J: Array, error: Array, rank_tolerance: float) -> Array:
     return large
 
 
+def share_of(name: str, value: object, most: float = 1.0) -> float:
+    """Return a positive number up to ``most``; raise ConfigurationError for anything else."""
+    number = positive_number(name, value)
+    if number > most:
+        raise ConfigurationError(f"{name} must be at most {most:g}, not {number:g}")
+    return number
+
+
 class ResolvedRateAvoidance(ResolvedRate):
     """Resolved rate with ViSP's avoidance of limits by the large projection operator.
 
@@ -87,11 +95,9 @@ class ResolvedRateAvoidance(ResolvedRate):
             slope_at_zero=slope_at_zero,
             rank_tolerance=rank_tolerance,
         )
-        for name, value, most in (("zone", zone, 0.5), ("full", full, 1.0), ("tune", tune, 1.0)):
-            number = positive_number(name, value)
-            if number > most:
-                raise ConfigurationError(f"{name} must be at most {most:g}, not {number:g}")
-            setattr(self, name, number)
+        self.zone = share_of("zone", zone, 0.5)
+        self.full = share_of("full", full)
+        self.tune = share_of("tune", tune)
         self._begins = one_of("avoids", avoids, AVOIDED)
         self.avoids = avoids
 

@@ -69,6 +69,7 @@ class VelocityController(Controller):
         if not (floats and qd.shape == (n,) and np.isfinite(qd).all()):
             raise SolverError(f"the law gave {format_value(qd)}, not {n} finite joint speeds")
         before = self.last if len(self.last) == n else task.qd
+        assert self.period is not None
         qdd = (qd - before) / self.period
         self.last = qd.copy()
         if isinstance(given, Command):

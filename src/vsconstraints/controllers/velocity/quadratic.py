@@ -36,8 +36,10 @@ class VelocityBound(Demand):
 
 
 def _limit(value: object) -> float | Literal["limits"] | None:
-    if value is None or value == "limits":
-        return value  # type: ignore[return-value]
+    if value is None:
+        return None
+    if value == "limits":
+        return "limits"
     if isinstance(value, str):
         raise ConfigurationError(
             f'max_acceleration is a number, "limits" or nothing, not {format_value(value)}'

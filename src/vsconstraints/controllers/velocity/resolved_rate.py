@@ -35,6 +35,6 @@ class ResolvedRate(VelocityLaw):
         super().__init__(gain=gain, gain_at_zero=gain_at_zero, slope_at_zero=slope_at_zero)
         self.rank_tolerance = checked_tolerance(rank_tolerance)
 
-    def solve(self, rows: Rows, task: Task) -> Array:
+    def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
         """See :class:`.VelocityController`."""
         return least_norm(*self.task_of(task), self.rank_tolerance).qdd
