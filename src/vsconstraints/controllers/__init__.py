@@ -33,12 +33,22 @@ from .resolvers import (
     Scaling,
 )
 from .robust_predictive import RobustPredictive
+from .velocity import (
+    VELOCITY_LAWS,
+    ResolvedRate,
+    ResolvedRateAvoidance,
+    VelocityController,
+    VelocityDamper,
+    VelocityHierarchicalQP,
+    VelocityQP,
+)
 
 __all__ = [
     "CONTROLLERS",
     "DEMANDS",
     "NAMED",
     "RESOLVERS",
+    "VELOCITY_LAWS",
     "Additive",
     "Barrier",
     "BoundaryLayer",
@@ -60,6 +70,8 @@ __all__ = [
     "Projection",
     "RampRepulsion",
     "Range",
+    "ResolvedRate",
+    "ResolvedRateAvoidance",
     "Resolver",
     "RobustPredictive",
     "RowFactors",
@@ -69,6 +81,10 @@ __all__ = [
     "SlidingMode",
     "Switch",
     "Tracking",
+    "VelocityController",
+    "VelocityDamper",
+    "VelocityHierarchicalQP",
+    "VelocityQP",
     "controller_class",
     "law_ranges",
     "make_controller",
@@ -83,6 +99,7 @@ LAWS: tuple[type[Controller], ...] = (
     Pair,
     PredictiveControl,
     RobustPredictive,
+    *VELOCITY_LAWS,
 )
 
 #: Controllers by their name in files and on the command line.

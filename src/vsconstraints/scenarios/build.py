@@ -21,6 +21,7 @@ from ..robots.robot import Robot
 from ..rows import Array
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
+from ..simulation.follower import ACCELERATIONS, ArmInput
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
@@ -57,6 +58,7 @@ class File:
     limits: str | Table | None = None
     plant: Table | None = None
     sensor: str | Table | None = None
+    arm: ArmInput = ACCELERATIONS
 
 
 def build(
@@ -108,6 +110,7 @@ def build(
             "sensor",
             where,
         ),
+        arm=file.arm,
     )
 
 
