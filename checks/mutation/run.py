@@ -133,7 +133,7 @@ class Runner:
         environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "1", "PYTHONPATH": paths}
         subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
-    def _coverage(self, tests: Sequence[str], root: Path, cache: Path | None) -> dict[str, Reached]:
+    def _coverage(self, tests: Sequence[str], cache: Path | None) -> dict[str, Reached]:
         """Return the coverage of each test; test files without a kept one are watched."""
         kept = None if cache is None else CoverageCache(cache, self.folder, f"at most {QUICK} s")
         reached: dict[str, Reached] = {}
