@@ -7,6 +7,7 @@ SLOW = {
     "test_cli",
     "test_cluster",
     "test_compiler",
+    "test_control_step::test_every_feature_with_every_constraint",
     "test_difference",
     "test_documents::test_own_parts_take_part_in_a_comparison",
     "test_documents::test_the_example_law_keeps_scenes_that_it_was_not_made_for",

@@ -66,12 +66,14 @@ def watch(test_file: str, sources: Instrumented, result: Path) -> int:
 
     Tests that fail, or are not quick, are left out. ``result`` is a JSON object: ``tests`` has the
     CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
-    while tests were collected.
+    while tests were collected. If the file cannot be imported, nothing is written.
     """
     watcher = _Watcher(len(sources.functions))
     builtins.__dict__[ENTERED] = watcher.flags
     sys.meta_path.insert(0, _Changed(sources.code))
-    pytest.main([*QUIET, test_file], plugins=[watcher])
+    ended = pytest.main([*QUIET, test_file], plugins=[watcher])
+    if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        return 1  # the file cannot be imported
     tests = {test: watcher.tests[test] for test in watcher.tests if test in watcher.passed}
     result.write_text(json.dumps({"tests": tests, "ever": sorted(watcher.ever)}), encoding="utf-8")
     return 0
