@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from slow import SLOW
+from markers import MARKERS
 
 # `nohup`, and shells that start something in the background, ignore signals, and what is started
 # inherits that
@@ -33,10 +33,13 @@ settings.load_profile("repeatable")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow tests."""
+    """Mark the tests that are listed in ``markers``."""
     for item in items:
-        if {item.path.stem, f"{item.path.stem}::{item.name.partition('[')[0]}"} & SLOW:
-            item.add_marker(pytest.mark.slow)
+        file = item.path.stem
+        function = item.name.partition("[")[0]
+        for marker, names in MARKERS.items():
+            if file in names or f"{file}::{function}" in names:
+                item.add_marker(getattr(pytest.mark, marker))
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vsconstraints.simulation.dynamics import ArmDynamics
 
 from vsconstraints.compiled import load
 from vsconstraints.controllers import HierarchicalQP, ResolvedRate, Tracking, VelocityQP
@@ -16,7 +17,6 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array, Command
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Disturbances, simulate
-from vsconstraints.simulation.dynamics import ArmDynamics
 from vsconstraints.simulation.follower import ArmInput, FollowingPlant, LowLevelLoop, periods_of
 
 T_S = 0.02
