@@ -65,7 +65,7 @@ class Described:
 class Scenario(Described):
     """A scenario with its overrides applied."""
 
-    why_here: ClassVar[str] = "a constraint of it is defined in this session"
+    why_here: ClassVar[str] = "a constraint or feature of it is defined in this session"
     """Reason why a scenario with :attr:`in_session` can run in this process only."""
 
     def __repr__(self) -> str:
@@ -100,14 +100,18 @@ class Scenario(Described):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """Custom constraints, as ``module:Class``."""
+        """Custom constraints and features, as ``module:Class``."""
         constraints = self.tables.get("constraints", [])
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
-        return tuple(kind for kind in kinds if ":" in kind)
+        task = self.tables.get("task")
+        features = {}
+        if isinstance(task, dict):
+            features = {key: task[key] for key in ("feature", "features") if key in task}
+        return (*(kind for kind in kinds if ":" in kind), *code_named(features))
 
     @property
     def in_session(self) -> bool:
-        """True if a custom constraint is defined in this process only, such as in a notebook."""
+        """True if a custom part is defined in this process only, such as in a notebook."""
         return any(part.startswith(f"{IN_SESSION}:") for part in self.own_parts)
 
     @property
