@@ -15,7 +15,18 @@ from .reading import Table, checked, chosen, from_table, require_table
 ONE = "feature"
 SEVERAL = "features"
 
+#: Keys of shipped features; another feature replaces them.
+OF_FEATURE = (ONE, SEVERAL, "interaction_matrix", "markers", "marker")
+
 Make = Callable[..., Feature]
+
+
+def without_replaced_feature(under: Table, over: Table) -> Table:
+    """Return a task's table without the feature, if ``over`` states another one."""
+    stated = {key: over[key] for key in (ONE, SEVERAL) if key in over}
+    if all(under.get(key) == value for key, value in stated.items()):
+        return under
+    return {key: value for key, value in under.items() if key not in OF_FEATURE}
 
 
 def feature_named(table: Table, where: str, folder: Path) -> Make:

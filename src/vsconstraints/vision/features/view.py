@@ -175,7 +175,8 @@ class ViewFeature(Feature):
 
         Raises SceneError if a component is not a finite number.
         """
-        value = np.asarray(self.value(view, goal), dtype=np.float64)
+        with np.errstate(all="ignore"):  # what is not finite is named below
+            value = np.asarray(self.value(view, goal), dtype=np.float64)
         if value.ndim != 1:
             raise InvalidInput(
                 f"the value of the feature {self.name} must have the shape (k,), not {value.shape}"
