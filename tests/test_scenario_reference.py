@@ -90,6 +90,7 @@ KNOWN = _known()
 FURTHER = {
     **{("", key): "table" for key in ("extends",)},
     **{("target", key): "" for key in ("markers", "square", "motion")},
+    ("task", "features"): "",
     ("plant", "type"): "",
     ("sensor", "type"): "",
     **{("constraints", key): "" for key in ("type", "motion", "K", "switching_gain")},

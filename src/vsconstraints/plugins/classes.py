@@ -1,4 +1,4 @@
-"""Custom controllers and constraints, named as ``module:Class`` or ``FOLDER/FILE.py:Class``."""
+"""Custom controllers, constraints and features: ``module:Class`` or ``FOLDER/FILE.py:Class``."""
 
 from __future__ import annotations
 
@@ -136,10 +136,10 @@ def _spec_of(module: str) -> ModuleSpec | None:
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
-    """Yield every custom class that is named as a ``type`` in nested tables."""
+    """Yield every custom class that is named as a type or a feature in nested tables."""
     if isinstance(tables, Mapping):
         for key, inner in tables.items():
-            yield from code_named(inner, typed or key == "type")
+            yield from code_named(inner, typed or key in ("type", "feature", "features"))
     elif isinstance(tables, list | tuple):
         for inner in tables:
             yield from code_named(inner, typed)

@@ -25,11 +25,11 @@ from ..simulation.follower import ACCELERATIONS, ArmInput
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
-from ..vision.features import FEATURES
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
+from .feature_types import feature_named, make_feature
 from .reading import Table, checked, chosen, from_table, require_table, split
 from .views import make_camera, make_goal
 
@@ -84,7 +84,8 @@ def build(
     if deviation is not None:
         q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
     disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
-    task = _task(file.task, f"{where}.task", bare, believed_camera(camera, disturbances))
+    believed = believed_camera(camera, disturbances)
+    task = _task(file.task, f"{where}.task", bare, believed, folder)
     constraints = [
         make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder, task.goals)
         for i, table in enumerate(file.constraints)
@@ -208,15 +209,15 @@ def _square_target(square: Square) -> Array:
     return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
 
 
-def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
+def _task(table: Table, where: str, scene: Scene, camera: Camera, folder: Path) -> VisualTask:
     values = dict(table)
-    feature = chosen(values, "feature", FEATURES, where)
+    feature = feature_named(values, where, folder)
     of_feature, of_gains, of_task = split(
         values, where, feature, TrackingGains, VisualTask, without=["feature", "gains"]
     )
     goals = checked(of_task.pop("goals", []), list[Any], where, "goals")
     context = {
-        "feature": from_table(feature, of_feature, where),
+        "feature": make_feature(feature, of_feature, where, folder),
         "goals": [
             make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)
         ],

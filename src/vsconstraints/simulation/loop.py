@@ -349,6 +349,11 @@ class Run:
         loop.points[:] = true.points
         loop.camera_R[:] = true.camera_R
         loop.camera_t[:] = true.camera_t
+        if self.setup.task.feature.reached_by == "feature":
+            # normalised coordinates, angles and logarithms of 1 are as many pixels as the focal
+            # length; the error is without the reference trajectory
+            error = self.prepared.world.packed.step.last_error[: len(step.error)]
+            loop.own_error[0] = np.abs(error).max() * max(self.setup.scene.camera.focal)
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task

@@ -319,9 +319,10 @@ class Setup:
     def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
         """Return (N,) flags: the current goal is reached, with the joints at rest.
 
-        The camera's pose decides if it is the task's feature; otherwise the markers decide. The
-        arguments are times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N,
-        2), largest distances of a marker from its goal (N,) [px], and joint speeds (N, n).
+        The camera's pose decides if it is the task's feature; otherwise the markers or the feature
+        decide, see :attr:`.Feature.reached_by`. The arguments are times (N,) [s], distances [m] and
+        angles [rad] of the camera from the goal (N, 2), errors of the image (N,) [px], see
+        :class:`.Trajectory`, and joint speeds (N, n).
         """
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
@@ -387,7 +388,7 @@ class Setup:
                 f"{', '.join(listed(unseen, 'markers'))} "
                 f"from its centre{''.join(f'; {doubt}' for doubt in self.doubts)}"
             )
-        remarks = list(self.doubts)
+        remarks = [*self.doubts, *self.task.feature.remarks]
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
         rows = start.rows
         sigma = start.sigma

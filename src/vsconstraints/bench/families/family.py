@@ -13,7 +13,14 @@ from typing import Any
 from ...errors import ConfigurationError, VsconstraintsError, format_value, unknown_name
 from ...plugins.classes import beside
 from ...scenarios.reading import Table, require_table
-from ...scenarios.scenario import Described, Scenario, require_data
+from ...scenarios.scenario import (
+    Described,
+    Scenario,
+    extended_tables,
+    require_data,
+    scenario_file,
+    shipped_scenarios,
+)
 from ...scenarios.toml import file_named, read_toml
 from ...simulation import Setup, until_settled
 from .attempts import (
@@ -53,6 +60,16 @@ def families() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
+def _scene_file(name: str, base: Path) -> Path:
+    """Return the path of a family or a scenario by its name, or by a path relative to ``base``."""
+    if name in families():
+        return SHIPPED / f"{name}.toml"
+    if not name.endswith(".toml") and name not in shipped_scenarios():
+        known = (*shipped_scenarios(), *families(), "a path ending in .toml")
+        raise unknown_name("scenario or family", name, known)
+    return scenario_file(name, base)
+
+
 @dataclass(frozen=True)
 class Family(Described):
     """A scenario family: the content of its file, merged over the scenario that it extends."""
@@ -61,9 +78,10 @@ class Family(Described):
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
         """Load a shipped family by name, ``"six-axis"``, or a TOML file by its path.
 
-        The path is relative to ``base``. With ``extends = "…"``, the name or path of a scenario, a
-        file states only the differences from it and the distributions. Raises ConfigurationError if
-        no family has that name, if the file cannot be read, or if a distribution is not valid.
+        The path is relative to ``base``. With ``extends = "…"``, the name or path of a scenario or
+        of a family, a file states only the differences from it and the distributions. Raises
+        ConfigurationError if no family has that name, if the file cannot be read, or if a
+        distribution is not valid.
         """
         path = file_named("family", str(name_or_path), SHIPPED, families(), base)
         tables = read_toml(path)
@@ -71,9 +89,10 @@ class Family(Described):
             extended = tables.pop("extends")
             if not isinstance(extended, str):
                 raise ConfigurationError(
-                    f"{path}: extends must be the name or the path of a scenario"
+                    f"{path}: extends must be the name or the path of a scenario or a family"
                 )
-            tables = merged(Scenario.load(extended, path.parent).tables, tables, str(path))
+            under = extended_tables(_scene_file(extended, path.parent), _scene_file)
+            tables = merged(under, tables, str(path))
         family = cls(path.stem, tables, path.parent)
         # evaluate all cached properties now, so that mistakes are reported here
         _ = family._parsed, family._overrides, family._parts, family.attempts

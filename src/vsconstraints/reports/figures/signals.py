@@ -10,7 +10,6 @@ import numpy as np
 from ...comparisons.suite import BASELINE
 from ...rows import Array
 from ...simulation import Tolerances, Trajectory, intervals
-from ...vision.features import ImagePoints
 from ..plots.sheet import Sheet
 from ..plots.style import (
     FAINT,
@@ -114,7 +113,7 @@ def draw_errors(view: View) -> Sheet:
     """
     setup = view.setup
     quantities = list[tuple[str, float, bool, dict[str, Array]]]()
-    image = setup is not None and isinstance(setup.task.feature, ImagePoints)
+    image = setup is not None and setup.task.feature.reached_by != "pose"
     accepted = Tolerances() if setup is None else setup.tolerances
     pose = setup is not None and not image
     errors: list[tuple[str, float, bool, Callable[[Trajectory], Array]]] = [

@@ -1,27 +1,20 @@
-"""Visual features: camera pose (PBVS) and markers in the image (IBVS), with their goals.
-
-Features are evaluated in :mod:`vsconstraints.compiled.visual_task`, which builds the task. Custom
-features evaluate themselves.
-"""
+"""Base class of visual features, their goals, and the motion of a feature."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from ..errors import ConfigurationError, InvalidInput, unknown_name
-from ..formulas.features import pose_error
-from ..formulas.tracking import minimum_jerk
-from ..robots.geometry import Pose
-from ..rows import Array
-from .scene import State, interaction_matrix
-
-InteractionMatrix = Literal["current", "desired", "mean"]
+from ...errors import ConfigurationError, InvalidInput, format_value
+from ...formulas.tracking import minimum_jerk
+from ...robots.geometry import Pose
+from ...rows import Array, IntArray
+from ..scene import State, interaction_matrix
 
 
 @dataclass(frozen=True)
@@ -96,13 +89,33 @@ class FeatureMotion(NamedTuple):
 
 
 class Feature(ABC):
-    """A visual feature vector s; a custom one defines :meth:`size` and :meth:`evaluate`."""
+    """A visual feature vector s (k,).
 
-    name: ClassVar[str]
+    A custom one derives from :class:`.ViewFeature`, which needs its value only. A class derived
+    from this one defines :meth:`size` and :meth:`evaluate`; its J_s is not checked.
+    """
+
+    name: str
+    #: Error by which a goal counts as reached: that of the camera's ``pose``, of all ``markers`` in
+    #: the image, or of the ``feature`` itself, for features that determine neither.
+    reached_by: Literal["pose", "markers", "feature"] = "markers"
 
     @abstractmethod
     def size(self, markers: int) -> int:
         """Return the number k of components for a number of markers."""
+
+    @property
+    def parts(self) -> tuple[Feature, ...]:
+        """Features that this one consists of: itself, unless it is a stack."""
+        return (self,)
+
+    @property
+    def remarks(self) -> list[str]:
+        """Remarks for a reader of the results."""
+        return []
+
+    def check_goal(self, goal: Goal) -> None:
+        """Raise ConfigurationError if the feature is not defined at a goal."""
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """Return s_ref (k,) relative to a new goal, from its value relative to an old goal.
@@ -114,76 +127,33 @@ class Feature(ABC):
             f"the feature {self.name} does not say where a reference is seen from another goal"
         )
 
+    @abstractmethod
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        """Evaluate a custom feature.
+        """Evaluate the feature in NumPy.
 
         ``previous`` (k,) is the error at the previous sample of the same goal, None at its first.
-        Features that are not unique (angles) stay continuous with it.
+        Features that are not unique (angles) stay continuous with it. Raises SceneError if the
+        feature is not defined in this state.
         """
-        raise NotImplementedError(f"the feature {self.name} is evaluated by compiled code")
 
 
-class CameraPose(Feature):
-    """Position-based servoing: s = (c*t_C, θu of c*R_C) of eq. (44), in metres and radians.
+def selected(markers: Sequence[int] | None, count: int, name: str) -> IntArray:
+    """Return the indices of markers that are given by their numbers, from 1; all if None.
 
-    The reference, the value at the goal, is zero. Both poses are relative to the target. J_s =
-    blkdiag(c*R_C, L_θu) J with J the Jacobian of the camera's twist relative to the target, in the
-    camera frame.
+    Raises ConfigurationError, which names the feature, unless the numbers are those of some of
+    ``count`` markers, each once.
     """
-
-    name = "camera-pose"
-
-    def size(self, markers: int) -> int:
-        """Return 6: three coordinates and three angles."""
-        return 6
-
-    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
-        assert old.camera is not None
-        assert new.camera is not None
-        there = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
-        _, t, w = pose_error(new.camera.R, new.camera.t, there.R, there.t, near[3:], True)
-        return np.array((*t, *w))
-
-
-class ImagePoints(Feature):
-    """Image-based servoing: s = the 2m normalised coordinates (x₁, y₁, x₂, …) of the markers.
-
-    Parameters
-    ----------
-    interaction_matrix
-        Interaction matrix in J_s: that of the ``current`` image, as in eq. (24), that of the
-        ``desired`` one, or the ``mean`` of both. The same matrix defines the damping velocity
-        ṡ = J_s q̇ and the drift, the product of the matrix with the camera's drift, as if the
-        matrix were constant. The camera's twist V then follows V̇ = −K_v V − K_p L† e. It moves
-        along the twist −K_p/K_v L† e of the velocity law with that matrix. This would not hold
-        with the true ṡ, or with L̇ in the drift.
-
-    Raises
-    ------
-    ConfigurationError
-        if the name of the interaction matrix is unknown.
-    """
-
-    name = "image-points"
-
-    def __init__(self, interaction_matrix: InteractionMatrix = "current") -> None:
-        if interaction_matrix not in get_args(InteractionMatrix):
-            raise unknown_name(
-                "interaction_matrix", interaction_matrix, get_args(InteractionMatrix)
+    if markers is None:
+        return np.arange(count)
+    for number in markers:
+        if isinstance(number, bool) or number not in range(1, count + 1):
+            raise ConfigurationError(
+                f"feature {name}: markers are numbered from 1 to {count}; there is no marker "
+                f"{format_value(number)}"
             )
-        self.interaction_matrix = interaction_matrix
-
-    def size(self, markers: int) -> int:
-        """Return 2m: two coordinates of each marker."""
-        return 2 * markers
-
-    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
-        return reference + (old.normalised - new.normalised).ravel()
-
-
-#: Features by their names in scenario files.
-FEATURES: dict[str, type[Feature]] = {
-    feature.name: feature for feature in (CameraPose, ImagePoints)
-}
+    if not len(markers) or len(set(markers)) < len(markers):
+        raise ConfigurationError(
+            f"feature {name}: markers must be one or more different numbers, not "
+            f"{format_value(list(markers))}"
+        )
+    return np.array(markers, dtype=np.int64) - 1
