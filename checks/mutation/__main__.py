@@ -125,12 +125,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         random.Random(chosen.seed).shuffle(mutants)
         named = [] if chosen.sample else named
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
+        known_tests = {mutant.key: tests[mutant.key] for mutant in named if mutant.key in tests}
         is_limited = chosen.renew or math.isfinite(chosen.minutes)
         runner = Runner(
             Path(folder),
             TESTS,
             chosen.jobs,
-            known=tests if chosen.named else None,
+            known=known_tests if chosen.named else None,
             longest=LONGEST if is_limited else math.inf,
             cache=cache_folder(),
         )
