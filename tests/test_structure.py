@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
 
-from slow import SLOW
+from markers import FULL, SLOW
 
 
 def package(folder, **files):
@@ -268,6 +268,6 @@ def test_every_slow_test_is_there():
         path.stem: path.read_text(encoding="utf-8")
         for path in Path(__file__).parent.glob("test_*.py")
     }
-    for name in SLOW:
+    for name in SLOW | FULL:
         file, _, test = name.partition("::")
         assert f"def {test}" in files[file], name
