@@ -21,15 +21,17 @@ for number, handler in (
         signal.signal(number, handler)
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
-settings.register_profile(
-    "repeatable",
-    derandomize=True,
-    database=None,
-    deadline=None,
-    max_examples=60,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-settings.load_profile("repeatable")
+for profile, examples in (("quick", 25), ("thorough", 60)):
+    settings.register_profile(
+        profile,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        max_examples=examples,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+# ``pytest --hypothesis-profile=thorough`` chooses the other one
+settings.load_profile("quick")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,6 +15,7 @@ SLOW = {
     "test_evidence_report::test_a_tuning_is_shown",
     "test_evidence_report::test_a_whole_report",
     "test_evidence_report::test_the_example_script_recomputes_every_claim",
+    "test_families::test_most_attempts_are_worth_making",
     "test_families::test_the_same_scene_in_another_process_and_in_any_order",
     "test_figures",
     "test_first_five_minutes",

@@ -29,14 +29,14 @@ from made_runs import (
     check,
     column,
 )
-from vsconstraints.paper import scenes
+from vsconstraints.paper import scenes as paper_scenes
 from vsconstraints.paper.claims import appendices, section_5_remarks, section_6_advantages
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.rows import Array
 
 SPEED = "speed[joint 1].upper"
-SCENES = [spec.name for spec in scenes.SCENES]
-CORNER = SCENES.index(scenes.NOT_DIFFERENTIABLE)
+SCENES = [spec.name for spec in paper_scenes.SCENES]
+CORNER = SCENES.index(paper_scenes.NOT_DIFFERENTIABLE)
 
 Runs = tuple[Any, ...]
 

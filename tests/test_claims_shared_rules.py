@@ -100,14 +100,18 @@ def test_a_run_that_ended_early_is_not_measured(status: str, may_end_early: bool
 
 
 def test_a_claim_is_registered_with_its_texts(monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(study: object) -> Finding:
+        return Finding(HOLDS, "")
+
     monkeypatch.setattr(verdicts, "CLAIMS", {})
-    texts = {"where": "where", "sentence": "sentence", "rule": "rule"}
-    register = claim("123b", "a study", **texts, figure="figure.png")
-    measure = register(lambda study: Finding(HOLDS, ""))
-    claim("4c", **texts)(measure)
+    register = claim(
+        "123b", "a study", where="where", sentence="sentence", rule="rule", figure="figure.png"
+    )
+    register(measure)
+    claim("4c", where="there", sentence="other", rule="its rule")(measure)
     expected = {
-        "123b": Claim(123, "b", *texts.values(), "figure.png", ("a study",), measure),
-        "4c": Claim(4, "c", *texts.values(), "", (), measure),
+        "123b": Claim(123, "b", "where", "sentence", "rule", "figure.png", ("a study",), measure),
+        "4c": Claim(4, "c", "there", "other", "its rule", "", (), measure),
     }
     assert expected == verdicts.CLAIMS
     with pytest.raises(ValueError, match="there are two claims 123b"):

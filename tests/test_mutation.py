@@ -15,7 +15,6 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from checks.mutation import coverage  # noqa: E402
 from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
 from checks.mutation.targets import files_named, suffices  # noqa: E402
@@ -82,7 +81,6 @@ RUN = """
 import sys
 from pathlib import Path
 from checks.mutation import run
-from checks.mutation import coverage  # noqa: E402
 from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
@@ -205,8 +203,7 @@ REACHED = {
 
 
 def kept(tree: Path) -> dict[str, Reached] | None:
-    """Coverage that another run finds. Digests are remembered within a run."""
-    coverage._digest.cache_clear()
+    """Coverage that another run finds."""
     return CoverageCache(tree / "cache", tree).get("tests/test_module.py")
 
 

@@ -6,7 +6,7 @@ is improbable), or if a named one is not. Compiled functions run as Python here.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
 With ``--minutes``, no mutant is begun after that time, watching not counted, and the tests of each
-take a minute at most; the test of a sample is about the mutants that were judged.
+take a minute at most; the test of a sample is about the mutants that were judged, 30 at least.
 
 Named mistakes are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test
 that notices it. ``--named`` runs only these, each against its test; ``--renew N`` chooses N new
@@ -49,6 +49,9 @@ SPARE = 1.25
 
 LONGEST = 60.0
 """With ``--renew`` or ``--minutes``, time limit [s] of all tests of a mutant together."""
+
+FEWEST = 30
+"""With ``--minutes``, least number of judged mutants of a sample: fewer contradict no share."""
 
 Key = tuple[str, str, str]
 
@@ -125,12 +128,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         random.Random(chosen.seed).shuffle(mutants)
         named = [] if chosen.sample else named
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
+        known_tests = {mutant.key: tests[mutant.key] for mutant in named if mutant.key in tests}
         is_limited = chosen.renew or math.isfinite(chosen.minutes)
         runner = Runner(
             Path(folder),
             TESTS,
             chosen.jobs,
-            known=tests if chosen.named else None,
+            known=known_tests if chosen.named else None,
             longest=LONGEST if is_limited else math.inf,
             cache=cache_folder(),
         )
@@ -153,6 +157,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
         f"{len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s"
     )
+    if len(verdicts) < min(FEWEST, len(wanted_mutants)):
+        print(f"fewer than {FEWEST} mutants were judged, which tell nothing: allow more --minutes")
+        return 1
     if failing:
         print(f"{failing} fails without a mutant, too: what it notices says nothing")
         return 1
@@ -160,7 +167,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _write(verdicts, reasoned, chosen.renew)
     keys = {mutant.key for mutant in named}
     missed = [verdict for verdict in verdicts if verdict.mutant.key in keys and not verdict.noticed]
-    print(f"named: {len(named) - len(missed)} of {len(named)} noticed")
+    if named:
+        print(f"named: {len(named) - len(missed)} of {len(named)} noticed")
     for key in sorted(stale):
         print("equivalent.toml lists what is no mutant:", *key, sep="\n    ")
     ordinary = [verdict for verdict in verdicts if verdict.mutant.key not in keys]
@@ -262,7 +270,8 @@ def _scores(
         for file in files:
             if judged[file]:
                 line(f"  {file}", [file])
-        shares.append(line(group, files))
+        if any(judged[file] for file in files):
+            shares.append(line(group, files))
     if whole:
         return all(share >= LEAST for share in shares)
     line("sample", list(judged))

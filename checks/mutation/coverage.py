@@ -14,7 +14,6 @@ import os
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from types import CodeType
 from typing import Any
@@ -95,6 +94,7 @@ class CoverageCache:
     def __init__(self, folder: Path, root: Path, settings: str = "") -> None:
         self.folder = folder
         self.root = root
+        self._known_digests: dict[Path, str] = {}
         self.shared = self._shared_digest(settings)
 
     def get(self, test_file: str) -> dict[str, Reached] | None:
@@ -152,7 +152,7 @@ class CoverageCache:
         return found
 
     def _digests(self, files: Iterable[str]) -> dict[str, str]:
-        return {file: _digest(self.root / file) for file in sorted(set(files))}
+        return {file: self._digest(self.root / file) for file in sorted(set(files))}
 
     def _shared_digest(self, settings: str) -> str:
         """Digest of all that every test file may depend on."""
@@ -162,8 +162,18 @@ class CoverageCache:
                 files.append(path)
         for name in ("src", "examples", "comparisons"):
             files += [path for path in sorted((self.root / name).rglob("*")) if _no_code(path)]
-        text = "".join(f"{path.relative_to(self.root)} {_digest(path)}\n" for path in files)
+        text = "".join(f"{path.relative_to(self.root)} {self._digest(path)}\n" for path in files)
         return hashlib.sha256(f"{sys.version}\n{settings}\n{text}".encode()).hexdigest()
+
+    def _digest(self, path: Path) -> str:
+        """Return the digest of a file, or an empty string if it is none."""
+        if path not in self._known_digests:
+            is_source = path.is_file() and "__pycache__" not in path.parts
+            content = path.read_bytes() if is_source else None
+            self._known_digests[path] = (
+                "" if content is None else hashlib.sha256(content).hexdigest()
+            )
+        return self._known_digests[path]
 
 
 def cache_folder() -> Path:
@@ -177,10 +187,3 @@ def _no_code(path: Path) -> bool:
     if "__pycache__" in path.parts:
         return False
     return path.suffix != ".py" or "def " not in path.read_text(encoding="utf-8")
-
-
-@cache
-def _digest(path: Path) -> str:
-    if "__pycache__" in path.parts or not path.is_file():
-        return ""
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -34,6 +34,9 @@ THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "
                "scikit_posthocs")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
+RUNS = "tests/test_reproduction.py"
+"""Test file that simulates many runs; as a script it keeps them for its tests."""
+
 SLACK = 20.0
 FACTOR = 10.0
 """Time limit of each test of a mutant: additional seconds, and factor on its usual time."""
@@ -109,7 +112,10 @@ class Runner:
                 )
             elif there.exists():
                 shutil.copy(there, self.folder / name)
-        self._keep_runs(root)
+        if known is not None:
+            tests = sorted({test.partition("::")[0] for test in known.values()})
+        if RUNS in tests:
+            self._keep_runs(root)
         os.chdir(self.folder)
         sys.path.insert(0, str(self.folder / "src"))
         for name in THIRD_PARTY:
@@ -124,9 +130,7 @@ class Runner:
     def _keep_runs(self, root: Path) -> None:
         """Simulate the runs that tests of claims judge, once and compiled."""
         folder = self.folder / "runs"
-        script = root / "tests" / "test_reproduction.py"
-        if not script.exists():
-            return
+        script = root / RUNS
         folder.mkdir()
         os.environ["VSCONSTRAINTS_KEPT_RUNS"] = str(folder)
         paths = os.pathsep.join(str(root / name) for name in ("src", "tests"))

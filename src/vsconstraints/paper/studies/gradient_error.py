@@ -99,7 +99,7 @@ class GradientError(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ErrorCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         shorter = {"duration": 6.0} if small else {}
         runs = {}
         for scenario, errors in (SMALL_ERRORS if small else ERRORS).items():
@@ -127,7 +127,7 @@ class GradientError(Sweep):
         }
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario, own in grouped(points, "scenario").items():
             texts = [

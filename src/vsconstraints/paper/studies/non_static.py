@@ -179,7 +179,7 @@ class NonStatic(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ObstacleCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         cases = []
         for scenario, obstacle in (SMALL_OBSTACLES if small else OBSTACLES).items():
             for speed in obstacle.speeds:
@@ -231,7 +231,7 @@ class NonStatic(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario, own in grouped(points, "scenario").items():
             texts = []

@@ -175,7 +175,7 @@ class Pareto(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ParetoCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         cases = [
             ParetoCase(scenario, controller, parameter, strength)
             for scenario, ranges in (SMALL_RANGES if small else RANGES).items()
@@ -214,7 +214,7 @@ class Pareto(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario, own in grouped(points, "scenario").items():
             texts = [f"{law} {described(runs)}" for law, runs in grouped(own, "controller").items()]

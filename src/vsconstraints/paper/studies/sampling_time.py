@@ -131,7 +131,7 @@ class SamplingTime(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[TimeCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         shorter = {"duration": 4.0} if small else {}
         return {
             TimeCase(scenario, Ts): RunSpec(
@@ -175,7 +175,7 @@ class SamplingTime(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario in BAND_SCENARIOS:
             of = about(numbers, scenario)

@@ -118,7 +118,7 @@ class ShrinkingRegion(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[RegionCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         runs = {}
         for scenario, half, regions in SMALL if small else SCENES:
             runs[RegionCase(scenario, "sliding-mode")] = RunSpec(scenario)
@@ -165,7 +165,7 @@ class ShrinkingRegion(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario in grouped(points, "scenario"):
             sliding = about(numbers, scenario)

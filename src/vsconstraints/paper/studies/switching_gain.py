@@ -131,7 +131,7 @@ class SwitchingGain(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[GainCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         runs = {}
         for Kp0 in (50.0,) if small else DURATIONS:
             for gain in SMALL_GAINS if small else GAINS:
@@ -175,7 +175,7 @@ class SwitchingGain(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for Kp0 in grouped(points, "Kp0"):
             of = about(numbers, Kp0)

@@ -167,7 +167,7 @@ class UnselectedExperiments(Sweep):
     layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[SceneCase, RunSpec]:
-        """See :class:`.Study`."""
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
         most_scenes, most_cases = (3, 3) if small else (None, None)
         runs = {}
         for scenario, kept in kept_scenes().items():
@@ -198,7 +198,7 @@ class UnselectedExperiments(Sweep):
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
-        """See :class:`.Sweep`."""
+        """Return the sentences of the result."""
         sentences = []
         for scenario, own in grouped(points, "scenario").items():
             start = sentence_start(scenario)
