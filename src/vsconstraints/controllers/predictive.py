@@ -14,7 +14,7 @@ from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, 
 from ..errors import InvalidInput, SolverError, format_value
 from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
 from .base import Controller, fault_of, require_known, require_model
-from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
+from .compiled import COUNT, BoundLaw, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
 from .ranges import GAINS, ROWS, Range, option, positive_number, share
@@ -148,7 +148,7 @@ class PredictiveControl(Controller):
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
 
-    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if (
             type(self).command is not PredictiveControl.command
@@ -156,7 +156,7 @@ class PredictiveControl(Controller):
         ):
             return None
         planner = self._ready(rows, task)
-        return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
+        return BoundLaw(planner, planner, rows, task, active, qdd) if planner.compiled else None
 
     def _ready(self, rows: Rows, task: Task) -> Any:
         """Return the planner for these rows.
@@ -267,14 +267,14 @@ class Planner(Wrapped):
         kernels = load("predictive")
         plans = self.plans
         m = len(self.labels)
-        acted = np.zeros(m, dtype=np.bool_)
+        active = np.zeros(m, dtype=np.bool_)
         qdd = np.zeros(self.shape[1])
         slack = np.zeros(m)
         follow, *arguments = self.call(rows, task)
 
         def ask(stage: int) -> int:
             self.arrays.options[1] = stage
-            code: int = follow(*arguments, qdd, acted, slack, np.zeros(1, COUNT))
+            code: int = follow(*arguments, qdd, active, slack, np.zeros(1, COUNT))
             self.arrays.options[1] = kernels.ALL
             return code
 
@@ -288,7 +288,7 @@ class Planner(Wrapped):
                 ask(kernels.BRAKE)
                 self._predict()
             code = ask(kernels.CONCLUDE) if code == SOLVED else code
-        command = self.command(code, qdd, acted, self.labels, slack, 0)
+        command = self.command(CompiledAnswer(code, qdd, active, slack, 0), self.labels)
         if command is not None:
             return command
         predicted, asked, _, outcome = plans.outcome.tolist()
@@ -306,14 +306,14 @@ class Planner(Wrapped):
                 f"front of the camera"
             )
         if predicted >= 2 and outcome != FAILED:
-            command = self._answer(qdd, acted, slack)
+            command = self._answer(qdd, active, slack)
         else:
             why = (
                 f"braking: {short}"
                 if predicted < 2
                 else "the plan goes on as it was: no better one passes the check"
             )
-            command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
+            command = Command(qdd, "suboptimal", active, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
         return command
 
@@ -331,35 +331,27 @@ class Planner(Wrapped):
         plans.outcome[0] = len(seen)
         return len(seen)
 
-    def command(
-        self,
-        code: int,
-        qdd: Array,
-        acted: BoolArray,
-        labels: tuple[str, ...],
-        slack: Array,
-        iterations: int,
-    ) -> Command | None:
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :meth:`.Resolver.command`.
 
         None also if the command needs a reason other than slack.
         """
-        if code not in self.answers:
+        if answer.code not in self.answers:
             return None
-        command = self._answer(qdd, acted, slack)
+        command = self._answer(answer.qdd, answer.active, answer.slack)
         command.remark = self.remark
         return command
 
-    def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
+    def _answer(self, qdd: Array, active: BoolArray, slack: Array) -> Command:
         """Return the command of a plan.
 
         Its reason names the rows that no plan satisfies, with their violation.
         """
         if not slack.any():
-            return Command(qdd, "ok", acted, self.labels)
+            return Command(qdd, "ok", active, self.labels)
         amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
         reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
-        return Command(qdd, "relaxed", acted, self.labels, reason=reason)
+        return Command(qdd, "relaxed", active, self.labels, reason=reason)
 
 
 def whole_number(name: str, value: object, most: int) -> int:
