@@ -75,9 +75,9 @@ class Sampler:
     @property
     def plan(self) -> Plan | None:
         """Last plan, with its last block repeated; None if there is none."""
-        return (
-            None if np.isnan(self.made) else Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
-        )
+        if np.isnan(self.made):
+            return None
+        return Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
 
     def carry_on(self, t: float) -> Array:
         """Return the last plan (H, n), shifted to the time t [s]; zero if there is none.
@@ -85,41 +85,49 @@ class Sampler:
         The blocks are means of the last plan over the new blocks.
         """
         H = len(self.mean)
-        after = (t - self.made) / self.length
-        if not 0.0 <= after < H:
+        elapsed = (t - self.made) / self.length
+        if not 0.0 <= elapsed < H:
             return np.zeros_like(self.mean)
-        share = after % 1.0
-        k = np.minimum(np.arange(H + 1) + int(after), H - 1)
-        moved: Array = (1.0 - share) * self.mean[k[:-1]] + share * self.mean[k[1:]]
+        share = elapsed % 1.0
+        block = np.minimum(np.arange(H + 1) + int(elapsed), H - 1)
+        moved: Array = (1.0 - share) * self.mean[block[:-1]] + share * self.mean[block[1:]]
         return moved
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """Compute the command, see :class:`PathIntegralControl`."""
         law = self.law
-        now = self.law.model.present
-        most = np.minimum(
-            law.model.acceleration, np.inf if law.max_acceleration is None else law.max_acceleration
-        )
-        high = most * np.ones_like(self.mean)
-        low = -high
-        if len(rows.qdd_max):
-            low[0], high[0] = np.clip([low[0], high[0]], rows.qdd_min, rows.qdd_max)
+        now = law.model.present
+        low, high = self.bounds(rows)
         u = self.carry_on(now.t) + np.zeros((law.samples, 1, 1))
         u[1:] += law.noise * self.rng.standard_normal(u[1:].shape)
-        cost, exceeded = self.costs(np.clip(u, low, high, out=u), rows, task)
-        known = np.isfinite(cost)
+        np.clip(u, low, high, out=u)
+        cost, exceeded = self.costs(u, rows, task)
         remark = law.remark(rows.labels)
+        known = np.isfinite(cost)
         if not known.any():
             self.made = np.nan
             why = "braking: no plan is predicted, since a marker is then not in front of the camera"
             qdd = np.clip(-now.qd / self.length, low[0], high[0])
             return Command(qdd, "suboptimal", exceeded, rows.labels, reason=why, remark=remark)
-        w = np.where(
-            known, np.exp((cost[known].min() - cost) / (2.0 * law.temperature * law.noise**2)), 0.0
-        )
-        self.mean = np.clip(np.einsum("s,skj->kj", w / w.sum(), u), low, high)
+        scale = 2.0 * law.temperature * law.noise**2
+        weights = np.where(known, np.exp((cost[known].min() - cost) / scale), 0.0)
+        mean = np.einsum("s,skj->kj", weights / weights.sum(), u)
+        self.mean = np.clip(mean, low, high)
         self.made = now.t
         return Command(self.mean[0].copy(), "ok", exceeded, rows.labels, remark=remark)
+
+    def bounds(self, rows: Rows) -> tuple[Array, Array]:
+        """Return the least and greatest q̈ (H, n); those of the first block are within the box."""
+        law = self.law
+        most = law.model.acceleration
+        if law.max_acceleration is not None:
+            most = np.minimum(most, law.max_acceleration)
+        high = most * np.ones_like(self.mean)
+        low = -high
+        if len(rows.qdd_max):
+            low[0] = np.clip(low[0], rows.qdd_min, rows.qdd_max)
+            high[0] = np.clip(high[0], rows.qdd_min, rows.qdd_max)
+        return low, high
 
     def costs(self, u: Array, rows: Rows, task: Task) -> tuple[Array, BoolArray]:
         """Return the costs (S,) of plans (S, H, n), and the rows (m,) that any of them exceeds.
@@ -127,58 +135,59 @@ class Sampler:
         The cost is infinite where the model cannot predict the plan.
         """
         law = self.law
+        T = self.length
+        model = law.model
+        seen, whole = self.along_plans(u, rows, task)
+        on_phi = np.asarray(model.K) == 0.0
+        x = np.where(on_phi, seen["phi"], seen["sigma"]) + law.margin * rows.scale
+        over = np.maximum(x[:, 1:] - np.exp(-1.0 / law.approach) * x[:, :-1], 0.0)
+        unit = rows.scale * np.where(on_phi, T, T * T)
+        over *= np.sqrt(row_weights(rows.labels, law.weights or {})) / unit
+        residual = np.einsum("skij,skj->ski", seen["J"][:, :-1], u) - seen["b"][:, :-1]
+        free = u
+        if len(task.rest):
+            free = u - seen["rest"][:, :-1]
+        size = float((task.J**2).sum()) or 1.0
+        cost = np.zeros(len(u))
+        for weight, part in ((1.0 / size, residual), (law.damping, free), (law.penalty, over)):
+            cost = cost + weight * (part**2).sum(axis=(1, 2))
+        return np.where(whole, cost, np.inf), (over[whole] > 0.0).any(axis=(0, 1))
+
+    def along_plans(self, u: Array, rows: Rows, task: Task) -> tuple[dict[str, Array], BoolArray]:
+        """Return rows and task (S, H + 1, …) along plans (S, H, n), and which plans (S,) are whole.
+
+        The first instant is now. The present difference between the model and rows or task is taken
+        as constant. A plan is not whole if the model cannot predict one of its states.
+        """
         model = self.law.model
         T = self.length
-        t, q, qd = self.law.model.present
+        t, q, qd = model.present
         S, H, n = u.shape
         speeds = qd + T * np.cumsum(u, axis=1)
         places = q + np.cumsum(T * speeds - 0.5 * T * T * u, axis=1)
-        states = (
-            np.tile(t + T * np.arange(1, H + 1), S),
-            places.reshape(-1, n),
-            speeds.reshape(-1, n),
-        )
+        times = np.tile(t + T * np.arange(1, H + 1), S)
+        states = times, places.reshape(-1, n), speeds.reshape(-1, n)
         now = model.along(np.array([t]), q[None], qd[None])
         whole = np.ones(S, dtype=np.bool_)
-        at = 0
         seen = {name: np.zeros((S * H, *getattr(now, name).shape[1:])) for name in SEEN}
-        while at < S * H:
-            part = model.along(*(each[at:] for each in states))
+        first = 0
+        while first < S * H:
+            part = model.along(*(each[first:] for each in states))
             for name, array in seen.items():
-                array[at : at + len(part)] = getattr(part, name)
+                array[first : first + len(part)] = getattr(part, name)
             # the first state without a prediction ends its plan
-            end = (at + len(part)) // H
+            end = (first + len(part)) // H
             whole[end : end + 1] = False
-            at = H * (end + 1)
-
-        def along(name: str, present: Array) -> Array:
-            """Return a quantity (S, H + 1, …) along the plans, from now on.
-
-            The present difference between the model and rows or task is taken as constant.
-            """
-            moved = (seen[name] + (present - getattr(now, name)[0])).reshape(S, H, *present.shape)
-            return np.concatenate((np.broadcast_to(present, (S, 1, *present.shape)), moved), axis=1)
-
-        on_phi = np.asarray(model.K) == 0.0
-        sigma = rows.sigma if len(rows.sigma) else now.sigma[0] + rows.phi - now.phi[0]
-        x = (
-            np.where(on_phi, along("phi", rows.phi), along("sigma", sigma))
-            + law.margin * rows.scale
-        )
-        over = np.maximum(x[:, 1:] - np.exp(-1.0 / law.approach) * x[:, :-1], 0.0)
-        over *= np.sqrt(row_weights(rows.labels, law.weights or {})) / (
-            rows.scale * np.where(on_phi, T, T * T)
-        )
-        residual = (
-            np.einsum("skij,skj->ski", along("J", task.J)[:, :-1], u) - along("b", task.b)[:, :-1]
-        )
-        free = u - along("rest", task.rest)[:, :-1] if len(task.rest) else u
-        parts = (
-            (1.0 / (float((task.J**2).sum()) or 1.0), residual),
-            (law.damping, free),
-            (law.penalty, over),
-        )
-        cost: Array = sum(
-            (weight * (each**2).sum(axis=(1, 2)) for weight, each in parts), np.zeros(S)
-        )
-        return np.where(whole, cost, np.inf), (over[whole] > 0.0).any(axis=(0, 1))
+            first = H * (end + 1)
+        sigma = rows.sigma
+        if not len(sigma):
+            sigma = now.sigma[0] + rows.phi - now.phi[0]
+        present = {"phi": rows.phi, "sigma": sigma, "J": task.J, "b": task.b}
+        if len(task.rest):
+            present["rest"] = task.rest
+        along = {}
+        for name, value in present.items():
+            moved = (seen[name] + (value - getattr(now, name)[0])).reshape(S, H, *value.shape)
+            first_instant = np.broadcast_to(value, (S, 1, *value.shape))
+            along[name] = np.concatenate((first_instant, moved), axis=1)
+        return along, whole

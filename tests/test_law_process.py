@@ -164,7 +164,7 @@ def test_a_run_apart_is_bit_for_bit_that_in_one_process(
 ) -> None:
     asked = spec(folder, law, scenario)
     together = perform(asked, by_public_call=by_public_call, to_the_goal=True)
-    apart = perform(asked, by_public_call=by_public_call, to_the_goal=True, apart=True)
+    apart = perform(asked, by_public_call=by_public_call, to_the_goal=True, in_own_process=True)
     same_runs(together, apart)
     assert len(apart.trajectory.step_time) == len(apart.trajectory.t) > 0
 
@@ -172,7 +172,7 @@ def test_a_run_apart_is_bit_for_bit_that_in_one_process(
 def test_what_a_law_changes_in_its_process_does_not_change_its_motion_and_scores(
     folder: Path,
 ) -> None:
-    run = perform(spec(folder, "Cheat"), apart=True)
+    run = perform(spec(folder, "Cheat"), in_own_process=True)
     still = np.broadcast_to(run.setup.q0, run.trajectory.q.shape)
     np.testing.assert_allclose(run.trajectory.q, still, atol=1e-12)
     assert run.trajectory.status not in ("converged", "failed")
@@ -228,10 +228,10 @@ def test_no_other_run_of_a_comparison_depends_on_a_law_that_changes_everything(
 
 def test_a_law_that_cannot_be_made_or_ends_its_process_costs_its_own_run(folder: Path) -> None:
     with pytest.raises(LawFailedError, match="on purpose"):
-        perform(spec(folder, "NotMade"), apart=True)
+        perform(spec(folder, "NotMade"), in_own_process=True)
     with pytest.raises(LawFailedError, match=DIED):
-        perform(spec(folder, "Dies"), apart=True)
-    assert perform(spec(folder, "Honest"), apart=True).trajectory.status != "failed"
+        perform(spec(folder, "Dies"), in_own_process=True)
+    assert perform(spec(folder, "Honest"), in_own_process=True).trajectory.status != "failed"
 
 
 @pytest.mark.parametrize(

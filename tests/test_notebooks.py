@@ -398,7 +398,7 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(
     assert not spec_of(mine())[1]
     monkeypatch.setattr(copies, "find_spec", lambda module: None)
     spec, note = spec_of(mine())
-    assert spec.here
+    assert spec.main_process_only
     assert "pip install 'vsconstraints[notebooks]'" in note
     assert not spec_of(Half())[1]
 

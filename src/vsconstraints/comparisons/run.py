@@ -169,12 +169,16 @@ class Run:
 
 
 def perform(
-    spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False
+    spec: RunSpec,
+    *,
+    by_public_call: bool = False,
+    to_the_goal: bool = False,
+    in_own_process: bool = False,
 ) -> Run:
     """Execute a run; raises the errors of the scenario, the controller and the simulation.
 
     ``by_public_call`` is passed to :func:`.simulate`. With ``to_the_goal`` the run continues, see
-    :func:`.until_settled`. With ``apart`` the controller runs in a separate process, see
+    :func:`.until_settled`. With ``in_own_process`` the controller runs in a separate process, see
     :func:`.simulate_apart`, which also documents the errors raised.
     """
     scenario = spec.load()
@@ -186,7 +190,7 @@ def perform(
             scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call
         )
         setup = spec.controller.run.of(setup)
-        if apart:
+        if in_own_process:
             trajectory = simulate_apart(law_run, setup)
         else:
             trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)

@@ -324,7 +324,7 @@ class Bench:
                 self._ready = None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
-                if entry.apart:
+                if entry.in_own_process:
                     scenario = scene.scenario(self._condition)
                     law_run = LawRun(
                         scenario, entry, seed=scene.noise, time_limit=prepared.setup.time_limit
@@ -340,7 +340,7 @@ class Bench:
         # even SystemExit: it must not end the other runs
         except BaseException as error:
             return RunRecord.failed(described(error), "")
-        left_as_it_was = entry.apart or ":" not in entry.law
+        left_as_it_was = entry.in_own_process or ":" not in entry.law
         if record.trajectory.status != "failed" and left_as_it_was and not own_parts:
             self._ready = prepared, remarks
         return record

@@ -143,14 +143,14 @@ class ControllerSpec:
         return cls(name or own, law, folder=folder if ":" in law else None)
 
     @property
-    def here(self) -> bool:
+    def main_process_only(self) -> bool:
         """True if only the main process can create it."""
         return False
 
     @property
-    def apart(self) -> bool:
+    def in_own_process(self) -> bool:
         """True for a custom law that another process can create: it runs in a separate process."""
-        return ":" in self.law and not self.here
+        return ":" in self.law and not self.main_process_only
 
     @property
     def folder_of_neighbours(self) -> Path | None:
@@ -255,9 +255,9 @@ class RunSpec:
         return (*self.load().files, *self.controller.files)
 
     @property
-    def here(self) -> bool:
+    def main_process_only(self) -> bool:
         """True if only the main process can execute the run."""
-        return self.controller.here or self.load().in_session
+        return self.controller.main_process_only or self.load().in_session
 
     @property
     def fingerprint(self) -> str:

@@ -45,7 +45,7 @@ class InstanceSpec(ControllerSpec):
     files: tuple[Path, ...] = ()
 
     @property
-    def here(self) -> bool:
+    def main_process_only(self) -> bool:
         """True if only this process can make the law; see :class:`.ControllerSpec`."""
         return not self.packed
 
