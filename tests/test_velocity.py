@@ -195,9 +195,10 @@ def test_quadratic_programs_are_solved_as_by_cvxpy(name: str, seed: int) -> None
         constraints += [cp.abs(x - task.qd) <= limit * T_S]
     cost = cp.sum_squares(np.diag(weights) @ (J @ x - v)) + 1e-3 * cp.sum_squares(x)
     program = cp.Problem(cp.Minimize(cost), constraints)
-    program.solve(solver=cp.CLARABEL)
+    tight = {"tol_gap_abs": 1e-13, "tol_gap_rel": 1e-13, "tol_feas": 1e-13}
+    program.solve(solver=cp.CLARABEL, **tight)
     command = law.command(rows, task)
-    if program.status == cp.OPTIMAL:
+    if program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         assert command.status == "ok"
         np.testing.assert_allclose(command.qd, x.value, rtol=1e-5, atol=1e-5)
     else:
