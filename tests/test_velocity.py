@@ -26,7 +26,7 @@ from vsconstraints.controllers import (
 from vsconstraints.controllers.velocity import adaptive_gain, commands_velocity
 from vsconstraints.controllers.velocity.avoidance import large_projection
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -318,6 +318,23 @@ def test_velocity_laws_run_in_scenes(law: VelocityController) -> None:
     run = simulate(velocity_arm(acceleration=8.0).setup(), law)
     assert run.status == "unfinished", run.reason
     assert np.abs(np.diff(run.qd, axis=0)).max() <= 8.0 * 0.002 * (1.0 + 1e-9)
+
+
+class SaysItIsCalm(Own):
+    """Commands speeds that jump, and claims accelerations of zero."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:  # type: ignore[override]
+        qd = super().solve(rows, task) * (1.0 if len(self.last) else 0.5)
+        m = len(rows.labels)
+        return Command(np.zeros(len(qd)), "ok", np.ones(m, np.bool_), rows.labels, qd=qd)
+
+
+def test_claimed_accelerations_do_not_count() -> None:
+    """The scores are those of the commanded speeds: of the honest law, after the first jump."""
+    setup = velocity_arm(acceleration=8.0).setup()
+    honest, cheat = (simulate(setup, law) for law in (Own(), SaysItIsCalm()))
+    assert np.abs(cheat.qdd_command[:2]).max() > np.abs(honest.qdd_command[1:]).max()
+    np.testing.assert_array_equal(cheat.active[0], honest.active[0])
 
 
 def test_an_arm_without_limits_refuses_velocity_laws() -> None:
