@@ -13,10 +13,12 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from vsconstraints.arms import Job, driver_for, run_on_arm
 from vsconstraints.controllers import (
     VELOCITY_LAWS,
     DelayCompensated,
     Observed,
+    ResolvedRate,
     VelocityController,
     VelocityDamper,
     VelocityHierarchicalQP,
@@ -336,6 +338,18 @@ def test_claimed_accelerations_do_not_count() -> None:
     honest, cheat = (simulate(setup, law) for law in (Own(), SaysItIsCalm()))
     assert np.abs(cheat.qdd_command[:2]).max() > np.abs(honest.qdd_command[1:]).max()
     np.testing.assert_array_equal(cheat.active[0], honest.active[0])
+
+
+def test_a_velocity_law_runs_on_an_arm() -> None:
+    """The setpoints sent are its speeds, as far as the limits of the arm allow."""
+    setup = velocity_arm(acceleration=40.0).setup()
+    law = ResolvedRate(gain=0.5)
+    _, log = run_on_arm(Job(setup, law, driver_for("simulated://", setup)))
+    assert log.ended == "done", log.cause
+    on_arm = np.array([period.sent_qd for period in log.periods if not period.braking])
+    run = simulate(setup, ResolvedRate(gain=0.5))
+    np.testing.assert_allclose(on_arm[-1], law.last, atol=1e-9)
+    assert np.abs(on_arm[50] - run.qd[50]).max() < 0.05
 
 
 def test_an_arm_without_limits_refuses_velocity_laws() -> None:
