@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vsconstraints.scenarios.families import Family
 
 from scenes import NOW, random_goal, random_scene, robot
+from vsconstraints.bench.families import Family
 from vsconstraints.constraints import ConstraintSet
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import HierarchicalQP, Tracking

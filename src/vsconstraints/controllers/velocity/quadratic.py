@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import ConfigurationError, InvalidInput, format_value
+from ...errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ...formulas.row import Row
 from ...rows import UNKNOWN, Array, Command, Rows, Task
 from ..demand import Demand
@@ -19,6 +19,8 @@ from ..resolver import Resolver
 from ..resolvers import AUTO, Filter, Hierarchy
 from .gain import VelocityLaw
 
+#: Damping of the inner program, far below that of the law, which has its own equations.
+TO_ROUNDING = 1e-14
 UNBOUNDED = 1e200  #: Bound h of a row that demands nothing; rows of a program must be finite.
 
 
@@ -119,7 +121,10 @@ class QuadraticVelocity(VelocityLaw):
             -h, G, none, rows.switching_gain, rows.labels, rows.scale, qdd_min=least,
             qdd_max=greatest,
         )  # fmt: skip
-        answer = self._program.command(program, Task(J, v))
+        try:
+            answer = self._program.command(program, Task(J, v))
+        except InvalidInput as error:
+            raise SolverError(f"beyond the range of floating point: {error}") from error
         if answer.status == "failed":
             return answer
         return replace(answer, qd=answer.qdd, reason=_reason(answer))
@@ -172,8 +177,8 @@ class VelocityQP(QuadraticVelocity):
         solver: str = AUTO,
     ) -> None:
         gains = {"gain": gain, "gain_at_zero": gain_at_zero, "slope_at_zero": slope_at_zero}
-        filter_ = Filter(metric="task", solver=solver, weights=weights)
-        super().__init__(filter_, gains, max_acceleration)
+        nearest = Filter(metric="task", damping=TO_ROUNDING, solver=solver, weights=weights)
+        super().__init__(nearest, gains, max_acceleration)
         self.damping = positive_number("damping", damping)
         self.task_weights = task_weights
         if task_weights is not None:
