@@ -37,6 +37,11 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding "
         "exceeds the gain of",
     ): "what a message says",
+    (
+        "structure.md",
+        " rows  errors  plugins          what all others use: rows φ ≤ 0, task, command; errors; "
+        "registry of parts",
+    ): "a drawing",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they
 cannot.
