@@ -23,7 +23,7 @@ import pytest
 
 from .coverage import ENTERED, Instrumented
 from .mutants import Mutant
-from .targets import COMPARED, QUICK
+from .targets import COMPARED, QUICK, RUNS
 
 IMPORTS = 300
 """Time limit of importing the test files on a busy machine [s]."""
@@ -96,6 +96,13 @@ def _late(*_: object) -> None:
     raise TimeoutError(f"longer than {QUICK} s without the compiler")
 
 
+def _may_be_quick(item: pytest.Item) -> bool:
+    if COMPARED in getattr(item, "fixturenames", ()):
+        return False
+    is_slow = item.get_closest_marker("slow") is not None
+    return not is_slow or item.path.name == Path(RUNS).name
+
+
 class _Watcher:
     def __init__(self, n_functions: int) -> None:
         self.flags = bytearray(n_functions)
@@ -111,7 +118,7 @@ class _Watcher:
         return found
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = [item for item in items if COMPARED not in getattr(item, "fixturenames", ())]
+        items[:] = [item for item in items if _may_be_quick(item)]
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:

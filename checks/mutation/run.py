@@ -20,7 +20,7 @@ from typing import Literal
 from .child import fork, judge, watch
 from .coverage import CoverageCache, Reached, instrumented
 from .mutants import Mutant
-from .targets import QUICK
+from .targets import QUICK, RUNS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -33,9 +33,6 @@ THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "
                "rich.progress", "numpy.testing", "pandas", "scipy.stats", "statsmodels.api",
                "scikit_posthocs")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
-
-RUNS = "tests/test_reproduction.py"
-"""Test file that simulates many runs; as a script it keeps them for its tests."""
 
 SLACK = 20.0
 FACTOR = 10.0

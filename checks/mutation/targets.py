@@ -156,6 +156,12 @@ TESTS = (
 QUICK = 1.0
 """Time limit of a test without the compiler [s]; longer ones are left out."""
 
+RUNS = "tests/test_reproduction.py"
+"""Test file that simulates many runs; as a script it keeps them, and then its tests are quick.
+
+Slow tests of other files are left out.
+"""
+
 COMPARED = "real"
 """Fixture that simulates a whole comparison in other processes, without the mistake.
 
