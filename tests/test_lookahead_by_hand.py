@@ -457,7 +457,9 @@ def test_rows_hold_whose_multipliers_are_no_rounding_of_the_greatest(
     plans.outcome[predictive.PREDICTED] = 2
     plans.space.active[:2] = [0, 1]
     plans.space.work[plan_program.FORCE, :2] = [first, second * PULLING]
-    predictive.mark_active(plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2)
+    predictive.mark_active(
+        plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2
+    )
     np.testing.assert_array_equal(acted, np.array(held, dtype=bool))
     assert plans.outcome[predictive.ACTIVE] == (2 if first else 0)
 
