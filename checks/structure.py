@@ -40,6 +40,7 @@ ROOMS = [
     "reports",
     "paper",
     "arms",
+    "score",
     "cli",
 ]
 """Rooms in the order of their dependencies."""

@@ -14,7 +14,7 @@ import typer
 from .. import __version__
 from ..errors import StorageError, VsconstraintsError, WorkersLost
 from ..plugins.processes import INTERRUPTS, exit_code, obey_signals, signal_of
-from . import arm, campaigns, options, paper, results, scenes, testset
+from . import arm, campaigns, options, paper, results, scenes, score, testset
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
 _HELP = "Compare controllers that keep visual servoing inside its limits."
@@ -42,7 +42,10 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "replay": (scenes.replay, "ur5-fov:tracking ur5-fov:sliding-mode"),
         "frames": (scenes.frames, "ur5-images --out images.gif"),
     },
-    "On an arm": {"run": (arm.run, "ur5-fov --controller cbf-filter --robot loopback://")},
+    "On an arm, or recorded": {
+        "run": (arm.run, "ur5-fov --controller cbf-filter --robot loopback://"),
+        "score": (score.score, "run.csv --scenario ur5-fov"),
+    },
     "The paper, and general questions": {
         "reproduce": (paper.reproduce, "--figure 9"),
         "study": (paper.study, "pareto"),

@@ -18,6 +18,7 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
+OF_PACKAGE = f"{__name__.partition('.')[0]}."  #: Beginning of the names of the package's modules.
 #: Module of classes defined in a notebook or a running script; it differs between processes.
 IN_SESSION = "__main__"
 
@@ -107,14 +108,17 @@ def _spec_of(module: str) -> ModuleSpec | None:
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
-    """Yield every ``module:Class`` that is named as a type or a feature in nested tables."""
+    """Yield every ``module:Class`` that is named as a type or a feature in nested tables.
+
+    Classes of this package are trusted.
+    """
     if isinstance(tables, Mapping):
         for key, inner in tables.items():
             yield from code_named(inner, typed or key in ("type", "feature", "features"))
     elif isinstance(tables, list | tuple):
         for inner in tables:
             yield from code_named(inner, typed)
-    elif typed and isinstance(tables, str) and ":" in tables:
+    elif typed and isinstance(tables, str) and ":" in tables and not tables.startswith(OF_PACKAGE):
         yield tables
 
 
