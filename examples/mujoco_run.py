@@ -31,6 +31,7 @@ def main(path: str) -> None:
     data = mujoco.MjData(model)
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
     data.qpos[:] = START
+    mujoco.mj_forward(model, data)
     with open(path, "w", newline="") as file:
         lines = csv.writer(file)
         lines.writerow(["t", *(f"{n}.position" for n in names), *(f"{n}.velocity" for n in names)])

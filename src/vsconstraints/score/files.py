@@ -80,7 +80,7 @@ def _csv(path: Path) -> dict[str, Array]:
                     f"{path}, line {number}: {len(line)} values for {len(header)} columns"
                 )
             rows.append([_number(text, f"{path}, line {number}") for text in line])
-    values: Array = np.array(rows, dtype=np.float64).reshape(-1, len(header))
+    values: Array = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
     columns: dict[str, Array] = dict(zip(header, values.T, strict=True))
     return columns
 
@@ -108,12 +108,12 @@ def _npz(path: Path) -> dict[str, Array]:
 
     Further arrays are names (n,) of the joints and measured pixels (N, M, 2).
     """
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
     for name in ("t", "q"):
         if name not in arrays:
             raise ConfigurationError(f"{path} has no array {name!r}; it has {', '.join(arrays)}")
-    columns = {"t": np.asarray(arrays["t"], dtype=np.float64)}
+    columns: dict[str, Array] = {"t": np.asarray(arrays["t"], dtype=np.float64)}
     q = np.asarray(arrays["q"])
     names = [str(name) for name in arrays.get("names", range(1, q.shape[1] + 1))]
     for array, prefix in (("q", "q"), ("qd", "qd"), ("qdd_command", "qdd")):

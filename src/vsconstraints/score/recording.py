@@ -48,8 +48,10 @@ class Recording:
             raise ConfigurationError(
                 f"the recording lasts {self.t[-1]:.3g} s, less than a sampling time, {Ts} s"
             )
-        if len(self.t) == N and np.abs(self.t - grid).max() <= ON_GRID * Ts and self.qd is not None:
-            return replace(self, t=grid)
+        pixels = None if self.pixels is None else _pixels_at(grid, self.t, self.pixels)
+        as_it_is = len(self.t) == N and np.abs(self.t - grid).max() <= ON_GRID * Ts
+        if as_it_is and self.qd is not None:
+            return replace(self, t=grid, pixels=pixels)
         if self.qd is not None:
             curve = CubicHermiteSpline(self.t, self.q, self.qd)
         else:
@@ -62,7 +64,7 @@ class Recording:
             q=curve(inside),
             qd=curve(inside, 1),
             qdd=None if self.qdd is None else self.qdd[held],
-            pixels=None if self.pixels is None else _pixels_at(grid, self.t, self.pixels),
+            pixels=pixels,
         )
 
 
