@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from scenes import NOW, random_goal, random_scene, robot
+from vsconstraints.bench.families import Family
 from vsconstraints.constraints import ConstraintSet
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.errors import ConfigurationError, SceneError
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.features import (
     FEATURES,

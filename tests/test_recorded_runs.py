@@ -16,12 +16,13 @@ from typer.testing import CliRunner
 from vsconstraints.cli import app
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics import METRICS
-from vsconstraints.controllers import SlidingMode, Tracking
+from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.plugins.classes import code_named, imported_class
 from vsconstraints.robots.robot import Robot
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.score import read_recording, recorded_trajectory
+from vsconstraints.score import NAME_OF_LAW, Recorded, read_recording, recorded_trajectory
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -297,3 +298,14 @@ def test_a_mujoco_run_is_scored_by_the_command(
     assert isinstance(refused.exception, ConfigurationError)
     assert "would be lost" in str(refused.exception)
     assert RunRecord.load(Path("scored/trajectories/my-arm--run--0.npz")) is not None
+
+
+def test_results_of_recorded_runs_need_no_trust_and_no_file_takes_the_place_of_their_law(
+    tmp_path: Path,
+) -> None:
+    assert not list(code_named({"type": NAME_OF_LAW}))
+    for other in ("vsconstraints.score.py:Recorded", "own.vsconstraints.score:Recorded"):
+        assert list(code_named({"type": other})) == [other]
+    (tmp_path / "vsconstraints" / "score").mkdir(parents=True)
+    (tmp_path / "vsconstraints" / "score" / "scored.py").write_text("raise SystemExit")
+    assert imported_class(NAME_OF_LAW, Controller, tmp_path) is Recorded

@@ -227,12 +227,12 @@ class ViewFeature(Feature):
             near = away(h) + away(-h)
             far = away(2.0 * h) + away(-2.0 * h)
             bend: Array = (16.0 * near - far) / (12.0 * h * h)
-            return bend
-        h = MATRIX_STEP / speed
-        ahead = self.interaction_matrix(view.moved(twist, h), goal)
-        behind = self.interaction_matrix(view.moved(twist, -h), goal)
-        change: Array = (ahead - behind) @ twist
-        return change / (2.0 * h)
+        else:
+            h = MATRIX_STEP / speed
+            ahead = self.interaction_matrix(view.moved(twist, h), goal)
+            behind = self.interaction_matrix(view.moved(twist, -h), goal)
+            bend = (ahead - behind) @ twist / (2.0 * h)
+        return bend
 
 
 def _slope(function: Callable[[float], Array], h: float) -> Array:
