@@ -46,6 +46,7 @@ PARTS = {
     "dynamics": set[str](),
     "images": set[str](),
     "arms": set[str](),
+    "score": set[str](),
     "bench": set[str](),
     "view": {"bench", "images"},
     "paper": {"bench", "view"},
