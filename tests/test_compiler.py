@@ -291,7 +291,7 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-PYTHON = {"checksums", "compiler", "numba_internals"}
+PYTHON = {"accelerator", "checksums", "compiler", "numba_interface", "signatures"}
 """Modules in which nothing is compiled."""
 
 

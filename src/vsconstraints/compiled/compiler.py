@@ -5,10 +5,8 @@ from __future__ import annotations
 import gc
 import hashlib
 import inspect
-import math
 import multiprocessing
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -18,9 +16,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, wraps
 from importlib import import_module
-from numbers import Real
 from pathlib import Path
-from types import CodeType, SimpleNamespace
+from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -29,16 +26,11 @@ from ..formulas import FORMULAS
 from ..plugins import portable
 from . import COMPLAINT, MODULES, VARIABLE
 from .checksums import remove_damaged, seal
+from .signatures import Signature, flatten
 
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
 
-#: Division by zero gives an infinity, as in NumPy. Sums are never reordered, so that results are
-#: reproducible bit by bit.
-OPTIONS = {"error_model": "numpy", "fastmath": False}
-#: For functions that make no arrays. Counting the references to every view of an array takes as
-#: long as the computation.
-IN_PLACE = {**OPTIONS, "_nrt": False}
 #: Value of the environment variable with which a process compiles everything without a helper.
 SINGLE_PROCESS = "alone"
 #: Number of states of a module's code whose compiled files are kept, most recently used first: of
@@ -60,37 +52,27 @@ def _warn(error: Exception) -> None:
         )
 
 
-def _internals() -> Any:
-    """Return :mod:`.numba_internals`, or None if functions stay in Python.
+def _interface() -> Any:
+    """Return :mod:`.numba_interface`, or None if functions stay in Python.
 
     They stay in Python if the environment requires it, or if numba is missing or broken.
     """
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
-        return import_module(f"{__package__}.numba_internals")
+        return import_module(f"{__package__}.numba_interface")
     except Exception as error:  # whatever the failure of the compiler, Python can run the functions
         _warn(error)
         return None
 
 
-internals = _internals()
-numba: Any = internals and internals.numba
-#: Types in signatures; None if nothing is compiled.
-VOID, INT, FLOAT, VECTOR, MATRIX = (
-    getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
-)
-#: ``math`` for functions that run in Python. As in compiled code, the result is NaN or infinity
-#: where ``math`` raises.
-QUIET = SimpleNamespace(
-    **{
-        **vars(math),
-        **{
-            name: getattr(np, name)
-            for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]
-        },
-    }
-)
+interface = _interface()
+numba: Any = interface and interface.numba
+#: Division by zero gives an infinity, as in NumPy. Sums are never reordered, so that results are
+#: reproducible bit by bit.
+OPTIONS = {"error_model": "numpy", "fastmath": False}
+#: For functions that make no arrays.
+IN_PLACE = {**OPTIONS, **(interface.accelerator.IN_PLACE if interface else {})}
 
 
 def compiles() -> bool:
@@ -98,23 +80,7 @@ def compiles() -> bool:
 
     Otherwise they run in Python, about 200 times slower, with the same results.
     """
-    return internals is not None
-
-
-def type_of(example: Any) -> Any:
-    """Return the compiler's type of a structure of arrays, or None if nothing is compiled."""
-    return None if internals is None else numba.typeof(example)
-
-
-def signature(result: Any, *arguments: Any) -> Any:
-    """Return the signature of a function of these types, or None if nothing is compiled."""
-    return None if internals is None else result(*arguments)
-
-
-def _as_compiled(function: Callable[..., Any]) -> None:
-    """Make a function that stays in Python compute as if it were compiled."""
-    if function.__globals__.get("math") is math:
-        function.__globals__["math"] = QUIET
+    return interface is not None
 
 
 _registered: set[Callable[..., Any]] = set()  #: Formulas that compiled code can call.
@@ -126,17 +92,15 @@ def register_formulas(*formulas: Callable[..., Any]) -> None:
     See :mod:`vsconstraints.formulas`.
     """
     for function in (*FORMULAS, *formulas):
-        if function not in _registered and internals is not None:
+        if function not in _registered and interface is not None:
             _registered.add(function)
-            internals.part_of_others(function, {"error_model": "numpy"})
+            interface.part_of_others(function, {"error_model": "numpy"})
 
 
 def inner(function: F, options: dict[str, Any] = OPTIONS) -> F:
     """Let compiled functions call this one, which stays unchanged in Python."""
-    if internals is None:
-        _as_compiled(function)
-    else:
-        internals.part_of_others(function, options)
+    if interface is not None:
+        interface.part_of_others(function, options)
     return function
 
 
@@ -146,7 +110,7 @@ def in_place(function: F) -> F:
 
 
 def compiled(
-    signature: Any,
+    signature: Signature,
     options: dict[str, Any] = OPTIONS,
     formulas: Formulas = (),
     from_python: bool = True,
@@ -154,9 +118,8 @@ def compiled(
     """Make a decorator that compiles for this signature and caches the result on disk.
 
     ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`. The function may call ``formulas`` besides
-    the marked ones. Arguments of other types raise TypeError. A function that is only called by its
-    address, with ``from_python=False``, compiles faster, because code that unpacks whole structures
-    takes long to compile.
+    the marked ones. Arguments of other types raise TypeError. Python does not call a function with
+    ``from_python=False``: compiled code calls it by its address.
 
     If nothing is compiled, the function runs in Python. If the compiler fails for a function with
     ``formulas``, its error is raised. If it fails for another function, a RuntimeWarning gives the
@@ -164,65 +127,38 @@ def compiled(
     """
 
     def decorate(function: F) -> F:
-        global internals
-        if internals is None:
-            return in_python(function, signature)
+        global interface
+        if interface is None:
+            return in_python(function, signature if from_python else None)
         register_formulas(*formulas)
         try:
-            return _compiled(function, internals.jit(signature, from_python, options), formulas)
+            return _compiled(function, interface.jit(signature, from_python, options), formulas)
         except Exception as error:
             if formulas:
                 raise
-            internals = None
+            interface = None
             _warn(error)
-            return in_python(function, signature)
+            return in_python(function, signature if from_python else None)
 
     return decorate
 
 
-def in_python(function: F, signature: Any = None) -> F:
+def in_python(function: F, signature: Signature | None = None) -> F:
     """Return the function as Python runs it, without floating-point warnings.
 
-    If its signature is text, it checks arrays and numbers, and raises TypeError for other types.
+    If a signature is given, arrays and numbers of other types raise TypeError.
     """
-    _as_compiled(function)
-    checks = (
-        _checks(signature) if isinstance(signature, str) and "UniTuple" not in signature else []
-    )
+    declared = flatten(signature.arguments) if signature is not None else []
 
     @wraps(function)
     def quiet(*arguments: Any) -> Any:
-        flat = [x for each in arguments for x in (each if isinstance(each, tuple) else (each,))]
-        for check, argument in zip(checks, flat, strict=False):
-            if not check(argument):
+        for kind, argument in zip(declared, flatten(arguments), strict=False):
+            if not kind.accepts(argument):
                 raise TypeError(f"{function.__name__} does not take {argument!r}")
         with np.errstate(all="ignore"):
             return function(*arguments)
 
     return cast("F", quiet)
-
-
-def _checks(signature: str) -> list[Callable[[Any], bool]]:
-    """Return predicates that check arguments, and entries of tuples, as the compiler would."""
-
-    def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
-        if not (constant or dtype):
-            return lambda x: isinstance(x, (Real, np.bool_))
-        kind = np.dtype((constant or dtype).replace("boolean", "bool"))
-        ndim = int(d or layout.count(",") + 1)
-        any_layout = bool(dtype) and "1" not in layout
-        return lambda x: (
-            isinstance(x, np.ndarray)
-            and x.dtype == kind
-            and x.ndim == ndim
-            and (any_layout or x.flags.c_contiguous)
-        )
-
-    arguments = signature.partition("(")[2].replace("Tuple", "")
-    parts = re.findall(
-        r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments
-    )
-    return [check(*part) for part in parts]
 
 
 def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
@@ -303,7 +239,8 @@ def _state() -> bytes:
     """Hash of this package's code, the compiler, Python and the processor."""
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     texts = b"".join(file.read_bytes() for file in sources())
-    made_by = f"{numba.__version__} {sys.version} {processor} {internals.CHECKS_BOUNDS}"
+    settings = f"{numba.config.BOUNDSCHECK} {interface.accelerator.USED}"
+    made_by = f"{numba.__version__} {sys.version} {processor} {settings}"
     return hashlib.sha256(texts + made_by.encode()).digest()
 
 
@@ -322,6 +259,17 @@ def _meaning(code: CodeType) -> bytes:
         else:
             constants.append(repr(constant).encode())
     return b"\0".join([code.co_code, *constants])
+
+
+def identify(value: Any) -> bytes:
+    """Return bytes that differ if a value differs or, for a function, its code or its closure."""
+    if isinstance(value, FunctionType):
+        cells = [cell.cell_contents for cell in value.__closure__ or ()]
+        parts = [identify(part) for part in (*cells, *(value.__defaults__ or ()))]
+        return b"\0".join([_meaning(value.__code__), *parts])
+    if isinstance(value, np.ndarray):
+        return repr((value.dtype, value.shape)).encode() + value.tobytes()
+    return repr(value).encode()
 
 
 def cache_candidates() -> list[Path]:

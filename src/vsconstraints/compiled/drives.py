@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
     Vector,
@@ -30,7 +32,8 @@ from ..formulas.vectors import (
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
-from .parts import address, checked, struct_loader
+from .parts import address, call_int_pointer, checked, struct_loader
+from .signatures import FLAG, INT, MATRIX, VOID, signature
 from .workspace import zeros
 
 register_formulas()
@@ -53,7 +56,7 @@ def factor(M: Array, L: Array) -> None:
         for k in range(j):
             rest -= L[j, k] * L[j, k]
         # NaN if M is not positive definite: the speeds become NaN as well, which is detected
-        inverse = 1.0 / math.sqrt(rest) if rest > 0.0 else math.nan
+        inverse = 1.0 / np.sqrt(rest) if rest > 0.0 else math.nan
         L[j, j] = inverse
         for i in range(j + 1, len(M)):
             rest = M[i, j]
@@ -122,7 +125,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         if bodies.prismatic[i]:
             along = q[i]
         else:
-            placement = product(placement, turn_about(axis, math.sin(q[i]), math.cos(q[i])))
+            placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
         R = product(R, placement)
         z = rotate(R, axis)
         r = add_scaled(r, along, z)
@@ -284,7 +287,7 @@ def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
         speed = memory.qd_c[j] + h * command[j]
         memory.q_c[j] += h * memory.qd_c[j]
         if abs(speed) > drive.speed[j]:
-            speed = math.copysign(drive.speed[j], speed)
+            speed = np.copysign(drive.speed[j], speed)
             memory.q_c[j] += 0.5 * h * (speed - memory.qd_c[j])
         else:
             memory.q_c[j] += 0.5 * h * h * command[j]
@@ -298,7 +301,7 @@ def dry_friction(drive: Drive, j: int, speed: float) -> float:
     if more == 0.0:
         return float(drive.coulomb[j])
     ratio = speed / drive.stribeck[j]
-    return float(drive.coulomb[j] + more * math.exp(-ratio * ratio))
+    return float(drive.coulomb[j] + more * np.exp(-ratio * ratio))
 
 
 @in_place
@@ -332,7 +335,7 @@ def apply_friction(arm: Arm, qd: Array) -> None:
                 if k != j:
                     pull -= M[max(j, k), min(j, k)] * (v[k] - arm.after[k])
             left = abs(pull) - h * dry_friction(drive, j, qd[j])
-            speed = math.copysign(max(left, 0.0) / (M[j, j] + h * drive.viscous[j]), pull)
+            speed = np.copysign(max(left, 0.0) / (M[j, j] + h * drive.viscous[j]), pull)
             change = max(change, abs(speed - v[j]))
             v[j] = speed
         if change <= SETTLED * greatest:
@@ -410,7 +413,7 @@ load_arm = struct_loader(zeros(Arm))
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX), IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
     """Begin a run at the state x (s, n).
 
@@ -433,9 +436,8 @@ def begin(arm_address: int, x: Array) -> None:
             memory.under_way[i, j] = memory.torque[j]
 
 
-@checked(Arm)
-@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
-def drive_period(arm_address: int, x: Array) -> int:
+@compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
+def drive_period_at(arm_address: int, x: Array) -> int:
     """Move the arm through a period. Return 0, or 1 if the motion is unbounded.
 
     The state x (s, n) contains q and q̇ first, and the command last but one.
@@ -458,17 +460,25 @@ def drive_period(arm_address: int, x: Array) -> int:
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX, FLAG), IN_PLACE)
 def drive_substep(arm_address: int, x: Array, first: bool) -> None:
     """Call :func:`drive` in a simulation whose motion another program integrates."""
     drive(load_arm(arm_address), x[0], x[1], x[-2], first)
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX), IN_PLACE)
 def end_substep(arm_address: int, x: Array) -> None:
     """Call :func:`update_motion` in a simulation whose motion another program integrates."""
     update_motion(load_arm(arm_address), x[0], x[1])
 
 
-MOVE = address(drive_period)  #: Address of the function that moves an arm through a period.
+MOVE = address(drive_period_at)  #: Address of the function that moves an arm through a period.
+
+
+@checked(Arm, calls=MOVE)
+@compiled(signature(INT, INT, INT, MATRIX), IN_PLACE)
+def drive_period(function: int, arm_address: int, x: Array) -> int:
+    """Call :func:`drive_period_at` from Python."""
+    code: int = call_int_pointer(function, (arm_address, x))
+    return code

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from ..formulas.tracking import JUST_BEFORE, gains, held_gains, held_rest, retargeted
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
-from .laws import RESOLVER, load_law
+from .laws import RESOLVER, load_law, share_without_baseline
 from .linear import copy_vector
-from .parts import call_int_pointer, load_step, struct_loader
+from .parts import call_int_pointer, load_step, share, struct_loader
 from .resolving import valid
 from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, TaskArrays, zeros
 
@@ -69,6 +71,9 @@ class GovernorArrays(NamedTuple):
     rise: Annotated[Array, F8, 2]
     nearest_Jt: Annotated[Array, F8, "m", "n", "k"]
     slope: Annotated[Array, F8, "m", "n"]
+    #: Task whose goal is at the reference, and the answer of the underlying law to it.
+    moved: TaskArrays
+    answer: Answer
 
 
 load_governor = struct_loader(zeros(GovernorArrays))
@@ -96,7 +101,7 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
     speed = own.settings[SPEED]
     total = along = squared = length = gradient[:] = 0.0
     for i in range(own.least.size):
-        weight = math.exp(-own.settings[SHARPNESS] * (own.least[i] - least))
+        weight = np.exp(-own.settings[SHARPNESS] * (own.least[i] - least))
         total += weight
         if weight > NEGLIGIBLE:
             Jt = own.nearest_Jt[i]
@@ -109,13 +114,13 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
         along += gradient[j] * (own.trial[j] - r[j])
         squared += gradient[j] * gradient[j]
     if squared > 0.0:
-        h = least - own.settings[MARGIN] - math.log(total) / own.settings[SHARPNESS]
+        h = least - own.settings[MARGIN] - np.log(total) / own.settings[SHARPNESS]
         share = max(-own.settings[ALPHA] * h * period - along, 0.0) / squared
         for j in range(r.size):
             own.trial[j] += share * gradient[j]
             length += (own.trial[j] - r[j]) ** 2
-        for j in range(r.size if math.sqrt(length) > period * speed else 0):
-            own.trial[j] = r[j] + (own.trial[j] - r[j]) * period * speed / math.sqrt(length)
+        for j in range(r.size if np.sqrt(length) > period * speed else 0):
+            own.trial[j] = r[j] + (own.trial[j] - r[j]) * period * speed / np.sqrt(length)
 
 
 @in_place
@@ -137,8 +142,8 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
     own.counts[MOVES] = 0
     for i in range(r.size):
         squared += r[i] * r[i]
-    size = max(math.sqrt(squared), SETTLING * speed)
-    strength = step * math.sqrt(squared) / size / (influence - margin)
+    size = max(np.sqrt(squared), SETTLING * speed)
+    strength = step * np.sqrt(squared) / size / (influence - margin)
     for i in range(r.size):
         own.trial[i] -= step * r[i] / size
     if barrier and step > 0.0:
@@ -153,7 +158,7 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
         squared = 0.0
         for j in range(r.size):
             squared += outwards[j] * outwards[j]
-        share = strength * (influence + own.sigma[i]) / math.sqrt(squared) if squared > 0.0 else 0.0
+        share = strength * (influence + own.sigma[i]) / np.sqrt(squared) if squared > 0.0 else 0.0
         for j in range(r.size):
             own.trial[j] -= share * outwards[j]
     for i in range(r.size):
@@ -190,7 +195,7 @@ def aim(
     now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
     Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
     # with a barrier the reference may be far away, and far goals are tracked more slowly
-    h *= math.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
+    h *= np.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
     then = held_gains(Kp, Kv, h)
     for i in range(own.b.size):
         own.b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
@@ -350,10 +355,9 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
     if stage in (ALL, CONCLUDE):
         aim(own, task, own.reference, 0.0)
         if own.law != 0:
-            moved = TaskArrays(task.J, own.b, own.error, task.error_rate, task.rest)
+            share(own.moved, (task.J, own.b, own.error, task.error_rate, task.rest))
             # the unconstrained baseline is not the command of the moved task
-            own_answer = Answer(
-                answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0]
-            )
-            return call_int_pointer(load_law(own.law).resolver, (own.law, rows, moved, own_answer))
+            share_without_baseline(own.answer, answer)
+            resolver = load_law(own.law).resolver
+            return call_int_pointer(resolver, (own.law, rows, own.moved, own.answer))
     return SOLVED

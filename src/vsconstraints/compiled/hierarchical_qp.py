@@ -5,7 +5,7 @@ They pass their bounds and objectives to :func:`vsconstraints.compiled.hierarchy
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..formulas.row import BOUND, share
 from ..rows import Array
@@ -42,7 +42,7 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     for j in range(qdd.size):
         kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
     for i in range(rows.phi.size):
-        influenced = math.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
+        influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
         law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
         kappa = min(kappa, law.tracked[i])
     for j in range(qdd.size):

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
+
+import numpy as np
 
 from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, extended, newton
 from ..rows import Array
-from .parts import address, make_part, to_fixed_tuple
+from .compiler import IN_PLACE, compiled
+from .parts import address, call_int_pointer, make_part, to_fixed_tuple
+from .signatures import FLAG, INT, MATRIX, VECTOR, signature
 
 #: Entries of an eye before the coefficients of its lens: F_u, F_v, the principal point, and the
 #: reach of the lens.
@@ -38,7 +42,7 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
                 x = found[0]
                 y = found[1]
             elif not math.isnan(x + y):
-                share = min(1.0, INSIDE * reach / max(math.sqrt(x * x + y * y), INSIDE * reach))
+                share = min(1.0, INSIDE * reach / max(np.sqrt(x * x + y * y), INSIDE * reach))
                 x = share * x
                 y = share * y
                 dx, dy, off = newton(lens, (x, y), image, reach, coefficients)
@@ -53,22 +57,33 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
                     else:
                         dx = 0.5 * dx
                         dy = 0.5 * dy
-                refused += not (off <= ACCURACY and math.sqrt(x * x + y * y) <= reach)
+                refused += not (off <= ACCURACY and np.sqrt(x * x + y * y) <= reach)
             out[i, 0], out[i, 1] = eye[0] * x + eye[2], eye[1] * y + eye[3]
         return refused
 
     return through
 
 
+@compiled(signature(INT, INT, VECTOR, MATRIX, MATRIX, FLAG), IN_PLACE)
+def call_lens(lens: int, eye: Array, pixels: Array, out: Array, back: bool) -> int:
+    """Call the function of a lens at an address; see :func:`template`."""
+    code: int = call_int_pointer(lens, (eye, pixels, out, back))
+    return code
+
+
 @cache
-def through(model: str) -> Any:
+def _compile_lens(model: str) -> Any:
     """Return the compiled function of a kind of lens, kept for the lifetime of the process."""
     kind = MODELS[model]
-    numbers = "float64[:, ::1]"
-    signature = f"int64(float64[::1], {numbers}, {numbers}, boolean)"
-    return make_part(template, (kind.lens,), (max(kind.counts),), signature, from_python=True)
+    arguments = signature(INT, VECTOR, MATRIX, MATRIX, FLAG)
+    return make_part(template, (kind.lens,), (max(kind.counts),), arguments)
 
 
 def address_of(model: str) -> int:
     """Return the address of the compiled function of a kind of lens."""
-    return address(through(model))
+    return address(_compile_lens(model))
+
+
+def through(model: str) -> Callable[[Array, Array, Array, bool], int]:
+    """Return the function of a kind of lens that Python calls; see :func:`template`."""
+    return partial(call_lens, address_of(model))

@@ -12,8 +12,8 @@ from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, load_law
 from .linear import copy_vector
-from .parts import call_int_pointer, struct_loader
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+from .parts import call_int_pointer, share, struct_loader
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
 
 class ObserverArrays(NamedTuple):
@@ -31,6 +31,7 @@ class ObserverArrays(NamedTuple):
     Lf: Array
     sigma: Array
     sigma_dot: Array
+    corrected: RowArrays  #: Corrected rows, which share the other fields of the rows.
 
     @classmethod
     def of(
@@ -38,9 +39,20 @@ class ObserverArrays(NamedTuple):
     ) -> ObserverArrays:
         """Return an observer that has no observations yet."""
         seen = np.full((3, m), math.nan)
-        rows = [np.zeros(m) for _ in range(4)]
         seen[2] = 0.0
-        return cls(law, period, time_constant, dead_time, seen, seen.copy(), *rows)
+        return cls(
+            law,
+            period,
+            time_constant,
+            dead_time,
+            seen,
+            after=seen.copy(),
+            phi=np.zeros(m),
+            Lf=np.zeros(m),
+            sigma=np.zeros(m),
+            sigma_dot=np.zeros(m),
+            corrected=zeros(RowArrays),
+        )
 
 
 load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
@@ -79,19 +91,23 @@ def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if rows.sigma.size != m or rows.sigma_dot.size != m or rows.K.size != m or rows.phi.size != m:
         return NEEDS_PYTHON
     correct(own, rows)
-    corrected = RowArrays(
-        own.phi,
-        rows.Lg,
-        own.Lf,
-        own.sigma,
-        own.sigma_dot,
-        rows.K,
-        rows.switching_gain,
-        rows.scale,
-        rows.qdd_min,
-        rows.qdd_max,
+    share(
+        own.corrected,
+        (
+            own.phi,
+            rows.Lg,
+            own.Lf,
+            own.sigma,
+            own.sigma_dot,
+            rows.K,
+            rows.switching_gain,
+            rows.scale,
+            rows.qdd_min,
+            rows.qdd_max,
+        ),
     )
-    code: int = call_int_pointer(load_law(own.law).resolver, (own.law, corrected, task, answer))
+    resolver = load_law(own.law).resolver
+    code: int = call_int_pointer(resolver, (own.law, own.corrected, task, answer))
     if code == SOLVED or code >= RELAXED_ROWS:
         for part in range(3):
             copy_vector(own.seen[part], own.after[part])

@@ -214,7 +214,7 @@ def eliminate(k: int, factor: Factor) -> bool:
             if i == j:
                 if not L[j, j] > 0.0:
                     return False
-                inverse[j] = 1.0 / math.sqrt(L[j, j])
+                inverse[j] = 1.0 / np.sqrt(L[j, j])
             L[i, j] *= inverse[j]
     for i in range(n):
         for c in range(i):
@@ -511,13 +511,14 @@ def state_row(
         i = row % m
         X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
-    length = math.sqrt(dot(X, NEW, X, NEW, START, space.p))
+    length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
     # the gradient of a bound of the box cannot vanish, and there may be no other rows
     if row < limits.left.size and length <= ZERO_GRADIENT * limits.scale[row % m]:
         return math.nan
     for j in range(space.p):
         X[NEW, j] /= length
-    return side / length
+    distance: float = side / length
+    return distance
 
 
 @in_place
@@ -647,14 +648,14 @@ def soften(
         over = excess(limits, space, row)
         if over > 0.0:
             differentiate(cost, factor, limits, row, space.adjoint, X)
-            length = math.sqrt(dot(X, NEW, X, NEW, START, first))
+            length = np.sqrt(dot(X, NEW, X, NEW, START, first))
             if length > ZERO_GRADIENT * limits.scale[row % m]:
                 size = max(size, over / length)
-                total += math.log(length * weights[row % m] / limits.scale[row % m])
+                total += np.log(length * weights[row % m] / limits.scale[row % m])
                 count += 1
     penalty = strength * (size if size > 0.0 else 1.0)
     for i in range(m):
-        space.gives[i] = math.exp(total / max(count, 1)) * limits.scale[i] / weights[i]
+        space.gives[i] = np.exp(total / max(count, 1)) * limits.scale[i] / weights[i]
         X[NEW] = 0.0
         X[NEW, first + i] = -1.0
         copy(X, TURNED, X, NEW, space.p)

@@ -324,7 +324,7 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
         for t in range(count):
             value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)
             if drift != 0.0:
-                value -= drift * math.expm1(-plans.times[t] / plans.fading)
+                value -= drift * np.expm1(-plans.times[t] / plans.fading)
             for j in range(n):
                 plans.gradient[t, i, j] = by * plans.seen[t, plans.at[GRADIENT] + i * n + j]
                 value -= plans.gradient[t, i, j] * plans.space.moved[1 if on_phi else 0, t, j]
@@ -343,14 +343,14 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
     for t in range(count - 1):
         brakes = t + 1 == N
         plans.falls[t] = (
-            0.0 if brakes else math.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
+            0.0 if brakes else np.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
         )
         for i in range(m):
             plans.left[t, i] = 0.0
             if brakes:
                 # a row violated now may return as slowly; the first state does not depend on the
                 # plan
-                outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
+                outside = max(plans.value[0, i], 0.0) * np.exp(-plans.times[N] / plans.approach)
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
             steepest = 0.0
             for j in range(plans.then.size):

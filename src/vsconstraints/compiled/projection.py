@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
@@ -39,8 +39,9 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
     for j in range(J.shape[1]):
         size += X[UNIT, j] * X[UNIT, j]
     for j in range(J.shape[1] if size > 0.0 else 0):
-        X[UNIT, j] /= math.sqrt(size)
-    return largest * math.sqrt(error)
+        X[UNIT, j] /= np.sqrt(size)
+    norm: float = largest * np.sqrt(error)
+    return norm
 
 
 @compiled(RESOLVER, from_python=False)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..rows import Array
 from ..rows.checks import FARTHEST, ROUNDING
 from .compiler import in_place, inner
@@ -61,7 +63,7 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
     squared = 0.0
     for j in range(qdd.size):
         squared += qdd[j] * qdd[j]
-    law.effort[0] = math.sqrt(squared) if law.tracks else math.nan
+    law.effort[0] = np.sqrt(squared) if law.tracks else math.nan
     write_rates(rows.Lg, qdd, tracked)
     return tracked
 

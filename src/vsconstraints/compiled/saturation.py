@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ..formulas.row import BOUND
 from ..rows import Array, BoolArray
 from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
@@ -99,7 +101,8 @@ def missed(J: Array, X: Array) -> bool:
     for i in range(J.shape[0]):
         along = away(J, i, X, WHOLE, X, TRACKING)
         residual += along * along
-    return math.sqrt(residual) > STRICT * math.sqrt(squares(J, n)) * math.sqrt(far)
+    increased: bool = np.sqrt(residual) > STRICT * np.sqrt(squares(J, n)) * np.sqrt(far)
+    return increased
 
 
 @inner
@@ -115,7 +118,7 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
     at = START
     W = blank(scratch, m + 2 * n, n + 1)
     for i in range(m):
-        size = math.sqrt(law.squared[i])
+        size = np.sqrt(law.squared[i])
         influenced = size > ZERO_GRADIENT * rows.scale[i]
         acted[i] = c[i] != math.inf and (influenced or c[i] < 0.0)
         if acted[i]:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..formulas.row import BOUND
 from ..rows import Array
 from .compiler import compiled, inner
@@ -95,7 +97,7 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     for d in range(p):
         for i in range(m):
             A[i, d], c[i] = dot(rows.Lg, i, T, d, START, n), law.asked[i]
-            scale[i] = max(rows.scale[i], math.sqrt(law.squared[i]))
+            scale[i] = max(rows.scale[i], np.sqrt(law.squared[i]))
         for j in range(n):
             A[m + j, d], c[m + j] = T[d, j], box[GREATEST, j]
             A[m + n + j, d], c[m + n + j] = -T[d, j], -box[LEAST, j]

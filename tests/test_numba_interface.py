@@ -1,4 +1,4 @@
-"""What is assumed of private parts of numba, run on the installed version."""
+"""Memory and functions that compiled code uses by their addresses."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import available, load
+from vsconstraints.compiled.signatures import INT, VECTOR, Reference, signature
 from vsconstraints.compiled.workspace import RowArrays, Size, Workspace
 from vsconstraints.errors import InvalidInput
 
@@ -49,9 +50,7 @@ def outer() -> Outer:
 
 
 def test_compiled_code_reads_what_is_packed():
-    """The layout of arrays, tuples and records in memory; Python reads the same by the same
-    address.
-    """
+    """Numbers, arrays, inner structures and records; Python reads the same by the same address."""
     compiler = load("compiler")
     parts = load("parts")
     load_outer = parts.struct_loader(outer())
@@ -76,15 +75,13 @@ def test_compiled_code_reads_what_is_packed():
 
 
 def test_functions_are_called_by_their_address():
-    """By numba's convention of calls, with numbers, arrays and whole structures; in Python through
-    a registry.
-    """
+    """With numbers, arrays and structures; in Python through a registry."""
     compiler = load("compiler")
     parts = load("parts")
     numba = compiler.numba
     load_outer = parts.struct_loader(outer())
 
-    @numba.njit(compiler.signature(compiler.INT, compiler.VECTOR, compiler.type_of(outer().inner)))
+    @compiler.compiled(signature(INT, VECTOR, Reference(outer().inner)), from_python=False)
     def add(x: Any, inner: Any) -> int:
         x[0] += inner.number
         return x.size
