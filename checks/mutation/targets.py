@@ -63,6 +63,7 @@ NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src
 
 COMPILER = (
     "accelerator",
+    "cache",
     "checksums",
     "compiler",
     "numba_interface",

@@ -7,7 +7,8 @@ They are used only with the versions of numba in :data:`KNOWN`. With another ver
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -154,6 +155,22 @@ def array_writer() -> Any:
         return numba.types.void(structure, arrays), generate
 
     return write
+
+
+@contextmanager
+def without_vectorization() -> Iterator[None]:
+    """Compile without vectorization of loops.
+
+    Loops run over a few joints or rows: vectorization makes no step faster, but compilation 10 %
+    slower.
+    """
+    config = numba.config
+    before = config.LOOP_VECTORIZE
+    config.LOOP_VECTORIZE = 0 if USED else before
+    try:
+        yield
+    finally:
+        config.LOOP_VECTORIZE = before
 
 
 def entry_point(function: Any) -> Callable[..., Any]:

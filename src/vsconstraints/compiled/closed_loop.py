@@ -11,7 +11,7 @@ from .laws import apply_law, load_law
 from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
-from .workspace import RELAXED_ROWS, SOLVED, Answer, zeros
+from .workspace import RELAXED_ROWS, SOLVED, TOLERANCE, Answer, zeros
 
 for name in (
     "put",
@@ -75,10 +75,9 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             ):
                 return k, STEP
             # the simulated world precedes; the controller's time starts here
-            if parts.observe != 0:
-                arguments = parts.sensing, true, believed, t, k
-                if call_int_pointer(parts.observe, arguments) != 0:
-                    return k, STEP
+            sample = parts.sensing, true, believed, t, k
+            if parts.observe != 0 and call_int_pointer(parts.observe, sample) != 0:
+                return k, STEP
             started = now(loop.clock)
             if call_int_pointer(evaluate, (believed, t, q, qd)) != 0:
                 return k, STEP
@@ -95,10 +94,9 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         if stage == ALONE and math.isnan(loop.alone[0]):
             tracking = load_law(parts.baseline)
             task = loop.task
-            call_int_pointer(
-                tracking.track,
-                (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone),
-            )
+            tolerance = tracking.options[TOLERANCE]
+            arguments = tracking.scratch, task.J, task.b, tolerance, task.rest, loop.alone
+            call_int_pointer(tracking.track, arguments)
         samples.finish(loop, k)
         k = k + 1
         stage = STEP

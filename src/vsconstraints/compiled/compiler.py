@@ -1,43 +1,31 @@
-"""Compilation of this package's functions, their fallback to Python, and the disk cache."""
+"""Compilation of this package's functions, and their fallback to Python."""
 
 from __future__ import annotations
 
 import gc
-import hashlib
-import inspect
 import multiprocessing
 import os
-import shutil
 import subprocess
 import sys
-import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, wraps
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import wraps
 from importlib import import_module
-from pathlib import Path
-from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from ..formulas import FORMULAS
-from ..plugins import portable
 from . import COMPLAINT, MODULES, VARIABLE
+from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, state_of
 from .checksums import remove_damaged, seal
 from .signatures import Signature, flatten
 
 F = TypeVar("F", bound=Callable[..., Any])
-Formulas = Sequence[Callable[..., Any]]
 
 #: Value of the environment variable with which a process compiles everything without a helper.
 SINGLE_PROCESS = "alone"
-#: Number of states of a module's code whose compiled files are kept, most recently used first: of
-#: functions without formulas of their own, and with them. Length of the hash in folder names.
-KEPT = 8
-KEPT_PARTS = 64
-HASH = 16
 _warned: list[Exception] = []  #: Reason why nothing is compiled, once a warning has given it.
 
 
@@ -162,22 +150,18 @@ def in_python(function: F, signature: Signature | None = None) -> F:
 
 
 def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
-    config = numba.config
-    before = config.CACHE_DIR, config.LOOP_VECTORIZE
-    with _writable(cache_of(function, formulas)) as folder:
-        # loops run over a few joints or rows: vectorisation makes no step faster, but compilation
-        # 10 % slower
-        config.CACHE_DIR = str(folder)
-        config.LOOP_VECTORIZE = 0
-        try:
-            with compile_lock(folder):
-                pattern = f"*.{function.__name__}-*.nb[ci]"
-                remove_damaged([*folder.rglob(pattern)])
-                result = _compile_or_read(jit, function)
-                seal([*folder.rglob(pattern)])
-                return result
-        finally:
-            config.CACHE_DIR, config.LOOP_VECTORIZE = before
+    settings = f"{numba.__version__} {sys.version} {interface.settings()}"
+    made = CachedFunction(function, state_of(settings, formulas), interface.cache_folder(function))
+    if made.files:
+        made.note_use()
+    else:
+        _announce(function, formulas, made)
+        made.remove_old((KEPT_WITH_FORMULAS if formulas else KEPT) - 1)
+    with made.lock(), interface.accelerator.without_vectorization():
+        remove_damaged(made.files)
+        result = _compile_or_read(jit, function)
+        seal(made.files)
+        return result
 
 
 def _compile_or_read(jit: Any, function: F) -> F:
@@ -195,166 +179,33 @@ def _compile_or_read(jit: Any, function: F) -> F:
     return result
 
 
-@contextmanager
-def compile_lock(folder: Path) -> Iterator[None]:
-    """Lock a cache folder, so that one process compiles a function and the others read it."""
-    with ExitStack() as stack:
-        # without file locks, each process compiles for itself
-        with suppress(OSError):
-            portable.lock(stack.enter_context((folder / "lock").open("w")), wait=True)
-        yield
-
-
-@contextmanager
-def _writable(folder: Path) -> Iterator[Path]:
-    """Yield the folder or, if it cannot be written, a temporary copy of it.
-
-    Numba needs a writable folder, even to read.
-    """
-    if os.access(folder, os.W_OK | os.X_OK):
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(prefix="vsconstraints-") as copy:
-        shutil.copytree(folder, copy, copy_function=shutil.copyfile, dirs_exist_ok=True)
-        for path in (Path(copy), *Path(copy).rglob("*")):
-            path.chmod(0o755)
-        yield Path(copy)
-
-
-#: Files outside this folder and ``formulas`` that define constants of compiled code. Compiled code
-#: contains no reference to them.
-OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
-
-
-def sources() -> list[Path]:
-    """List every file that compiled code may be made of."""
-    package = Path(__file__).parent.parent
-    folders = (package / "compiled", package / "formulas")
-    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
-    return [*files, *(package / other for other in OTHERS)]
-
-
-@cache
-def _state() -> bytes:
-    """Hash of this package's code, the compiler, Python and the processor."""
-    processor = import_module("llvmlite.binding").get_host_cpu_name()
-    texts = b"".join(file.read_bytes() for file in sources())
-    settings = f"{numba.config.BOUNDSCHECK} {interface.accelerator.USED}"
-    made_by = f"{numba.__version__} {sys.version} {processor} {settings}"
-    return hashlib.sha256(texts + made_by.encode()).digest()
-
-
-def _meaning(code: CodeType) -> bytes:
-    """Return bytes that identify the behaviour of a function and are equal in every process.
-
-    The ``repr`` of its constants would differ: it contains the addresses of inner functions, and
-    sets of strings in any order.
-    """
-    constants = []
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            constants.append(_meaning(constant))
-        elif isinstance(constant, frozenset):
-            constants.append(repr(sorted(map(repr, constant))).encode())
-        else:
-            constants.append(repr(constant).encode())
-    return b"\0".join([code.co_code, *constants])
-
-
-def identify(value: Any) -> bytes:
-    """Return bytes that differ if a value differs or, for a function, its code or its closure."""
-    if isinstance(value, FunctionType):
-        cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        parts = [identify(part) for part in (*cells, *(value.__defaults__ or ()))]
-        return b"\0".join([_meaning(value.__code__), *parts])
-    if isinstance(value, np.ndarray):
-        return repr((value.dtype, value.shape)).encode() + value.tobytes()
-    return repr(value).encode()
-
-
-def cache_candidates() -> list[Path]:
-    """List the folders in which compiled code may be stored.
-
-    This is ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is a folder beside the code, then the
-    user's cache, which a user without a home does not have.
-    """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen:
-        return [Path(chosen)]
-    beside = Path(__file__).parent / "__pycache__"
-    users = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    # without a home, ``~`` is not expanded
-    return [beside] if users.startswith("~") else [beside, Path(users) / "vsconstraints"]
-
-
-def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
-    """Return the folder in which a compiled function is stored.
-
-    Each state of the function's code, the compiler, Python and the processor has its own folder.
-    Numba alone would compare only the file of the function, and would miss changes of the functions
-    that it calls. The folder is created in the first of :func:`cache_candidates` that can be
-    written. A folder that cannot be written but contains the function is accepted as well.
-
-    Raises
-    ------
-    OSError
-        if none of these can be written.
-    """
-    state = hashlib.sha256(_state())
-    for formula in formulas:
-        # the module of a custom formula may contain the functions that it calls
-        with suppress(OSError):
-            state.update(Path(inspect.getsourcefile(formula) or "").read_bytes())
-        state.update(_meaning(formula.__code__))
-    made_for = "".join(f".{formula.__name__}" for formula in formulas)
-    name = f"{function.__module__.rpartition('.')[2]}{made_for}-{state.hexdigest()[:HASH]}"
-    candidates = cache_candidates()
-    for folder in candidates:
-        with suppress(OSError):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-        if os.access(folder / name, os.W_OK | os.X_OK):
-            return folder / name
-        if next((folder / name).rglob(f"*.{function.__name__}-*.nbi"), None) is not None:
-            return folder / name
-    refused = " or ".join(map(str, candidates))
-    raise OSError(
-        f"no folder to keep compiled code in: cannot write {refused}; NUMBA_CACHE_DIR names "
-        f"another one"
-    )
-
-
 #: Kept, because Python warns about a process that nothing refers to.
 _helpers: list[subprocess.Popen[bytes]] = []
-_announced: set[Path] = set()  #: Caches that this process has announced to fill.
+_announced = False  #: True if this process has announced a compilation.
 
 
-def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
-    """Return the cache folder and remove old ones; announce a compilation if it is needed."""
-    folder = cache_folder(function, formulas)
-    with suppress(OSError):
-        os.utime(folder)
-        states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
-        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[
-            KEPT_PARTS if formulas else KEPT :
-        ]:
-            shutil.rmtree(old, ignore_errors=True)
-    missing = next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None
+def _announce(function: Callable[..., Any], formulas: Formulas, made: CachedFunction) -> None:
+    """Announce once that something is compiled, and let another process compile the rest."""
+    global _announced
     # workers compile what their command has already announced
-    if missing and folder.parent not in _announced and multiprocessing.parent_process() is None:
-        _announced.add(folder.parent)
-        part = folder.name.rpartition("-")[0]
-        print(f"vsconstraints: {_announcement(part, folder.parent)}", file=sys.stderr, flush=True)
-        own = function.__module__.rpartition(".")[2]
-        _share(name for name in reversed(MODULES) if name != own)
-    return folder
-
-
-def _announcement(part: str, kept_in: Path) -> str:
-    """Return the message about a compilation: of the control step, or of a missing part."""
-    state = hashlib.sha256(_state()).hexdigest()[:HASH]
-    if next(kept_in.glob(f"*-{state}/**/*.nbi"), None) is None:
-        return f"compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
-    return f"compiling more, from {part} on, which nothing has needed before; kept in {kept_in}"
+    if _announced or multiprocessing.parent_process() is not None:
+        return
+    _announced = True
+    module = function.__module__.rpartition(".")[2]
+    part = ".".join([module, *(formula.__name__ for formula in formulas)])
+    what = (
+        "compiling the control step, once, for 10 to 30 s"
+        if made.is_first
+        else f"compiling more, from {part} on, which nothing has needed before"
+    )
+    slow = (
+        ""
+        if interface.accelerator.is_known()
+        else (f"; numba {numba.__version__} is newer than those whose compilation is accelerated")
+    )
+    note = f"vsconstraints: {what}{slow}; kept in {made.folder}"
+    print(note, file=sys.stderr, flush=True)
+    _share(name for name in reversed(MODULES) if name != module)
 
 
 def _share(modules: Iterable[str]) -> None:

@@ -15,7 +15,24 @@ from .laws import RESOLVER, load_law, share_without_baseline
 from .linear import copy_vector
 from .parts import call_int_pointer, load_step, share, struct_loader
 from .resolving import valid
-from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, TaskArrays, zeros
+from .workspace import (
+    F8,
+    I8,
+    KP0,
+    KP_SLOPE,
+    KV_FACTOR,
+    NEEDS_PYTHON,
+    REST_DAMPING,
+    REST_STIFFNESS,
+    SOLVED,
+    STAGE,
+    TOLERANCE,
+    Answer,
+    LawArrays,
+    RowArrays,
+    TaskArrays,
+    zeros,
+)
 
 #: Entries of ``counts``: goal of the reference (−1 before the first sample), current goal, 1 if a
 #: moved reference is being tested, and next state to evaluate (−1 if none).
@@ -106,7 +123,9 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
         if weight > NEGLIGIBLE:
             Jt = own.nearest_Jt[i]
             slope = own.slope[i]
-            call_int_pointer(law.track, (law.scratch, Jt, slope, law.options[0], own.rest[:0], one))
+            call_int_pointer(
+                law.track, (law.scratch, Jt, slope, law.options[TOLERANCE], own.rest[:0], one)
+            )
             for j in range(r.size):
                 gradient[j] -= weight * one[j]
     for j in range(r.size if total > 0.0 else 0):
@@ -153,7 +172,8 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
             continue
         # ∇sσ for the smallest joint motion that moves the feature in this way
         call_int_pointer(
-            law.track, (law.scratch, own.Jt, own.Lg[i], law.options[0], own.rest[:0], outwards)
+            law.track,
+            (law.scratch, own.Jt, own.Lg[i], law.options[TOLERANCE], own.rest[:0], outwards),
         )
         squared = 0.0
         for j in range(r.size):
@@ -192,10 +212,10 @@ def aim(
         own.error[i] = task.error[i] - reference[i]
         far += task.error[i] * task.error[i]
         near += own.error[i] * own.error[i]
-    now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
-    Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
+    now = gains(far, own.tracking[KP0], own.tracking[KP_SLOPE], own.tracking[KV_FACTOR])
+    Kp, Kv = gains(near, own.tracking[KP0], own.tracking[KP_SLOPE], own.tracking[KV_FACTOR])
     # with a barrier the reference may be far away, and far goals are tracked more slowly
-    h *= np.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
+    h *= np.sqrt(own.tracking[KP0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
     then = held_gains(Kp, Kv, h)
     for i in range(own.b.size):
         own.b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
@@ -248,8 +268,10 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
     for i in range(own.b.size if k >= N else 0):
         own.b[i] = -own.error[i]
     for j in range(rest.size):
-        rest[j] = held_rest(task.rest[j], qd[j], own.tracking[3], own.tracking[4], h)
-    call_int_pointer(law.track, (law.scratch, task.J, own.b, law.options[0], rest, qdd))
+        rest[j] = held_rest(
+            task.rest[j], qd[j], own.tracking[REST_DAMPING], own.tracking[REST_STIFFNESS], h
+        )
+    call_int_pointer(law.track, (law.scratch, task.J, own.b, law.options[TOLERANCE], rest, qdd))
     for j in range(n):
         q[j] += h * (qd[j] + 0.5 * h * qdd[j]) if k < N else qdd[j]
         qd[j] = qd[j] + h * qdd[j] if k < N else 0.0
@@ -314,7 +336,7 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
     """
     law = load_law(address)
     own = load_governor(law.demand)
-    stage = law.options[1]
+    stage = law.options[STAGE]
     counts = own.counts
     times = own.times
     if not fits(own, rows, task) or (own.law != 0 and not valid(law, rows, task, answer)):

@@ -19,12 +19,16 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, filled, flags, matrix
 from .walls import Demands, Resolved, count_resisting
 from .workspace import (
+    DAMPING,
     FAILED,
+    LIMIT,
     NEAREST,
     NEEDS_PYTHON,
+    OBJECTIVE,
     SCALED,
     SOLVED,
     STRICT,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -63,10 +67,10 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
-    bound = law.options[1]
-    damping = law.options[2]
-    aim = law.options[3]
+    tolerance = law.options[TOLERANCE]
+    bound = law.options[LIMIT]
+    damping = law.options[DAMPING]
+    aim = law.options[OBJECTIVE]
     m = rows.phi.size
     n = answer.qdd.size
     qdd = answer.qdd

@@ -18,9 +18,8 @@ from .compiler import IN_PLACE, compiled
 from .parts import address, call_int_pointer, make_part, to_fixed_tuple
 from .signatures import FLAG, INT, MATRIX, VECTOR, signature
 
-#: Entries of an eye before the coefficients of its lens: F_u, F_v, the principal point, and the
-#: reach of the lens.
-FIXED = 5
+#: Entries of an eye: focal lengths, principal point and reach of the lens; then its coefficients.
+F_U, F_V, CENTER_U, CENTER_V, REACH, FIXED = range(6)
 
 
 def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:
@@ -31,12 +30,13 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
     """
 
     def through(eye: Array, pixels: Array, out: Array, back: bool) -> int:
-        reach = eye[4]
+        reach = eye[REACH]
         coefficients = to_fixed_tuple(eye[FIXED:], count)
         refused = 0
         for i in range(len(pixels)):
-            image = (pixels[i, 0] - eye[2]) / eye[0], (pixels[i, 1] - eye[3]) / eye[1]
-            x, y = image
+            x = (pixels[i, 0] - eye[CENTER_U]) / eye[F_U]
+            y = (pixels[i, 1] - eye[CENTER_V]) / eye[F_V]
+            image = x, y
             if not back:
                 found = extended(lens, x, y, reach, coefficients)
                 x = found[0]
@@ -58,7 +58,8 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
                         dx = 0.5 * dx
                         dy = 0.5 * dy
                 refused += not (off <= ACCURACY and np.sqrt(x * x + y * y) <= reach)
-            out[i, 0], out[i, 1] = eye[0] * x + eye[2], eye[1] * y + eye[3]
+            out[i, 0] = eye[F_U] * x + eye[CENTER_U]
+            out[i, 1] = eye[F_V] * y + eye[CENTER_V]
         return refused
 
     return through

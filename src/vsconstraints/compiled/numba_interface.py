@@ -8,8 +8,10 @@ A field of the structure is read when it is used.
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -116,6 +118,25 @@ def jit(signature: Signature, from_python: bool, options: dict[str, Any]) -> Cal
         else numba.cfunc(wanted, cache=True, **options)
     )
     return compiler
+
+
+def settings() -> str:
+    """Return the settings that compiled code depends on."""
+    return f"{numba.config.BOUNDSCHECK} {accelerator.USED}"
+
+
+_folders: dict[str, Path | None] = {}  #: Folders in which numba caches functions, by their files.
+
+
+def cache_folder(function: Callable[..., Any]) -> Path | None:
+    """Return the folder in which numba stores the code of a function; None if there is none."""
+    file = inspect.getfile(function)
+    if file not in _folders:
+        try:
+            _folders[file] = Path(numba.njit(cache=True)(function).stats.cache_path)
+        except RuntimeError:
+            _folders[file] = None
+    return _folders[file]
 
 
 _attributes: set[str] = set()  #: Names of fields that compiled code can read.

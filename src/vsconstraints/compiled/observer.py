@@ -15,6 +15,9 @@ from .linear import copy_vector
 from .parts import call_int_pointer, share, struct_loader
 from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
+#: Rows of an observation.
+SIGMA, SIGMA_DOT, DRIFT = range(3)
+
 
 class ObserverArrays(NamedTuple):
     """Observer of the drift of m rows, and the address of the law that computes the command."""
@@ -23,7 +26,7 @@ class ObserverArrays(NamedTuple):
     period: float  #: T_s [s].
     time_constant: float
     dead_time: float
-    #: (3, m) σ and σ̇ of the previous sample, NaN if there was none, and the drift d̂ [1/s].
+    #: (3, m) SIGMA and SIGMA_DOT of the previous sample, NaN if there was none, and DRIFT d̂ [1/s].
     seen: Array
     after: Array  #: (3, m) values of this sample, stored once the law has answered.
     #: (m,) fields of the corrected rows.
@@ -39,7 +42,7 @@ class ObserverArrays(NamedTuple):
     ) -> ObserverArrays:
         """Return an observer that has no observations yet."""
         seen = np.full((3, m), math.nan)
-        seen[2] = 0.0
+        seen[DRIFT] = 0.0
         return cls(
             law,
             period,
@@ -68,14 +71,16 @@ def correct(own: ObserverArrays, rows: RowArrays) -> None:
         drift = 0.0
         if rows.K[i] > 0.0:
             drift = observed_drift(
-                own.seen[2, i],
-                rows.sigma[i] - own.seen[0, i],
-                0.5 * (rows.sigma_dot[i] + own.seen[1, i]),
+                own.seen[DRIFT, i],
+                rows.sigma[i] - own.seen[SIGMA, i],
+                0.5 * (rows.sigma_dot[i] + own.seen[SIGMA_DOT, i]),
                 rows.switching_gain[i],
                 own.period,
                 own.time_constant,
             )
-        own.after[0, i], own.after[1, i], own.after[2, i] = rows.sigma[i], rows.sigma_dot[i], drift
+        own.after[SIGMA, i] = rows.sigma[i]
+        own.after[SIGMA_DOT, i] = rows.sigma_dot[i]
+        own.after[DRIFT, i] = drift
         late = own.dead_time * drift
         own.sigma[i] = rows.sigma[i] + late
         own.sigma_dot[i] = rows.sigma_dot[i] + drift

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from ..rows import Array, IntArray
 from . import compiler, entry
+from .cache import identify
 from .compiler import IN_PLACE, OPTIONS, compiled, in_python
 from .signatures import Signature
 from .workspace import Size, require_workspace, structure_at
@@ -156,7 +157,7 @@ def make_part(
         return in_python(function)
     own = tuple(formula for formula in formulas if formula is not None)
     # cached functions are found by their names, and numba's own counters differ between processes
-    parts = b"\0".join(compiler.identify(part) for part in (*constants, *formulas))
+    parts = b"\0".join(identify(part) for part in (*constants, *formulas))
     function.__name__ = f"{template.__name__}_{hashlib.sha256(parts).hexdigest()[:16]}"
     function.__qualname__ = function.__name__
     try:

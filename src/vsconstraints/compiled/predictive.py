@@ -32,9 +32,15 @@ from .plan_program import (
 from .resolving import finished, follow_alone, measurable
 from .workspace import (
     FAILED,
+    KP0,
+    KP_SLOPE,
+    KV_FACTOR,
     NEEDS_PYTHON,
     RELAXED_ROWS,
+    REST_DAMPING,
+    REST_STIFFNESS,
     SOLVED,
+    STAGE,
     Answer,
     LawArrays,
     RowArrays,
@@ -381,7 +387,9 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
         squared = 0.0
         for r in range(k):
             squared += seen[t, at[ERROR] + r] ** 2
-        Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
+        Kp, Kv = gains(
+            squared, plans.tracking[KP0], plans.tracking[KP_SLOPE], plans.tracking[KV_FACTOR]
+        )
         plans.gains[block, 0] = Kp
         plans.gains[block, 1] = Kv
         for r in range(k):
@@ -400,8 +408,8 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
                 own = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
                 plans.pull[block, i] += plans.square[block, i, j] * own
         if task.rest.size:
-            damping = plans.tracking[3]
-            stiffness = plans.tracking[4]
+            damping = plans.tracking[REST_DAMPING]
+            stiffness = plans.tracking[REST_STIFFNESS]
             plans.rest[block, 0] = stiffness
             plans.rest[block, 1] = damping
             for j in range(n):
@@ -510,7 +518,7 @@ def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
     plans = load_plans(law.demand)
-    stage = law.options[1]
+    stage = law.options[STAGE]
     if plans.loop != 0:
         start_from(plans.loop, plans.step, plans.now)
     if stage != CONCLUDE:

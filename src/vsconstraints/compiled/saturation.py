@@ -19,8 +19,11 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, flags, matrix
 from .workspace import (
     INCOMPATIBLE,
+    LIMIT,
     NEEDS_PYTHON,
+    SCALES,
     SOLVED,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -113,7 +116,7 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
     its bound is negative.
     """
     c = law.asked
-    bound = law.options[1]
+    bound = law.options[LIMIT]
     m, n = rows.Lg.shape
     at = START
     W = blank(scratch, m + 2 * n, n + 1)
@@ -146,7 +149,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
+    tolerance = law.options[TOLERANCE]
     J = task.J
     b = task.b
     rest = task.rest
@@ -188,7 +191,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
         rank = resolve(A[:count], J, b, tolerance, rest, X[WHOLE], scratch)[0]
-        if rank < count or (law.options[4] != 0.0 and missed(J, X)):
+        if rank < count or (law.options[SCALES] != 0.0 and missed(J, X)):
             if largest >= 0.0:
                 copy(X, WHOLE, X, BEST, n)
                 held = kept

@@ -22,10 +22,13 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, filled, flags, matrix, vector
 from .walls import Demands, Resolved, count_resisting
 from .workspace import (
+    DAMPING,
     INCOMPATIBLE,
+    LIMIT,
     NEEDS_PYTHON,
     SHORT,
     SOLVED,
+    TOLERANCE,
     Answer,
     RowArrays,
     Scratch,
@@ -68,9 +71,9 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
-    bound = law.options[1]
-    damping = law.options[2]
+    tolerance = law.options[TOLERANCE]
+    bound = law.options[LIMIT]
+    damping = law.options[DAMPING]
     m, n = rows.Lg.shape
     qdd = answer.qdd
     rest = task.rest

@@ -20,6 +20,7 @@ from .workspace import (
     NEEDS_PYTHON,
     RANK_LOSS,
     SOLVED,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -58,7 +59,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     law = load_law(address)
     if not valid(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
+    tolerance = law.options[TOLERANCE]
     qdd = answer.qdd
     acted = answer.acted
     J = task.J

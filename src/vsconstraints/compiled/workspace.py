@@ -28,6 +28,12 @@ CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
 #: unconstrained command, in joint space, or in task space with a small part in joint space; the
 #: distance to a share of that command.
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
+#: Options of a resolver: rank tolerance; of a hierarchy also greatest |q̈|, damping and objective;
+#: of a saturation also 1 if it scales the task.
+TOLERANCE, LIMIT, DAMPING, OBJECTIVE, SCALES = range(5)
+STAGE = 1  #: Option of a law that looks ahead, whose only other option is the rank tolerance.
+#: Gains of a predicted task: K_p(0), its slope and K_v/√K_p; d and (d/2)² of q̈₀.
+KP0, KP_SLOPE, KV_FACTOR, REST_DAMPING, REST_STIFFNESS = range(5)
 #: Entries of the innovation of a step: those of ``INNOVATIONS`` in
 #: :mod:`vsconstraints.vision.measurement`, then the greatest ratio of one of them to its bound.
 IMAGE, SHAPE, POSITION, ORIENTATION, AGE, SPEED, DEPTH, WORST = range(8)
@@ -461,7 +467,8 @@ def _memory(structure: Any) -> tuple[Any, ...]:
         if isinstance(part, tuple):
             values.append(_memory(part))
         elif isinstance(part, np.ndarray):
-            assert part.flags.c_contiguous, "compiled functions take contiguous arrays only"
+            if not part.flags.c_contiguous:
+                raise InvalidInput("compiled functions take contiguous arrays only")
             values.append((part.ctypes.data, part.shape))
         else:
             values.append(part)
