@@ -24,8 +24,10 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
     n = now.size // 2
     now[0] = source.time[0]
     for j in range(n):
-        now[1 + j], now[1 + n + j] = source.q[j], source.qd[j]
-    target.last[0].goal, target.last[0].time = source.last[0].goal, source.last[0].time
+        now[1 + j] = source.q[j]
+        now[1 + n + j] = source.qd[j]
+    target.last[0].goal = source.last[0].goal
+    target.last[0].time = source.last[0].time
     copy_vector(target.last_error, source.last_error)
     copy_vector(target.last_partial, source.last_partial)
     copy_vector(target.last_command, source.last_command)

@@ -77,7 +77,8 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     scratch = emptied(law)
     box = matrix(scratch, 2, n)
     for j in range(n):
-        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
+        box[LEAST, j] = within(rows, j, -bound)
+        box[GREATEST, j] = within(rows, j, bound)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON

@@ -12,7 +12,9 @@ plan is the point nearest to the origin, which a dual active-set method finds (G
 adjoint recursion.
 
 If rows contradict each other, each has a slack zᵢ ≥ 0, common to all instants, with the cost ½zᵢ² +
-π zᵢ.
+π zᵢ = ½(zᵢ + π)² − ½π². Therefore zᵢ + π is stored, as one more coordinate behind those of w: the
+plan is still the point nearest to the origin, a slack is zero where its coordinate is π, and the
+side of a row that it relaxes increases by π times its coefficient.
 """
 
 from __future__ import annotations
@@ -432,11 +434,9 @@ def drop(space: Space, leaving: int, q: int) -> None:
     F = space.F
     p = space.p
     for j in range(leaving, q):
-        space.active[j], X[FORCE, j], X[SIDE, j] = (
-            space.active[j + 1],
-            X[FORCE, j + 1],
-            X[SIDE, j + 1],
-        )
+        space.active[j] = space.active[j + 1]
+        X[FORCE, j] = X[FORCE, j + 1]
+        X[SIDE, j] = X[SIDE, j + 1]
         copy(space.normals, j, space.normals, j + 1, p)
         copy(F, j, space.normals, j, p)
         apply_transposed(F, space.T, j, F, j)
@@ -502,12 +502,14 @@ def state_row(
     first = limits.low.size
     bounds = limits.left.size + 2 * first
     if row >= bounds:
+        # z ≥ 0, i.e. −(z + π) ≤ −π
         X[NEW] = 0.0
         X[NEW, first + row - bounds] = -1.0
         return -penalty
     differentiate(cost, factor, limits, row, space.adjoint, X)
     side = dot(X, NEW, X, POINT, START, first) - excess(limits, space, row)
     if space.p > first and row < limits.left.size:
+        # a slack z allows an excess of gives z = gives (z + π) − gives π
         i = row % m
         X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
