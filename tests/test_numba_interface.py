@@ -215,7 +215,7 @@ def test_a_structure_can_refer_to_other_arrays():
         assert function(pair.address, inner.address, np.arange(4.0)) == 3.0 + 5.0 + 4.0
 
 
-BY_ADDRESS = "reads_what or called_by or parts_of or clock or refer_to_other"
+BY_ADDRESS = "reads_what or called_by or parts_of_a_vector or clock or refer_to_other"
 
 
 def test_all_this_works_without_private_parts_of_numba():

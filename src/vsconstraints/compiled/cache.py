@@ -110,6 +110,16 @@ def _names(folder: Path, beginning: str) -> list[Path]:
     return []
 
 
+def is_compiled(folder: Path, state: str) -> bool:
+    """True if a function without formulas is compiled in this state of the code.
+
+    Numba writes to a folder for each folder of sources, like this one.
+    """
+    name = f"*_{state}-*.nbi"
+    parent = folder.parent
+    return any((*parent.glob(f"*/{name}"), *parent.parent.glob(f"*/{folder.name}/{name}")))
+
+
 class CachedFunction:
     """Files of a function in a state of the code; ``folder`` is the one that numba writes to.
 
@@ -123,7 +133,6 @@ class CachedFunction:
 
     def __init__(self, function: Callable[..., Any], state: str, folder: Path | None) -> None:
         module = Path(inspect.getfile(function)).stem
-        self._state = state
         self._function = f"{module}.{function.__name__}_"
         self._beginning = f"{self._function}{state}-"
         chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -156,14 +165,6 @@ class CachedFunction:
     def files(self) -> list[Path]:
         """Files with the compiled code."""
         return _names(self.folder, self._beginning)
-
-    @property
-    def is_first(self) -> bool:
-        """True if no function is compiled in this state of the code."""
-        name = f"*_{self._state}-*.nbi"
-        parent = self.folder.parent
-        found = (*parent.glob(f"*/{name}"), *parent.parent.glob(f"*/{self.folder.name}/{name}"))
-        return not found
 
     def note_use(self) -> None:
         """Note that the files are used now, for :meth:`remove_old`."""

@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps
 from importlib import import_module
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from ..formulas import FORMULAS
 from . import COMPLAINT, MODULES, VARIABLE
-from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, state_of
+from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, is_compiled, state_of
 from .checksums import remove_damaged, seal
 from .signatures import Signature, flatten
 
@@ -155,7 +156,7 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
     if made.files:
         made.note_use()
     else:
-        _announce(function, formulas, made)
+        _announce(function, formulas, made.folder, is_compiled(made.folder, state_of(settings)))
         made.remove_old((KEPT_WITH_FORMULAS if formulas else KEPT) - 1)
     with made.lock(), interface.accelerator.without_vectorization():
         remove_damaged(made.files)
@@ -184,8 +185,13 @@ _helpers: list[subprocess.Popen[bytes]] = []
 _announced = False  #: True if this process has announced a compilation.
 
 
-def _announce(function: Callable[..., Any], formulas: Formulas, made: CachedFunction) -> None:
-    """Announce once that something is compiled, and let another process compile the rest."""
+def _announce(
+    function: Callable[..., Any], formulas: Formulas, folder: Path, has_others: bool
+) -> None:
+    """Announce once that something is compiled, and let another process compile the rest.
+
+    ``has_others`` is true if other functions are compiled already.
+    """
     global _announced
     # workers compile what their command has already announced
     if _announced or multiprocessing.parent_process() is not None:
@@ -194,16 +200,16 @@ def _announce(function: Callable[..., Any], formulas: Formulas, made: CachedFunc
     module = function.__module__.rpartition(".")[2]
     part = ".".join([module, *(formula.__name__ for formula in formulas)])
     what = (
-        "compiling the control step, once, for 10 to 30 s"
-        if made.is_first
-        else f"compiling more, from {part} on, which nothing has needed before"
+        f"compiling more, from {part} on, which nothing has needed before"
+        if has_others
+        else "compiling the control step, once, for 10 to 30 s"
     )
     slow = (
         ""
         if interface.accelerator.is_known()
         else (f"; numba {numba.__version__} is newer than those whose compilation is accelerated")
     )
-    note = f"vsconstraints: {what}{slow}; kept in {made.folder}"
+    note = f"vsconstraints: {what}{slow}; kept in {folder}"
     print(note, file=sys.stderr, flush=True)
     _share(name for name in reversed(MODULES) if name != module)
 

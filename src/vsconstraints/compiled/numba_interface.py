@@ -75,7 +75,7 @@ def stored_type(example: Any, layout: np.dtype[Any]) -> Stored:
         elif isinstance(part, np.ndarray):
             kind = types.Array(numba.from_dtype(part.dtype), part.ndim, "C")
         else:
-            kind = FLOAT if isinstance(part, float) else INT
+            kind = FLOAT if memory.kind == "f" else INT
         fields[name] = offset, kind
         if not accelerator.USED:
             _add_attribute(name)

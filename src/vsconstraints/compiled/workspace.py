@@ -446,6 +446,12 @@ def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
 ARRAYS = [np.dtype([("address", "i8"), ("shape", "i8", (d,))]) for d in range(5)]
 
 
+def _is_float(structure: Any, name: str) -> bool:
+    """True if a number of a structure is a float, even if an integer was given for it."""
+    kind: Any = type(structure)
+    return fields(kind).get(name) is float or isinstance(getattr(structure, name), float)
+
+
 def memory_layout(structure: Any) -> np.dtype[Any]:
     """Return the record that holds a structure: its numbers, records and references to arrays."""
     columns: list[Any] = []
@@ -456,7 +462,7 @@ def memory_layout(structure: Any) -> np.dtype[Any]:
         elif isinstance(part, np.ndarray):
             columns.append((name, ARRAYS[part.ndim]))
         else:
-            columns.append((name, "f8" if isinstance(part, float) else "i8"))
+            columns.append((name, "f8" if _is_float(structure, name) else "i8"))
     return np.dtype(columns)
 
 
