@@ -95,10 +95,6 @@ def state_of(settings: str, formulas: Formulas = ()) -> str:
     return state.hexdigest()[:HASH]
 
 
-def _module_of(function: Callable[..., Any]) -> str:
-    return Path(inspect.getfile(function)).stem
-
-
 def _names(folder: Path, beginning: str) -> list[Path]:
     """List the compiled files in a folder whose names begin in this way."""
     with suppress(OSError):
