@@ -334,6 +334,7 @@ OUTPUTS = (
     "error",
     "error_rate",
     "rest",
+    "qd",
     "pixels",
     "points",
     "camera_R",

@@ -18,16 +18,17 @@ from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
+from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
 from ..rows import Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
-from .image_sensor import ImageSensor
+from .follower import ACCELERATIONS
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
-from .setup import Setup
+from .setup import Setup, require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 
 CHUNK = 512  #: Samples per call of compiled code; signals are handled between calls.
@@ -122,6 +123,7 @@ def until_settled(setup: Setup) -> Setup:
         constraints=ConstraintSet([], scene),
         disturbances=Disturbances(),
         actuation="acceleration",
+        arm=ACCELERATIONS,
         dynamics=None,
         images=None,
         on_hidden_markers="continue",
@@ -151,6 +153,7 @@ class Run:
         by_public_call: bool = False,
     ) -> None:
         prepared.restart()
+        require_followed(prepared.setup, controller)
         self.prepared = prepared
         self.setup = prepared.setup
         self.controller = controller
@@ -159,6 +162,8 @@ class Run:
         self.bound = prepared.bound
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
+        if commands_velocity(controller):
+            self.plant.take_speeds()
         self.sensor = self.setup.sensor()
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
         #: loss.
@@ -225,11 +230,13 @@ class Run:
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
             if (
                 stage == STEP
-                and isinstance(self.sensor, ImageSensor)
+                and self.sensor.renders
                 and self.bound is not None
                 and self.loop.parts["evaluate"][0]
             ):
-                self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
+                seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
+                assert seen is not None
+                self.bound.packed.measure(seen)
                 # without a usable image no law is called and the arm brakes
                 self.loop.parts["law"] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
@@ -294,7 +301,7 @@ class Run:
         # True if Python moves the robot. In that case, and if images are rendered, samples run one
         # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
-        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
+        self.at_once = 1 if self.pushes or self.sensor.renders else CHUNK
         self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
@@ -344,6 +351,11 @@ class Run:
         loop.points[:] = true.points
         loop.camera_R[:] = true.camera_R
         loop.camera_t[:] = true.camera_t
+        if self.setup.task.feature.reached_by == "feature":
+            # normalised coordinates, angles and logarithms of 1 are as many pixels as the focal
+            # length; the error is without the reference trajectory
+            error = self.prepared.world.packed.step.last_error[: len(step.error)]
+            loop.own_error[0] = np.abs(error).max() * max(self.setup.scene.camera.focal)
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
@@ -353,7 +365,7 @@ class Run:
 
         A reported loss of rank counts only if the rows show it.
         """
-        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+        if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
         times = self.loop.kept.step_time
@@ -363,7 +375,7 @@ class Run:
         called = perf_counter()
         command = self.controller.command(rows, task)
         times[k % len(times)] = perf_counter() - called
-        self.loop.answer.qdd[:] = command.qdd
+        self.loop.answer.qdd[:] = self.plant.acceleration_of(command)
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
         lost = claimed and loses_rank(given)
