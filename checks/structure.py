@@ -345,7 +345,7 @@ def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
     )
     defined: dict[str, list[str]] = {}
     for module in modules.values():
-        if module.name.endswith("numba_internals"):  # called by numba
+        if module.name.endswith(("numba_interface", "accelerator")):  # called by numba
             continue
         for node in ast.walk(module.tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not re.fullmatch(
