@@ -258,6 +258,12 @@ class ImageSensor(Sensor):
         # the loop waits for the first image
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
 
+    def newest(self, k: int, ideal: Array) -> tuple[Array, float]:
+        """Return the newest usable image and its time [s], see :meth:`.Sensor.newest`."""
+        assert self._last is not None
+        known = self._last.taken if self.settings.prediction else k * self._Ts
+        return self.camera.distort(self._last.pixels), known
+
     def braking(self, qd: Array) -> Array:
         """Return q̈ (n,) that stops the arm when there is no usable image.
 
