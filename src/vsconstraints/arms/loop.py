@@ -313,7 +313,7 @@ class ArmRun:
         command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
         # the watchdog may have begun a stop meanwhile, which integrates the same setpoints
         with self._own_turn():
-            qdd, guarded = stream.within_limits(command.qdd)
+            qdd, guarded = stream.within_limits(stream.acceleration_of(command))
             self.control.commanded(qdd)
             setpoint, refusal = stream.prepare(qdd)
             if refusal:

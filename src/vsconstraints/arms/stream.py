@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, described, format_value
 from ..robots.order_filter import OrderFilter
-from ..rows import Array
+from ..rows import Array, Command
 from ..vision.measurement import INNOVATIONS
 from .driver import ArmError, Driver, Joints
 from .envelope import Brake, Envelope, Setpoint
@@ -119,6 +119,17 @@ class Stream:
             self._filter.q = state.q
             self.sent = self.sent._replace(q=state.q)
         return off
+
+    def acceleration_of(self, command: Command) -> Array:
+        """Return the acceleration (n,) that leads from the last setpoint to a command.
+
+        Commanded accelerations are integrated as they are. For commanded speeds it is the change
+        from those of the last setpoint, per period.
+        """
+        if not len(command.qd):
+            return command.qdd
+        qdd: Array = (command.qd - self.sent.qd) / self.Ts
+        return qdd
 
     def within_limits(self, qdd: Array) -> tuple[Array, bool]:
         """Clip a command (n,) to the limits; return it, and True if that changed it."""

@@ -306,6 +306,7 @@ OUTPUTS = (
     "error",
     "error_rate",
     "rest",
+    "qd",
     "pixels",
     "points",
     "camera_R",

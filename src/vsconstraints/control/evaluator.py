@@ -77,7 +77,7 @@ class Evaluation:
         """Task as input of a controller."""
         part = self.part
         rest = part("rest") if self._packed.size.rests else UNKNOWN
-        return Task(part("J"), part("b"), part("error"), part("error_rate"), rest)
+        return Task(part("J"), part("b"), part("error"), part("error_rate"), rest, part("qd"))
 
     error = _view("error")
     sigma = _view("sigma")

@@ -35,12 +35,22 @@ from .resolvers import (
     Scaling,
 )
 from .robust_predictive import RobustPredictive
+from .velocity import (
+    VELOCITY_LAWS,
+    ResolvedRate,
+    ResolvedRateAvoidance,
+    VelocityController,
+    VelocityDamper,
+    VelocityHierarchicalQP,
+    VelocityQP,
+)
 
 __all__ = [
     "CONTROLLERS",
     "DEMANDS",
     "NAMED",
     "RESOLVERS",
+    "VELOCITY_LAWS",
     "Additive",
     "Barrier",
     "BarrierGovernor",
@@ -65,6 +75,8 @@ __all__ = [
     "Projection",
     "RampRepulsion",
     "Range",
+    "ResolvedRate",
+    "ResolvedRateAvoidance",
     "Resolver",
     "RobustPredictive",
     "RowFactors",
@@ -74,6 +86,10 @@ __all__ = [
     "SlidingMode",
     "Switch",
     "Tracking",
+    "VelocityController",
+    "VelocityDamper",
+    "VelocityHierarchicalQP",
+    "VelocityQP",
     "controller_class",
     "law_ranges",
     "make_controller",
@@ -91,6 +107,7 @@ LAWS: tuple[type[Controller], ...] = (
     GoalGovernor,
     BarrierGovernor,
     PathIntegralControl,
+    *VELOCITY_LAWS,
 )
 
 #: Controllers by their name in files and on the command line.

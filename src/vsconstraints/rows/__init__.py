@@ -80,6 +80,14 @@ class Rows:
         greatest = f"greatest φ {amount(self.phi[worst])} ({self.labels[worst]})"
         return f"<Rows: {size}, {greatest}, φ ≥ 0: {enumerated(reached) or 'none'}>"
 
+    def velocity_form(self, qd: Array) -> tuple[Array, Array]:
+        """Return the same rows as bounds on the joint speeds: G (m, n) and h (m,), G q̇ ≤ h.
+
+        φ is linear in q̇. Of φ = σ + K σ̇ ≤ 0 this is K ∇σᵀ q̇ ≤ −σ − K ∂σ/∂t; a bound on speeds is
+        one already. Both are G = L_gφ and h = L_gφ q̇ − φ at the present q̇, ``qd`` (n,).
+        """
+        return self.Lg, self.Lg @ qd - self.phi
+
     @classmethod
     def none(cls, n: int) -> Rows:
         """Create an empty set of rows for a robot with n joints."""
@@ -101,6 +109,8 @@ class Task:
     error_rate: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) ė; (0,) as above.
     #: (n,) q̈₀ [rad/s² or m/s²]; (0,) for zero.
     rest: Array = field(default_factory=lambda: UNKNOWN)
+    #: (n,) present q̇ [rad/s or m/s]; (0,) for laws that do not use it.
+    qd: Array = field(default_factory=lambda: UNKNOWN)
 
     @in_one_line
     def __repr__(self) -> str:
@@ -108,6 +118,15 @@ class Task:
         error = f", ‖e‖ = {amount(np.linalg.norm(self.error))}" if len(self.error) else ""
         size = f"{counted(k, 'feature')} of {counted(n, 'joint')}"
         return f"<Task: {size}{error}, ‖b‖ = {amount(np.linalg.norm(self.b))}>"
+
+    def velocity_form(self, gain: float) -> tuple[Array, Array]:
+        """Return the task of the joint speeds: J (k, n) and v (k,), J q̇ = v.
+
+        With it the error decays as ė = −λ e, ``gain`` being λ [1/s]: v = −λ e − ∂s/∂t, and ∂s/∂t
+        = ė − J q̇ contains everything that moves the error but the joints. Needs ``error``,
+        ``error_rate`` and ``qd``.
+        """
+        return self.J, self.J @ self.qd - self.error_rate - gain * self.error
 
 
 @dataclass(slots=True)
@@ -132,11 +151,17 @@ class Command:
     #: (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is
     #: stated.
     saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
+    #: (n,) commanded joint speeds [rad/s or m/s] of a law that commands these; (0,) of others.
+    #: ``qdd`` is then the change from the speeds of the command before, per second.
+    qd: Array = field(default_factory=lambda: UNKNOWN)
 
     @in_one_line
     def __repr__(self) -> str:
         joint = int(np.argmax(np.abs(self.qdd)))
         size = f"greatest |q̈| {amount(abs(self.qdd[joint]))} rad/s² or m/s² (joint {joint + 1})"
+        if len(self.qd):
+            joint = int(np.argmax(np.abs(self.qd)))
+            size = f"greatest |q̇| {amount(abs(self.qd[joint]))} rad/s or m/s (joint {joint + 1})"
         why = f" ({self.reason})" if self.reason else ""
         return f"<Command {self.status}{why}: {size}, acted: {enumerated(self.active) or 'none'}>"
 
@@ -171,10 +196,11 @@ def in_box(rows: Rows, qdd: Array) -> Array:
 
 
 def keep_box(rows: Rows, command: Command) -> None:
-    """Clip a command to the box of the rows, if they have one.
+    """Clip a command of accelerations to the box of the rows, if they have one.
 
-    Records the joints at an end of the box.
+    Records the joints at an end of the box. A command of speeds stays as it is: the arm that
+    follows it keeps its own limits.
     """
-    if len(rows.qdd_max) and command.status != "failed":
+    if len(rows.qdd_max) and command.status != "failed" and not len(command.qd):
         command.qdd = in_box(rows, command.qdd)
         command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)

@@ -52,6 +52,7 @@ def check(rows: Rows, task: Task) -> None:
         ("task.error", task.error),
         ("task.error_rate", task.error_rate),
         ("task.rest", task.rest),
+        ("task.qd", task.qd),
     ):
         if not (type(array) in ARRAYS and array.dtype == np.float64):
             raise InvalidInput(f"{name} must be an array of floats, not {format_value(array)}")
@@ -94,11 +95,12 @@ def check(rows: Rows, task: Task) -> None:
             raise InvalidInput(
                 f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}"
             )
-    if task.rest.shape not in ((0,), (n,)):
-        raise InvalidInput(
-            f"task.rest has the shape {task.rest.shape}; with {n} joints it must be {(n,)}"
-        )
-    for name in ("J", "b", "error", "error_rate", "rest"):
+    for name, array in (("rest", task.rest), ("qd", task.qd)):
+        if array.shape not in ((0,), (n,)):
+            raise InvalidInput(
+                f"task.{name} has the shape {array.shape}; with {n} joints it must be {(n,)}"
+            )
+    for name in ("J", "b", "error", "error_rate", "rest", "qd"):
         array = getattr(task, name)
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])

@@ -21,6 +21,7 @@ from ..rows import Array
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
 from ..simulation.dynamics import PLANTS
+from ..simulation.follower import ACCELERATIONS, ArmInput
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
@@ -58,6 +59,7 @@ class File:
     limits: str | Table | None = None
     plant: Table | None = None
     sensor: str | Table | None = None
+    arm: ArmInput = ACCELERATIONS
 
 
 def build(
@@ -109,6 +111,7 @@ def build(
             SENSORS,
             f"{where}.sensor",
         ),
+        arm=file.arm,
     )
 
 

@@ -19,18 +19,20 @@ from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.program import RobotProgram
 from ..controllers.task_priority import dependent_rows, unit_rows
+from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
 from ..robots.geometry import Pose
 from ..rows import Command, Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
+from .follower import ACCELERATIONS
 from .image_sensor import ImageSensor
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
 from .programs import ProgramLoop
-from .setup import Setup
+from .setup import Setup, require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 
 CHUNK = 512  #: Samples per call of compiled code; signals are handled between calls.
@@ -125,6 +127,7 @@ def until_settled(setup: Setup) -> Setup:
         constraints=ConstraintSet([], scene),
         disturbances=Disturbances(),
         actuation="acceleration",
+        arm=ACCELERATIONS,
         dynamics=None,
         images=None,
         on_hidden_markers="continue",
@@ -154,6 +157,7 @@ class Run:
         by_public_call: bool = False,
     ) -> None:
         prepared.restart()
+        require_followed(prepared.setup, controller)
         self.prepared = prepared
         self.setup = prepared.setup
         self.controller = controller
@@ -162,6 +166,8 @@ class Run:
         self.bound = prepared.bound
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
+        if commands_velocity(controller):
+            self.plant.take_speeds()
         self.sensor = self.setup.sensor()
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
         #: loss.
@@ -379,7 +385,7 @@ class Run:
         times[k % len(times)] = perf_counter() - called
         if self.program is not None:
             times[k % len(times)] = self.program.compute_time
-        self.loop.answer.qdd[:] = command.qdd
+        self.loop.answer.qdd[:] = self.plant.acceleration_of(command)
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
         lost = claimed and loses_rank(given)

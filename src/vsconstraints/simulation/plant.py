@@ -12,7 +12,7 @@ from ..compiled.samples import PlantArrays, hold
 from ..controllers.delay import split_delay
 from ..errors import InvalidInput
 from ..formulas.limits import JointLimits
-from ..rows import Array, IntArray
+from ..rows import Array, Command, IntArray
 from .disturbances import Disturbances
 
 #: Input of the robot's low-level controller: q̈_c, or q_c, which integrates q̈_c (section 5.1).
@@ -121,6 +121,19 @@ class Plant:
 
     def follow(self) -> None:
         """Advance to the end of the current period, if the transition does not."""
+
+    def take_speeds(self) -> None:
+        """Prepare for a law that commands speeds."""
+
+    def acceleration_of(self, command: Command) -> Array:
+        """Return the q̈_c (n,) by which the arm carries out a command.
+
+        An arm that takes accelerations reaches commanded speeds within a period, (q̇_c − q̇) / T_s.
+        """
+        if not len(command.qd):
+            return command.qdd
+        qdd: Array = (command.qd - self.x[1]) / self.Ts
+        return qdd
 
     def check(self) -> None:
         """Raise SceneError if the motion cannot go on."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..controllers.program import Answer, Observation, RobotProgram
+from ..controllers.program import COMMANDS, Answer, Observation, RobotProgram
 from ..errors import ConfigurationError
 from ..formulas.tracking import goal_at
 from ..robots.geometry import Pose
@@ -16,7 +16,11 @@ from .setup import Setup
 
 
 class ProgramLoop:
-    """A robot program in one run, between :meth:`begin` and :meth:`end`."""
+    """A robot program in one run, between :meth:`begin` and :meth:`end`.
+
+    Commanded positions become the velocities between them, from q₀ on. In a period without an
+    answer, the velocity zero is commanded, whatever the program commands otherwise.
+    """
 
     def __init__(self, program: RobotProgram, setup: Setup, sensor: Sensor, plant: Plant) -> None:
         self.program = program
@@ -25,6 +29,8 @@ class ProgramLoop:
         self._plant = plant
         self._begun = False
         self._goal_times = [goal.from_time for goal in setup.task.goals]
+        self._position = setup.q0  # last commanded position (n,)
+        self._estimates = sensor.estimates or isinstance(sensor, ImageSensor)
         #: Time that the program has computed for its last answer, as it says [s].
         self.compute_time = np.nan
 
@@ -32,17 +38,24 @@ class ProgramLoop:
         """Begin the run; raises ConfigurationError if the arm cannot take its commands."""
         self._begun = True
         self.program.begin(self._setup)
-        output = self.program.output
-        if output == "position":
-            raise ConfigurationError(
-                f"{self.program.name} commands positions, and this arm takes accelerations"
-            )
-        if output == "velocity" and not self._setup.limits.any:
-            raise ConfigurationError(
-                f"{self.program.name} commands velocities, and this arm takes accelerations "
-                "without a limit, so that it would follow any step: state limits = "
-                "{ acceleration = ... } in the scenario"
-            )
+        if self.program.output == "acceleration":
+            return
+        self._require_arm()
+        self._plant.take_speeds()
+
+    def _require_arm(self) -> None:
+        if self._setup.arm.streams:
+            return
+        n = self._setup.scene.robot.n
+        limited = np.isfinite(self._setup.limits.of_joint("acceleration", n)).all()
+        if self.program.output == "velocity" and limited:
+            return
+        why = "" if limited else " without a limit, so that it would follow any step"
+        raise ConfigurationError(
+            f"{self.program.name} commands {COMMANDS[self.program.output]}, and the arm of this "
+            f'scene takes accelerations{why}: give arm = {{ command = "velocity", lag = 0.02, '
+            "acceleration = 8.0 } with the arm's own numbers"
+        )
 
     def end(self) -> None:
         """End the run, if it has begun."""
@@ -50,37 +63,38 @@ class ProgramLoop:
             self._begun = False
             self.program.end()
 
-    def command(
-        self, k: int, pixels: Array, camera: Pose, labels: tuple[str, ...]
-    ) -> Command:
-        """Ask the program for sample ``k``, and return the accelerations that execute its answer.
+    def command(self, k: int, pixels: Array, camera: Pose, labels: tuple[str, ...]) -> Command:
+        """Ask the program for sample ``k``, and return its answer as a command.
 
         ``pixels`` (M, 2) are the true ideal pixels, and ``camera`` is the true pose.
         """
-        plant = self._plant
         t = k * self._setup.Ts
         seen, taken = self._sensor.newest(k, pixels)
-        exact = not (self._sensor.estimates or isinstance(self._sensor, ImageSensor))
         answer = self.program.respond(
             Observation(
                 t=t,
                 goal=goal_at(self._goal_times, t),
-                q=plant.q,
-                qd=plant.qd,
+                q=self._plant.q,
+                qd=self._plant.qd,
                 pixels=seen,
                 taken=taken,
                 near=camera,
-                exact=exact,
+                exact=not self._estimates,
             )
         )
         self.compute_time = answer.compute_time
-        none = np.zeros(len(labels), dtype=np.bool_)
-        return Command(self._accelerations(answer), "ok", none, labels)
-
-    def _accelerations(self, answer: Answer) -> Array:
-        """Return q̈ (n,) for the answer; without one, the arm is told to stand still."""
+        acted = np.zeros(len(labels), dtype=np.bool_)
+        n = len(self._position)
         if self.program.output == "acceleration" and answer.command is not None:
+            return Command(answer.command, "ok", acted, labels)
+        return Command(np.zeros(n), "ok", acted, labels, qd=self._velocity(answer))
+
+    def _velocity(self, answer: Answer) -> Array:
+        """Return the commanded velocity (n,) of an answer."""
+        if answer.command is None:
+            return np.zeros(len(self._position))
+        if self.program.output == "velocity":
             return answer.command
-        wanted = 0.0 if answer.command is None else answer.command
-        qdd: Array = (wanted - self._plant.qd) / self._setup.Ts
-        return qdd
+        velocity: Array = (answer.command - self._position) / self._setup.Ts
+        self._position = answer.command
+        return velocity

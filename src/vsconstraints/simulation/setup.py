@@ -10,7 +10,9 @@ import numpy as np
 
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
+from ..controllers import Controller
 from ..controllers.delay import split_delay
+from ..controllers.velocity import commands_velocity
 from ..errors import (
     ConfigurationError,
     InvalidInput,
@@ -32,6 +34,7 @@ from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
+from .follower import ACCELERATIONS, ArmInput, FollowingPlant, LowLevelLoop
 from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
@@ -95,6 +98,8 @@ class Setup:
     #: Time until which a run that is not at rest at the end of its duration continues [s], see
     #: :func:`.until_settled`. None: runs end with their duration.
     time_limit: float | None = None
+    #: What the arm takes, and how its low-level loop follows it.
+    arm: ArmInput = ACCELERATIONS
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
@@ -139,10 +144,22 @@ class Setup:
     def plant(self) -> Plant:
         """Return the robot in its initial state.
 
-        Raises ConfigurationError if ``dynamics`` is combined with actuation or disturbances that
-        describe an arm without mass (eq. 6).
+        Raises ConfigurationError if ``arm`` contradicts ``actuation``, or if ``dynamics`` is
+        combined with actuation or disturbances that describe an arm without mass (eq. 6).
         """
-        limits = self.limits.arrays(self.scene.robot.ranges, self.Ts) if self.limits.any else None
+        if self.arm.streams and self.actuation != "acceleration":
+            raise ConfigurationError(
+                f'actuation = "{self.actuation}" and arm.command = "{self.arm.command}" both say '
+                f"what the arm takes: leave out one"
+            )
+        # the limits of an arm that takes velocities or positions are those of its motion
+        limited = self.limits.any and not self.arm.streams
+        limits = self.limits.arrays(self.scene.robot.ranges, self.Ts) if limited else None
+        actuators = self.limits.acceleration
+        if self.dynamics is None and self.arm.streams:
+            return FollowingPlant(
+                self.arm, self.q0, self.qd0, self.Ts, self.disturbances, actuators
+            )
         if self.dynamics is None:
             return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
         if self.actuation != "acceleration":
@@ -158,7 +175,10 @@ class Setup:
                     f"controller, friction "
                     "and gears (plant.dead_time delays torques)"
                 )
-        return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
+        plant = DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
+        if self.arm.streams:
+            plant.follow_loop(LowLevelLoop(self.arm, self.q0, self.qd0, self.Ts, actuators))
+        return plant
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
         """Return the control step that precedes the law, with the law's factors on the rows."""
@@ -264,8 +284,9 @@ class Setup:
         waiting = pending_commands(
             split_delay("disturbance command_delay", self.disturbances.command_delay, self.Ts)
         )
+        rows = 6 + waiting if not self.arm.streams else 14 + 2 * waiting
         kept = (
-            (6 + waiting) * n
+            rows * n
             + max(6, 2 * markers)
             + 12
             + 2 * markers
@@ -384,3 +405,19 @@ class Setup:
         ]
         remarks += listed(outside, "rows that are violated at the start")
         return remarks + self.forbidden + self.separated
+
+
+def require_followed(setup: Setup, controller: Controller) -> None:
+    """Raise ConfigurationError if a law commands speeds, and the arm any acceleration at once.
+
+    An arm that takes accelerations without a limit would jump to the commanded speeds.
+    """
+    if setup.arm.streams or not commands_velocity(controller):
+        return
+    acceleration = setup.limits.of_joint("acceleration", setup.scene.robot.n)
+    if not np.isfinite(acceleration).all():
+        raise ConfigurationError(
+            f"{controller.name} commands joint speeds, and the arm of this scene takes "
+            f'accelerations without a limit: give arm = {{ command = "velocity", lag = 0.02, '
+            f"acceleration = 8.0 }} with the arm's own numbers, or limits.acceleration"
+        )

@@ -15,8 +15,9 @@ from ...formulas.limits import JointLimits
 from ...plugins.extras import demand
 from ...robots.limits import per_joint
 from ...robots.robot import Robot
-from ...rows import Array, IntArray
+from ...rows import Array, Command, IntArray
 from ..disturbances import Disturbances
+from ..follower import LowLevelLoop
 from ..plant import Plant, cubic
 from .settings import OUTER, ArmDynamics, MujocoDynamics
 
@@ -260,6 +261,7 @@ class DynamicPlant(Plant):
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
         self.workspace = Workspace(self.arm)
         self._mujoco = None
+        self._loop: LowLevelLoop | None = None
         self._compiled = load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
@@ -267,11 +269,31 @@ class DynamicPlant(Plant):
             self.mover = self._compiled.MOVE, self.workspace.address
         self._compiled.begin(self.workspace, self.x)
 
+    def follow_loop(self, loop: LowLevelLoop) -> None:
+        """Follow the motion of a low-level loop that takes velocities or positions."""
+        self._loop = loop
+        if self.mover[0]:
+            loop.moving(*self.mover)
+            self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
+
+    def take_speeds(self) -> None:
+        """See :class:`.Plant`."""
+        if self._loop is not None:
+            self._loop.take_speeds()
+
+    def acceleration_of(self, command: Command) -> Array:
+        """See :class:`.Plant`."""
+        if self._loop is None:
+            return super().acceleration_of(command)
+        return self._loop.acceleration_of(command)
+
     def follow(self) -> None:
         """Advance to the end of the current period."""
         compiled = self._compiled
         arm = self.arm
         workspace = self.workspace
+        if self._loop is not None:
+            self._loop.kernels.refer(self._loop.workspace, self.x)
         if self._mujoco is None:
             compiled.drive_period(workspace, self.x)
             return
@@ -304,7 +326,8 @@ class DynamicPlant(Plant):
     def remarks(self) -> list[str]:
         """Return remarks on the torques for a reader of the results."""
         counts = self.arm.memory.at_limit
-        return [
+        adapted = [] if self._loop is None else self._loop.remarks()
+        return adapted + [
             f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm "
             f"or N for "
             f"{counts[j] * self.arm.h:.3g} s"

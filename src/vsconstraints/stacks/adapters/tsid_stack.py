@@ -36,7 +36,7 @@ class TsidStack:
         if self.scene.feature != "camera-pose":
             raise SystemExit("TSID has no task of image points")
         model = pin.buildModelFromXML(setup["urdf"])
-        self.robot = robot = tsid.RobotWrapper(model, False)
+        self.robot = robot = tsid.RobotWrapper(model, tsid.RootJointType.FIXED_BASE_SYSTEM, False)
         self.frame = model.getFrameId(setup["tip"])
         q = pin.neutral(model)
         self.problem = tsid.InverseDynamicsFormulationAccForce("tsid", robot, False)

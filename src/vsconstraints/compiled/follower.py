@@ -1,0 +1,307 @@
+"""Low-level loop of an arm that takes velocities or positions: motion within a period, exactly.
+
+Each joint follows a wanted speed u, q̈ = a + d with the disturbance d and a → (u − q̇)/τ, within
+|a| ≤ A and |ȧ| ≤ j. The motion is composed of parts with closed forms: exponential, saturated with
+constant a, and ramps with constant ȧ. It changes from one to the next at instants
+that are roots of polynomials of degree one or two, or of one exponential.
+
+A position command moves a reference linearly to it within a period; the loop then wants u = ṙ + κ
+(r − q), as cascaded drives do.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..rows import Array, IntArray
+from .compiler import IN_PLACE, compiled, in_place
+from .parts import address, call_int_pointer, checked, struct_loader
+from .workspace import F8, I8, zeros
+
+#: Rows of the state of a joint: coordinate, speed and the loop's acceleration a; wanted speed u;
+#: position reference and its rate; periods since a command was taken. Then, for every command that
+#: may still be taken, the newest first, its position and its speed; last q̈_c and d_c.
+Q, QD, A, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
+#: Most parts of the motion between two instants at which the arm takes commands.
+MOST_PARTS = 64
+SAME = 1e-12  #: Relative difference below which two accelerations are the same.
+
+
+class Follower(NamedTuple):
+    """Low-level loop of an arm, and how it takes commands.
+
+    ``Ts`` is the period of the controller, ``tick`` the time between two instants at which the arm
+    may take a command, ``ticks`` their number in a period, and ``periods`` that of periods between
+    two of them; one of these is 1. ``ages`` are the ages of the command that is taken at each tick,
+    in periods, and ``fresh`` is 1 where it is not the one of the tick before. ``positions`` is 1 if
+    positions are commanded. ``implicit`` (1,) is 1 if q_c advances by T_s q̇_c with the new q̇_c.
+    ``lag`` is τ, ``feedback`` is κ. ``reference`` is the state of the loop where another arm
+    follows it: ``move`` and ``moved`` are then the function that moves it, and its workspace.
+    """
+
+    Ts: float
+    tick: float
+    ticks: int
+    periods: int
+    ages: Annotated[IntArray, I8, "ticks"]
+    fresh: Annotated[IntArray, I8, "ticks"]
+    positions: int
+    implicit: Annotated[IntArray, I8, 1]
+    lag: float
+    feedback: float
+    acceleration: Annotated[Array, F8, "n"]
+    jerk: Annotated[Array, F8, "n"]
+    reference: Annotated[Array, F8, "s", "n"]
+    move: int
+    moved: int
+
+
+@in_place
+def first_root(a: float, b: float, c: float) -> float:
+    """Return the least t > 0 with a t² + b t + c = 0, or infinity."""
+    if a == 0.0:
+        t = -c / b if b != 0.0 else math.inf
+        return t if t > 0.0 else math.inf
+    square = b * b - 4.0 * a * c
+    if square < 0.0:
+        return math.inf
+    # the form without cancellation
+    half = -0.5 * (b + math.copysign(math.sqrt(square), b))
+    one = half / a
+    other = c / half if half != 0.0 else one
+    least = math.inf
+    if one > 0.0:
+        least = one
+    if 0.0 < other < least:
+        least = other
+    return least
+
+
+@in_place
+def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
+    """Move joint j for t [s] with constant ȧ = ``jerk``, and q̈ = a + ``push``."""
+    a = x[A, j]
+    total = a + push
+    x[Q, j] += t * (x[QD, j] + t * (0.5 * total + t * jerk / 6.0))
+    x[QD, j] += t * (total + 0.5 * t * jerk)
+    x[A, j] = a + t * jerk
+
+
+@in_place
+def lag_behind(x: Array, j: int, t: float, lag: float, push: float) -> None:
+    """Move joint j for t [s] with a = (u − q̇)/τ: q̇ approaches u + τ d."""
+    total = x[A, j] + push
+    faded = -lag * math.expm1(-t / lag)
+    # q̈ decays as exp(−t/τ)
+    x[Q, j] += t * x[QD, j] + lag * total * (t - faded)
+    x[QD, j] += total * faded
+    x[A, j] = total * (1.0 - faded / lag) - push
+
+
+@in_place
+def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None:
+    """Move joint j for t [s] by a loop without lag: with ±A until q̇ = u, then at u."""
+    if most == math.inf:
+        x[QD, j] = x[WANTED, j]
+        x[A, j] = 0.0
+        x[Q, j] += t * x[QD, j]
+        return
+    away = x[WANTED, j] - x[QD, j]
+    until = 0.0
+    if away != 0.0:
+        x[A, j] = math.copysign(most, away)
+        total = x[A, j] + push
+        until = away / total if away * total > 0.0 else math.inf
+        glide(x, j, min(t, until), 0.0, push)
+    if until < t:
+        x[QD, j] = x[WANTED, j]
+        # beyond its limit the push carries the joint away
+        x[A, j] = min(max(-push, -most), most)
+        glide(x, j, t - until, 0.0, push)
+
+
+@in_place
+def saturated(f: Follower, x: Array, j: int, left: float, asked: float) -> float:
+    """Move joint j with a at its limit until the loop asks for less; return the time left."""
+    push = x[-1, j]
+    away = (abs(asked) - f.acceleration[j]) * f.lag
+    rate = math.copysign(1.0, asked) * (x[A, j] + push)
+    until = away / rate if rate > 0.0 else math.inf
+    glide(x, j, min(left, until), 0.0, push)
+    if until < left:
+        x[QD, j] = x[WANTED, j] - f.lag * x[A, j]
+    return left - until
+
+
+@in_place
+def exceeding(a: float, most: float, push: float, lag: float) -> float:
+    """Return the time after which |a| of a lagging joint exceeds A, which only |d| > A causes."""
+    if abs(push) <= most:
+        return math.inf
+    share = (math.copysign(most, -push) + push) / (a + push)
+    return -lag * math.log(share) if 0.0 < share < 1.0 else math.inf
+
+
+@in_place
+def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> tuple[float, bool]:
+    """Move joint j with ȧ = ``jerk`` until a is what the loop asks for, or at its limit.
+
+    Return the time that is left, and True if a is what the loop asks for. ``met``: it is already,
+    and what the loop asks for changes faster.
+    """
+    most = f.acceleration[j]
+    lag = f.lag
+    push = x[-1, j]
+    a = x[A, j]
+    # the root of a − (u − q̇)/τ
+    away = 0.0 if met else a - (x[WANTED, j] - x[QD, j]) / lag
+    until = first_root(0.5 * jerk / lag, jerk + (a + push) / lag, away)
+    end = math.copysign(most, jerk)
+    to_end = (end - a) / jerk if most < math.inf else math.inf
+    at_end = 0.0 < to_end <= until
+    until = to_end if at_end else until
+    glide(x, j, min(left, until), jerk, push)
+    if until > left:
+        return 0.0, False
+    asked = (x[WANTED, j] - x[QD, j]) / lag
+    x[A, j] = end if at_end else asked
+    return left - until, not at_end or asked / end >= 1.0
+
+
+@in_place
+def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
+    """Move joint j for ``left`` [s] by a loop with lag and limits of a and ȧ."""
+    most = f.acceleration[j]
+    jerk = f.jerk[j]
+    push = x[-1, j]
+    lag = f.lag
+    met = False  # True if a is what the loop asks for
+    for _ in range(MOST_PARTS):
+        if left <= 0.0:
+            return
+        asked = (x[WANTED, j] - x[QD, j]) / lag
+        aim = min(max(asked, -most), most)
+        if jerk == math.inf:
+            x[A, j] = aim
+        met = met or x[A, j] == aim
+        total = x[A, j] + push
+        grows = asked * total < 0.0
+        if not met:
+            left, met = ramp(f, x, j, left, math.copysign(jerk, aim - x[A, j]), False)
+        elif abs(asked) > most * (1.0 + SAME) or (abs(asked) >= most * (1.0 - SAME) and grows):
+            left = saturated(f, x, j, left, asked)
+        elif abs(total) <= jerk * lag * (1.0 + SAME):
+            until = exceeding(x[A, j], most, push, lag)
+            lag_behind(x, j, min(left, until), lag, push)
+            left -= until
+        else:
+            # the lag would change a faster than the jerk allows
+            left, met = ramp(f, x, j, left, math.copysign(jerk, -total), True)
+    glide(x, j, max(left, 0.0), 0.0, push)
+
+
+@in_place
+def take_command(f: Follower, x: Array, tick: int, duration: float) -> None:
+    """Let all joints take the command that is due at a tick, which lasts ``duration`` [s]."""
+    row = COMMANDS + 2 * f.ages[tick]
+    for j in range(x.shape[1]):
+        if f.positions == 0:
+            x[WANTED, j] = x[row + 1, j]
+            continue
+        if f.fresh[tick]:
+            x[RATE, j] = (x[row, j] - x[REFERENCE, j]) / max(f.Ts, duration)
+        x[WANTED, j] = x[RATE, j] + f.feedback * (x[REFERENCE, j] - x[Q, j])
+        x[REFERENCE, j] += duration * x[RATE, j]
+
+
+@in_place
+def advance(f: Follower, x: Array, span: float) -> None:
+    """Move the joints for the first ``span`` [s] of a period, whose command is integrated."""
+    done = 0.0
+    for tick in range(f.ticks):
+        t = min(f.Ts / f.ticks, span - done)
+        if t <= 0.0:
+            return
+        if f.periods == 1 or x[AGE, 0] == 0.0:
+            take_command(f, x, tick, f.tick)
+        for j in range(x.shape[1]):
+            if f.lag == 0.0:
+                follow_at_once(x, j, t, f.acceleration[j], x[-1, j])
+            else:
+                follow_limited(f, x, j, t)
+        done += t
+
+
+@in_place
+def integrate_command(f: Follower, x: Array) -> None:
+    """Append the command of a period: q̈_c, integrated to a speed and a position."""
+    for i in range(len(x) - 5, COMMANDS - 1, -1):
+        for j in range(x.shape[1]):
+            x[i + 2, j] = x[i, j]
+    share = 1.0 if f.implicit[0] else 0.5
+    for j in range(x.shape[1]):
+        qd = x[COMMANDS + 1, j]
+        x[COMMANDS, j] += f.Ts * (qd + share * f.Ts * x[-2, j])
+        x[COMMANDS + 1, j] = qd + f.Ts * x[-2, j]
+
+
+load_follower = struct_loader(zeros(Follower))
+
+
+@checked(Follower)
+@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
+def follow_period(follower_address: int, x: Array) -> int:
+    """Move the joints through a period with the command x[-2]. Return 0."""
+    f = load_follower(follower_address)
+    integrate_command(f, x)
+    advance(f, x, f.Ts)
+    for j in range(x.shape[1]):
+        x[AGE, j] = (x[AGE, j] + 1.0) % f.periods
+    return 0
+
+
+@checked(Follower)
+@compiled("void(int64, float64[:, ::1], float64)", IN_PLACE)
+def follow_part(follower_address: int, x: Array, span: float) -> None:
+    """Move the joints through the first ``span`` [s] of a period with the command x[-2]."""
+    f = load_follower(follower_address)
+    integrate_command(f, x)
+    advance(f, x, span)
+
+
+@checked(Follower)
+@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
+def follow_with_mass(follower_address: int, x: Array) -> int:
+    """Move an arm whose joint controllers follow the loop's motion as their reference.
+
+    Its command x[-2] becomes the loop's mean acceleration. Return what the arm's function returns.
+    """
+    f = load_follower(follower_address)
+    write_reference(f, x)
+    return call_int_pointer(f.move, (f.moved, x))
+
+
+@in_place
+def write_reference(f: Follower, x: Array) -> None:
+    """Replace the command x[-2] by the mean acceleration of the loop that follows it."""
+    own = f.reference
+    for j in range(x.shape[1]):
+        own[-2, j] = x[-2, j]
+        x[-2, j] = -own[QD, j]
+    integrate_command(f, own)
+    advance(f, own, f.Ts)
+    for j in range(x.shape[1]):
+        own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
+        x[-2, j] = (x[-2, j] + own[QD, j]) / f.Ts
+
+
+@checked(Follower)
+@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+def refer(follower_address: int, x: Array) -> None:
+    """Call :func:`write_reference` for an arm that another program moves."""
+    write_reference(load_follower(follower_address), x)
+
+
+MOVE = address(follow_period)  #: Address of the function that moves an arm without mass.
+MOVE_WITH_MASS = address(follow_with_mass)

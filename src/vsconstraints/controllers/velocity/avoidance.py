@@ -1,0 +1,141 @@
+"""Law ``resolved-rate-avoidance``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ...errors import ConfigurationError
+from ...formulas.projection import opening
+from ...rows import Array, Command, Rows, Task
+from ..least_norm import RANK_TOLERANCE, least_norm
+from ..ranges import Declared, Range, one_of, positive_number
+from .resolved_rate import ResolvedRate
+
+#: Errors below and above which the large projection operator is the classical one and opens fully.
+CLOSED, OPENED = 0.1, 0.7
+#: Rows that are avoided, by the option ``avoids``: beginnings of their labels.
+AVOIDED = {"ranges": "range[", "all": ""}
+
+
+def large_projection(J: Array, error: Array, rank_tolerance: float) -> Array:
+    """Return the large projection operator P (n, n) of Marey and Chaumette (IROS 2010, eq. 24).
+
+    P = λ̄ P_‖e‖ + (1 − λ̄)(I − J†J) with P_‖e‖ = I − Jᵀe eᵀJ / (eᵀJJᵀe), which protects only the
+    norm of the error e (k,); λ̄ is 0 for ‖e‖ < 0.1 and 1 for ‖e‖ > 0.7 (:func:`.opening`).
+    """
+    n = J.shape[1]
+    step = least_norm(J, np.zeros(len(J)), rank_tolerance)
+    used = step.directions[:, step.gains > 0.0]
+    classical = np.eye(n) - used @ used.T
+    pull = J.T @ error
+    size = float(pull @ pull)
+    if size == 0.0:
+        return classical
+    share = float(opening(np.linalg.norm(error), CLOSED, OPENED))
+    norm_only = np.eye(n) - np.outer(pull, pull) / size
+    large: Array = share * norm_only + (1.0 - share) * classical
+    return large
+
+
+def share_of(name: str, value: object, most: float = 1.0) -> float:
+    """Return a positive number up to ``most``; raise ConfigurationError for anything else."""
+    number = positive_number(name, value)
+    if number > most:
+        raise ConfigurationError(f"{name} must be at most {most:g}, not {number:g}")
+    return number
+
+
+class ResolvedRateAvoidance(ResolvedRate):
+    """Resolved rate with ViSP's avoidance of limits by the large projection operator.
+
+    q̇ = q̇₁ − Σᵢ λᵢ (1 + λ_tune) bᵢ P gᵢ. q̇₁ is the command of :class:`.ResolvedRate`, P is
+    :func:`.large_projection`, gᵢ = ∇σᵢ / ‖∇σᵢ‖ is the direction towards the boundary of a row and
+    bᵢ = |gᵢᵀq̇₁| / |gᵢᵀP gᵢ|. λᵢ rises from 0 to 1 as the row enters the last ``zone`` of its
+    range. As published, a row with bᵢ ≥ 1 is not avoided: where the primary task moves towards a
+    limit faster than that, avoidance is off. Marey and Chaumette, "New strategies for avoiding
+    robot joint limits", IROS 2010; ``vpServo::secondaryTaskJointLimitAvoidance`` of ViSP.
+
+    Parameters
+    ----------
+    zone
+        ρ: avoidance begins at this share of the whole range from its end, at most 0.5.
+    full
+        ρ₁: it is complete after this share of the zone.
+    tune
+        λ_tune: by how much avoidance exceeds the speed of the primary task.
+    avoids
+        ``"ranges"``: ranges of joints, as published. ``"all"``: every row on σ, in the same way.
+    """
+
+    name = "resolved-rate-avoidance"
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "zone": Range(0.02, 0.4),
+        "full": Range(0.1, 1.0),
+        "tune": Range(0.05, 1.0),
+    }
+
+    def __init__(
+        self,
+        *,
+        gain: float = 2.0,
+        gain_at_zero: float | None = None,
+        slope_at_zero: float = 30.0,
+        zone: float = 0.1,
+        full: float = 0.3,
+        tune: float = 0.7,
+        avoids: Literal["ranges", "all"] = "ranges",
+        rank_tolerance: float = RANK_TOLERANCE,
+    ) -> None:
+        super().__init__(
+            gain=gain,
+            gain_at_zero=gain_at_zero,
+            slope_at_zero=slope_at_zero,
+            rank_tolerance=rank_tolerance,
+        )
+        self.zone = share_of("zone", zone, 0.5)
+        self.full = share_of("full", full)
+        self.tune = share_of("tune", tune)
+        self._begins = one_of("avoids", avoids, AVOIDED)
+        self.avoids = avoids
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        return (*super().uses, "σ", "K")
+
+    def solve(self, rows: Rows, task: Task) -> Command:  # type: ignore[override]
+        """See :class:`.VelocityController`."""
+        self.require_sigma(rows)
+        primary = super().solve(rows, task)
+        qd = primary.copy()
+        acted = np.zeros(len(rows.labels), np.bool_)
+        width = 2.0 * self.zone * rows.scale
+        near = (rows.sigma > -width) & (rows.K > 0.0)
+        if near.any():
+            P = large_projection(task.J, task.error, self.rank_tolerance)
+        for i in np.flatnonzero(near):
+            if not rows.labels[i].startswith(self._begins):
+                continue
+            depth = float((rows.sigma[i] + width[i]) / (self.full * width[i]))
+            away = self._away(rows.Lg[i], P, primary)
+            if away is not None:
+                qd -= float(opening(max(depth, 0.0), 0.0, 1.0)) * away
+                acted[i] = True
+        return Command(np.zeros(len(qd)), "ok", acted, rows.labels, qd=qd)
+
+    def _away(self, gradient: Array, P: Array, primary: Array) -> Array | None:
+        """Return (1 + λ_tune) b P g of a row (n,), or None where avoidance is off."""
+        length = float(np.linalg.norm(gradient))
+        if length == 0.0:
+            return None
+        g = gradient / length
+        along = P @ g
+        speed = abs(float(g @ primary))
+        effect = abs(float(g @ along))
+        if speed >= effect:
+            return None
+        away: Array = (1.0 + self.tune) * (speed / effect) * along
+        return away

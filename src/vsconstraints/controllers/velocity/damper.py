@@ -1,0 +1,89 @@
+"""Law ``velocity-damper``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ...errors import ConfigurationError
+from ...rows import Array, Rows, Task
+from ..ranges import Declared, Range, positive_number, share
+from ..resolvers import AUTO
+from .quadratic import UNBOUNDED, VelocityQP
+
+
+class VelocityDamper(VelocityQP):
+    """Velocity dampers: near a boundary, the speed towards it falls linearly with the distance.
+
+    Rows at a distance d = −σ below the influence distance d_i demand ḋ ≥ −ξ (d − d_s)/(d_i − d_s),
+    so that d never falls below the security distance d_s; the others demand nothing. Distances
+    count in scales of the rows. Bounds of speeds hold as they are. The cost is that of
+    :class:`.VelocityQP`. Faverjon and Tournassoud, "A local based approach for path planning of
+    manipulators with a high number of degrees of freedom", ICRA 1987.
+
+    Parameters
+    ----------
+    speed
+        ξ [scales per second]: greatest speed at the influence distance.
+    influence, security
+        d_i and d_s [scales].
+    """
+
+    name = "velocity-damper"
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "speed": Range(0.1, 10.0),
+        "influence": Range(0.05, 1.0),
+    }
+    #: The bounds do not depend on K of the rows either.
+    ignores = (*VelocityQP.ignores, "K")
+
+    def __init__(
+        self,
+        *,
+        gain: float = 2.0,
+        gain_at_zero: float | None = None,
+        slope_at_zero: float = 30.0,
+        speed: float = 1.0,
+        influence: float = 0.3,
+        security: float = 0.0,
+        task_weights: list[float] | None = None,
+        damping: float = 1e-6,
+        max_acceleration: float | Literal["limits"] | None = None,
+        weights: Mapping[str, float] | None = None,
+        solver: str = AUTO,
+    ) -> None:
+        super().__init__(
+            gain=gain,
+            gain_at_zero=gain_at_zero,
+            slope_at_zero=slope_at_zero,
+            task_weights=task_weights,
+            damping=damping,
+            max_acceleration=max_acceleration,
+            weights=weights,
+            solver=solver,
+        )
+        self.speed = positive_number("speed", speed)
+        self.influence = positive_number("influence", influence)
+        self.security = share("security", security)
+        if self.security >= self.influence:
+            raise ConfigurationError(
+                f"security must be below influence, {self.influence:g}, not {self.security:g}"
+            )
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        return (*super().uses, "σ", "K")
+
+    def bounds(self, rows: Rows, task: Task) -> tuple[Array, Array]:
+        """Return G (m, n) and h (m,), infinite in effect beyond the influence distance."""
+        self.require_sigma(rows)
+        G, h = rows.velocity_form(task.qd)
+        # h = −σ − K ∂σ/∂t of rows on σ: the damper replaces −σ by K ξ (d − d_s)/(d_i − d_s)
+        distance = -rows.sigma / rows.scale
+        share_left = (distance - self.security) / (self.influence - self.security)
+        damped = h + rows.sigma + rows.K * self.speed * rows.scale * share_left
+        damped = np.where(distance <= self.influence, damped, UNBOUNDED)
+        return G, np.where(rows.K > 0.0, damped, h)

@@ -1,0 +1,250 @@
+"""Arms that take velocities or positions: what they take, and their low-level loop as a plant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..compiled import load
+from ..compiled.workspace import Workspace, zeros
+from ..controllers.delay import split_delay
+from ..errors import ConfigurationError, format_value
+from ..robots.limits import PerJoint, per_joint
+from ..rows import Array, Command
+from .disturbances import Disturbances
+from .plant import Plant
+
+Commands = Literal["acceleration", "velocity", "position"]
+#: Largest difference between a number of periods and a whole one.
+WHOLE = 1e-9
+
+
+@dataclass(frozen=True)
+class ArmInput:
+    """What an arm takes, and how its low-level loop follows it.
+
+    The other keys are those of a loop that follows velocities or positions. Raises
+    ConfigurationError if a value is out of range, or a key has no meaning for the command.
+    """
+
+    #: What the arm takes in each period: q̈, q̇ or q.
+    command: Commands = "acceleration"
+    lag: float = 0.0  #: Time constant τ of the loop of speeds, a first-order lag [s].
+    #: Limit of the loop's |q̈| [rad/s² or m/s²]; none: that of the actuators, ``limits``.
+    acceleration: float | Sequence[float] | None = None
+    #: Limit of its jerk [rad/s³ or m/s³]; needs a lag.
+    jerk: float | Sequence[float] | None = None
+    #: How often the arm takes a command [Hz]; none: every command at once. A multiple or a
+    #: divisor of the rate of sampling.
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.command not in ("acceleration", "velocity", "position"):
+            raise ConfigurationError(
+                f'arm.command is "acceleration", "velocity" or "position", not '
+                f"{format_value(self.command)}"
+            )
+        if not (isinstance(self.lag, int | float) and 0.0 <= self.lag < math.inf):
+            raise ConfigurationError(
+                f"arm.lag is a number of seconds, 0 or more, not {format_value(self.lag)}"
+            )
+        for name in ("acceleration", "jerk", "rate"):
+            value = getattr(self, name)
+            positive = value is None or np.all((np.array(value) > 0.0) & np.isfinite(value))
+            if not positive:
+                raise ConfigurationError(f"arm.{name} must be positive, not {format_value(value)}")
+        if self.command == "acceleration":
+            self._refuse_loop()
+        elif self.jerk is not None and self.lag == 0.0:
+            raise ConfigurationError(
+                "arm.jerk limits how the acceleration of a lagging loop changes: give arm.lag, too"
+            )
+
+    def _refuse_loop(self) -> None:
+        instead = {
+            "lag": "disturbances.time_constant",
+            "acceleration": "limits.acceleration",
+            "jerk": "limits.jerk",
+            "rate": "sampling_time",
+        }
+        for name, other in instead.items():
+            if getattr(self, name) not in (None, 0.0):
+                raise ConfigurationError(
+                    f"arm.{name} is of a loop that follows velocities or positions; for command = "
+                    f'"acceleration" give {other}'
+                )
+
+    @property
+    def streams(self) -> bool:
+        """True if the arm takes velocities or positions."""
+        return self.command != "acceleration"
+
+
+ACCELERATIONS = ArmInput()  #: An arm that takes accelerations.
+
+
+def periods_of(rate: float | None, Ts: float) -> tuple[int, int]:
+    """Return the instants per period at which an arm takes commands, and the periods per instant.
+
+    One of the two is 1. Raises ConfigurationError unless the rate [Hz] is a multiple or a divisor
+    of 1/T_s.
+    """
+    if rate is None:
+        return 1, 1
+    ticks = rate * Ts
+    for number, pair in ((ticks, (round(ticks), 1)), (1.0 / ticks, (1, round(1.0 / ticks)))):
+        if number >= 1.0 - WHOLE and abs(number - round(number)) <= WHOLE * number:
+            return pair
+    raise ConfigurationError(
+        f"arm.rate must be a multiple or a divisor of the sampling rate, {1.0 / Ts:g} Hz, not "
+        f"{rate:g} Hz"
+    )
+
+
+class LowLevelLoop:
+    """Low-level loop of an arm that takes velocities or positions, and the commands it gets.
+
+    A commanded q̈_c is integrated, from one command to the next, to the q̇_c and q_c that the arm
+    takes: q̇_c ← q̇_c + T_s q̈_c, q_c ← q_c + T_s q̇_c + ½T_s² q̈_c. A law that commands speeds
+    determines q̇_c, and q_c ← q_c + T_s q̇_c. The integral is that of the commands alone: the
+    measured q̇ in its place would lag behind them.
+
+    ``x`` (s, n) is the state, at rest with its command at first, and ``arrays`` is the compiled
+    :class:`vsconstraints.compiled.follower.Follower`. ``actuators`` is their limit of
+    accelerations, ``delay`` how late commands arrive [s]. Raises ConfigurationError if a limit is
+    not one number or one for each joint, or the rate does not fit T_s [s].
+    """
+
+    def __init__(
+        self,
+        arm: ArmInput,
+        q0: Array,
+        qd0: Array,
+        Ts: float,
+        actuators: PerJoint = None,
+        delay: float = 0.0,
+    ) -> None:
+        self.kernels = load("follower")
+        self.arm = arm
+        self.Ts = Ts
+        commands = self.kernels.COMMANDS
+        n = len(q0)
+        ticks, periods = periods_of(arm.rate, Ts)
+        tick = Ts / ticks if periods == 1 else periods * Ts
+        split_delay("disturbance command_delay", delay, Ts)
+        late = np.maximum(delay - np.arange(ticks) * Ts / ticks, 0.0)
+        ages = np.ceil(late / Ts - WHOLE).astype(np.int64)
+        before = np.append(ages[-1] + 1, ages[:-1])
+        own = actuators if arm.acceleration is None else arm.acceleration
+        # critically damped, unless the loop is faster than the arm takes commands
+        feedback = 1.0 / tick if arm.lag == 0.0 else min(1.0 / tick, 0.25 / arm.lag)
+        known = {
+            "Ts": Ts,
+            "tick": tick,
+            "ticks": ticks,
+            "periods": periods,
+            "ages": ages,
+            "fresh": (ages != before).astype(np.int64),
+            "positions": int(arm.command == "position"),
+            "lag": float(arm.lag),
+            "feedback": feedback,
+            "acceleration": per_joint("arm.acceleration", own, n),
+            "jerk": per_joint("arm.jerk", arm.jerk, n),
+            "reference": np.zeros((commands + 2 * (int(ages.max()) + 1) + 2, n)),
+        }
+        self.arrays = zeros(self.kernels.Follower, {}, known)
+        self.x: Array = self.arrays.reference
+        self.x[commands:-2:2] = self.x[self.kernels.Q] = self.x[self.kernels.REFERENCE] = q0
+        self.x[commands + 1 : -2 : 2] = self.x[self.kernels.QD] = self.x[self.kernels.WANTED] = qd0
+        self.workspace = Workspace(self.arrays)
+
+    @property
+    def limited(self) -> bool:
+        """True if the acceleration of every joint is limited."""
+        return bool(np.isfinite(self.arrays.acceleration).all())
+
+    def moving(self, move: int, moved: int) -> None:
+        """Let an arm follow this loop: the address of its function, and of its workspace."""
+        self.arrays = self.arrays._replace(move=move, moved=moved)
+        self.workspace = Workspace(self.arrays)
+
+    def take_speeds(self) -> None:
+        """Let q_c advance by T_s q̇_c, as for a law that commands speeds."""
+        self.arrays.implicit[0] = 1
+
+    def acceleration_of(self, command: Command) -> Array:
+        """Return the q̈_c (n,) that continues the last command to a new one."""
+        if not len(command.qd):
+            return command.qdd
+        qdd: Array = (command.qd - self.x[self.kernels.COMMANDS + 1]) / self.Ts
+        return qdd
+
+    def remarks(self) -> list[str]:
+        """Return the adapter between law and arm, for a reader of the results."""
+        if self.arrays.implicit[0]:
+            return []
+        takes = "velocities" if self.arm.command == "velocity" else "positions"
+        return [f"the arm takes {takes}, to which the law's q̈_c was integrated"]
+
+
+class FollowingPlant(Plant):
+    """Arm without mass whose :class:`LowLevelLoop` follows velocities or positions."""
+
+    follows = True
+
+    def __init__(
+        self,
+        arm: ArmInput,
+        q0: Array,
+        qd0: Array,
+        Ts: float,
+        disturbances: Disturbances,
+        actuators: PerJoint = None,
+    ) -> None:
+        if disturbances.time_constant:
+            raise ConfigurationError(
+                "disturbances.time_constant is of an arm that takes accelerations: an arm that "
+                "takes velocities or positions has arm.lag"
+            )
+        delay = disturbances.command_delay
+        super().__init__(q0, qd0, Ts, "acceleration", replace(disturbances, command_delay=0.0))
+        self.loop = loop = LowLevelLoop(arm, q0, qd0, self.Ts, actuators, delay)
+        if (self._offset.any() or self._noise) and arm.lag == 0.0 and not loop.limited:
+            raise ConfigurationError(
+                "disturbing accelerations move an arm only through its loop: give arm.lag or "
+                "arm.acceleration, too"
+            )
+        self.x = loop.x
+        self.x[-1] = self._offset
+        self.transition = np.eye(len(self.x))
+        self.mover = loop.kernels.MOVE, loop.workspace.address
+        self.switch = (delay / self.Ts) % 1.0
+
+    def take_speeds(self) -> None:
+        """See :class:`.Plant`."""
+        self.loop.take_speeds()
+
+    def acceleration_of(self, command: Command) -> Array:
+        """See :class:`.Plant`."""
+        return self.loop.acceleration_of(command)
+
+    def follow(self) -> None:
+        """Advance to the end of the current period."""
+        self.loop.kernels.follow_period(self.loop.workspace, self.x)
+
+    step = follow
+
+    def inside(self, states: Array, after: float) -> tuple[Array, Array]:
+        """See :class:`.Plant`."""
+        moved = np.ascontiguousarray(states.transpose(0, 2, 1))
+        for x in moved:
+            self.loop.kernels.follow_part(self.loop.workspace, x, after)
+        return moved[:, 0], moved[:, 1]
+
+    def remarks(self) -> list[str]:
+        """See :class:`.Plant`."""
+        return self.loop.remarks()
