@@ -52,8 +52,8 @@ class Answer(NamedTuple):
 class RobotProgram(Controller):
     """Controller that gets measurements, and commands velocities, positions or accelerations.
 
-    A run calls :meth:`begin`, then :meth:`respond` once per period, then :meth:`end`. Exceptions end
-    the run with the status ``failed``.
+    A run calls :meth:`begin`, then :meth:`respond` once per period, then :meth:`end`. Exceptions
+    end the run with the status ``failed``.
     """
 
     output: Output = "velocity"

@@ -166,7 +166,9 @@ class Run:
         self.bound = prepared.bound
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
-        if commands_velocity(controller):
+        #: True if the controller commands speeds or positions.
+        self.speeds = commands_velocity(controller)
+        if self.speeds:
             self.plant.take_speeds()
         self.sensor = self.setup.sensor()
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
@@ -214,6 +216,7 @@ class Run:
         try:
             if self.program is not None and not self.ended:
                 self.program.begin()
+                self.speeds = self.program.program.output != "acceleration"
             self._run_to(N)
             while (
                 setup.samples_at_most > N

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -124,9 +124,7 @@ class ExternalStack(MeasuredProgram):
         return {**vars(self), "_process": None}
 
 
-def _arguments(
-    command: Sequence[str] | str, adapter: str | None, python: str | None
-) -> list[str]:
+def _arguments(command: Sequence[str] | str, adapter: str | None, python: str | None) -> list[str]:
     """Return program and arguments; raises as :class:`ExternalStack`."""
     if bool(command) == (adapter is not None):
         raise ConfigurationError(
@@ -145,15 +143,3 @@ def _arguments(
             f"the command of a stack must be a list of texts, not {format_value(command)}"
         )
     return parts
-
-
-def stack_table(command: str) -> tuple[str, Mapping[str, Any]]:
-    """Return the name and the options of the stack with a command line.
-
-    The name is that of the last file in the command, or of the program if there is none.
-    """
-    parts = shlex.split(command)
-    if not parts:
-        raise ConfigurationError("--stack takes a command, such as 'python3 my_stack.py'")
-    files = [part for part in parts[1:] if Path(part).is_file()]
-    return Path(files[-1] if files else parts[0]).stem, {"command": parts}

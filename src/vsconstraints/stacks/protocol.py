@@ -110,7 +110,9 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
         reply = _decode_reply(line)
     except msgspec.MsgspecError as error:
         if b"NaN" in line or b"Infinity" in line:
-            raise StackFailedError(f"it answered numbers that are not finite: {_shown(line)}") from error
+            raise StackFailedError(
+                f"it answered numbers that are not finite: {_shown(line)}"
+            ) from error
         raise StackFailedError(
             "a line on standard output must be an answer, and everything else belongs on standard "
             f"error: it wrote {_shown(line)} ({error})"

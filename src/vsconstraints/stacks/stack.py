@@ -20,7 +20,7 @@ from .protocol import USES, StackFailedError, checked_answer, checked_declaratio
 MAX_REASONS = 3  #: Number of different reasons for having no answer that a remark lists.
 
 
-class NoAnswer(Exception):  # noqa: N818 - named by what it is, as StopIteration
+class NoAnswer(Exception):
     """A stack has no answer for this period; the message is the reason.
 
     The run goes on. The arm is brought to rest until there is an answer again.
@@ -85,7 +85,7 @@ class Measured:
 class MeasuredProgram(RobotProgram):
     """Robot program that counts the periods without an answer."""
 
-    _unanswered: Counter[str] = Counter()  # by reason; replaced in each run
+    _unanswered: Counter[str] | None = None  # periods without an answer by reason
     _periods = 0
 
     def begin(self, setup: Setup) -> None:
@@ -96,15 +96,15 @@ class MeasuredProgram(RobotProgram):
     def counted(self, answer: Answer) -> Answer:
         """Return the answer, after counting it."""
         self._periods += 1
-        if answer.command is None:
+        if answer.command is None and self._unanswered is not None:
             self._unanswered[answer.reason] += 1
         return answer
 
     def run_remarks(self) -> list[str]:
         """Return a remark on the periods without an answer; see :class:`.RobotProgram`."""
-        missed = self._unanswered.total()
-        if not missed:
+        if not self._unanswered:
             return []
+        missed = self._unanswered.total()
         listed = "; ".join(
             f"{count} times {format_value(reason)}"
             for reason, count in self._unanswered.most_common(MAX_REASONS)
@@ -149,7 +149,7 @@ class Stack(MeasuredProgram):
         try:
             command = self.step(data)
         except NoAnswer as error:
-            return self.counted(Answer(None, perf_counter() - begun, str(error) or described(error)))
-        return self.counted(
-            checked_answer(command, self.output, self._n, perf_counter() - begun)
-        )
+            return self.counted(
+                Answer(None, perf_counter() - begun, str(error) or described(error))
+            )
+        return self.counted(checked_answer(command, self.output, self._n, perf_counter() - begun))

@@ -24,7 +24,8 @@ def urdf_text(robot: Robot) -> str:
     """Return the URDF of a robot whose joints keep their names and order.
 
     Fixed and locked joints are merged, so that the text has exactly n joints and one fixed joint to
-    the tip. Links are ``base``, ``link 1`` to ``link n`` and ``tip``.
+    the tip. Links are ``base``, ``link 1`` to ``link n`` and ``tip``. Continuous joints are
+    revolute joints with a range that never ends, so that every library gives each one coordinate.
     """
     model = robot.model
     root = Element("robot", name=robot.name)
@@ -33,11 +34,9 @@ def urdf_text(robot: Robot) -> str:
     for i, name in enumerate(robot.joint_names):
         link = f"link {i + 1}"
         kind = "prismatic" if robot.prismatic[i] else "revolute"
-        if robot.continuous[i]:
-            kind = "continuous"
         joint = _joint(root, name, kind, parent, link, model.jointPlacements[i + 1])
         SubElement(joint, "axis", xyz=_numbers(robot.axes[i]))
-        SubElement(joint, "limit", _limits(robot, i, kind))
+        SubElement(joint, "limit", _limits(robot, i))
         _body(root, link, model.inertias[i + 1])
         parent = link
     frame = model.frames[robot.frame_id("tip")]
@@ -56,11 +55,10 @@ def _joint(root: Element, name: str, kind: str, parent: str, child: str, at: pin
     return joint
 
 
-def _limits(robot: Robot, joint: int, kind: str) -> dict[str, str]:
+def _limits(robot: Robot, joint: int) -> dict[str, str]:
     effort = robot.limits.of_joint("effort", robot.n)[joint]
     limits = {"velocity": robot.qd_max[joint], "effort": effort}
-    if kind != "continuous":
-        limits |= {"lower": robot.q_min[joint], "upper": robot.q_max[joint]}
+    limits |= {"lower": robot.q_min[joint], "upper": robot.q_max[joint]}
     return {key: repr(float(np.clip(each, -UNLIMITED, UNLIMITED))) for key, each in limits.items()}
 
 

@@ -20,12 +20,12 @@ import os
 os.environ.setdefault("JAX_ENABLE_X64", "1")
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
-from importlib.metadata import version  # noqa: E402 - JAX reads the environment when imported
+from importlib.metadata import version
 
-import numpy as np  # noqa: E402
-from cbfpy import CBF, CBFConfig  # noqa: E402
-from servoing import Scene, from_limits, inverse  # noqa: E402
-from stack_io import serve  # noqa: E402
+import numpy as np
+from cbfpy import CBF, CBFConfig
+from servoing import Scene, from_limits, inverse
+from stack_io import serve
 
 
 class Joints(CBFConfig):

@@ -4,8 +4,9 @@
 # ///
 """robotics-toolbox-python: resolved-rate control as a QP with slack, as in its example ``neo.py``.
 
-The twist of the tip is that of ``p_servo`` in base axes; ranges act by ``joint_velocity_damper``, speeds as
-bounds. With the term of manipulability this is NEO without obstacles (Haviland and Corke, 2020).
+The twist of the tip is that of ``p_servo`` in base axes; ranges act by ``joint_velocity_damper``,
+speeds as bounds. With the term of manipulability this is NEO without obstacles (Haviland and Corke,
+2020).
 
 Settings
 --------

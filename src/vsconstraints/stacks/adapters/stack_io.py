@@ -13,7 +13,7 @@ import time
 PROTOCOL = 1
 
 
-class NoAnswer(Exception):  # noqa: N818 - named by what it is, as StopIteration
+class NoAnswer(Exception):
     """There is no command for this period; the message is the reason."""
 
 
