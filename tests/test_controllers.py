@@ -23,6 +23,7 @@ from vsconstraints.controllers import (
     DEMANDS,
     NAMED,
     RESOLVERS,
+    VELOCITY_LAWS,
     Barrier,
     Controller,
     HierarchicalQP,
@@ -68,6 +69,11 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         *({"demand": demand.name, "resolver": "hierarchy"} for demand in DEMANDS),
         *({"demand": "implicit-switch", "resolver": resolver.name} for resolver in RESOLVERS),
     ],
+    "resolved-rate": [{}, {"gain_at_zero": 4.0, "gain": 0.4}],
+    "resolved-rate-avoidance": [{}, {"avoids": "all"}],
+    "velocity-qp": [{}, {"max_acceleration": 20.0}, {"solver": "daqp"}],
+    "velocity-hierarchical-qp": [{}, {"max_acceleration": 20.0}],
+    "velocity-damper": [{}],
     "goal-governor": [{}, {"demand": "switch"}],
     "barrier-governor": [{}, {"demand": "switch"}],
 }
@@ -164,7 +170,8 @@ def problem(size: Size) -> tuple[Rows, Task]:
         K=K,
     )
     b, error, error_rate = rng.normal(size=(3, k)) * size.task_scale
-    return rows, Task(J * size.task_scale, b, error, error_rate)
+    qd = rng.normal(size=n)
+    return rows, Task(J * size.task_scale, b, error, error_rate, qd=qd)
 
 
 sizes = st.builds(
@@ -214,8 +221,14 @@ def test_any_finite_problem_has_a_finite_answer(
         assert command.status != "failed", command.reason
 
 
-# which is random
-@pytest.mark.parametrize(("name", "options"), [law for law in LAWS if law.values[0] != "mppi"])
+VELOCITY = [law.name for law in VELOCITY_LAWS]
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    # one is random, and others command speeds
+    [law for law in LAWS if law.values[0] not in ("mppi", *VELOCITY)],
+)
 @given(size=sizes)
 def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
     name: str, options: dict[str, Any], size: Size

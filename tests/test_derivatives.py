@@ -375,9 +375,14 @@ def compare_constraint(
 
     rows, sigma = evaluate_rows(constraints, scene.evaluate(NOW, q, qd))
     size = np.abs(rows.phi)
+    G, h = rows.velocity_form(qd)
     if isinstance(constraint, SpeedConstraint):
         np.testing.assert_array_equal(rows.phi, sigma)
+        faster = 1.3 * qd + 0.1
+        comparison.agree("G q̇ − h = φ(q̇)", G @ faster - h, sigma_and_phi(q, faster)[1], size)
     else:
+        in_time = slope(lambda t: sigma_and_phi(q, at_rest, t)[0], STEP)
+        comparison.agree("h = −σ − K ∂σ/∂t", h, -sigma - constraint.K * in_time, size)
         sigma_dot = slope(lambda t: along(t)[0], STEP)
         comparison.agree("φ − σ = K dσ/dt", rows.phi - sigma, constraint.K * sigma_dot, size)
         dsigma_dq = gradient(lambda x: sigma_and_phi(x, at_rest)[0], q, STEP)

@@ -270,18 +270,6 @@ def follow_part(follower_address: int, x: Array, span: float) -> None:
     advance(f, x, span)
 
 
-@checked(Follower)
-@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
-def follow_with_mass(follower_address: int, x: Array) -> int:
-    """Move an arm whose joint controllers follow the loop's motion as their reference.
-
-    Its command x[-2] becomes the loop's mean acceleration. Return what the arm's function returns.
-    """
-    f = load_follower(follower_address)
-    write_reference(f, x)
-    return call_int_pointer(f.move, (f.moved, x))
-
-
 @in_place
 def write_reference(f: Follower, x: Array) -> None:
     """Replace the command x[-2] by the mean acceleration of the loop that follows it."""
@@ -294,6 +282,18 @@ def write_reference(f: Follower, x: Array) -> None:
     for j in range(x.shape[1]):
         own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
         x[-2, j] = (x[-2, j] + own[QD, j]) / f.Ts
+
+
+@checked(Follower)
+@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
+def follow_with_mass(follower_address: int, x: Array) -> int:
+    """Move an arm whose joint controllers follow the loop's motion as their reference.
+
+    Its command x[-2] becomes the loop's mean acceleration. Return what the arm's function returns.
+    """
+    f = load_follower(follower_address)
+    write_reference(f, x)
+    return call_int_pointer(f.move, (f.moved, x))
 
 
 @checked(Follower)

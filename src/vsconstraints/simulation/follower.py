@@ -240,7 +240,7 @@ class FollowingPlant(Plant):
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """See :class:`.Plant`."""
-        moved = np.ascontiguousarray(states.transpose(0, 2, 1))
+        moved = np.array(states.transpose(0, 2, 1), order="C")
         for x in moved:
             self.loop.kernels.follow_part(self.loop.workspace, x, after)
         return moved[:, 0], moved[:, 1]

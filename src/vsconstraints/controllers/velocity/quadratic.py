@@ -19,6 +19,8 @@ from ..resolver import Resolver
 from ..resolvers import AUTO, Filter, Hierarchy
 from .gain import VelocityLaw
 
+#: Damping of the inner program, far below that of the law, which has its own equations.
+TO_ROUNDING = 1e-14
 UNBOUNDED = 1e200  #: Bound h of a row that demands nothing; rows of a program must be finite.
 
 
@@ -172,8 +174,8 @@ class VelocityQP(QuadraticVelocity):
         solver: str = AUTO,
     ) -> None:
         gains = {"gain": gain, "gain_at_zero": gain_at_zero, "slope_at_zero": slope_at_zero}
-        filter_ = Filter(metric="task", solver=solver, weights=weights)
-        super().__init__(filter_, gains, max_acceleration)
+        nearest = Filter(metric="task", damping=TO_ROUNDING, solver=solver, weights=weights)
+        super().__init__(nearest, gains, max_acceleration)
         self.damping = positive_number("damping", damping)
         self.task_weights = task_weights
         if task_weights is not None:

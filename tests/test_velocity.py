@@ -1,0 +1,326 @@
+"""Rows and task in terms of joint speeds, and the laws that command these.
+
+Rows are in tests/test_derivatives.py. Oracles: finite differences, cvxpy, numpy.linalg.pinv, and the published formulas of ViSP with
+numbers worked out by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import (
+    VELOCITY_LAWS,
+    DelayCompensated,
+    Observed,
+    VelocityController,
+    VelocityDamper,
+    VelocityHierarchicalQP,
+    VelocityQP,
+    make_controller,
+)
+from vsconstraints.controllers.velocity import adaptive_gain, commands_velocity
+from vsconstraints.controllers.velocity.avoidance import large_projection
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+NAMES = [law.name for law in VELOCITY_LAWS]
+T_S = 0.01
+
+
+def problem(seed: int, n: int = 6, k: int = 6, m: int = 5) -> tuple[Rows, Task]:
+    """Return random rows and a task at a random speed."""
+    rng = np.random.default_rng(seed)
+    sigma, sigma_dot = rng.normal(size=(2, m))
+    K = rng.uniform(0.1, 1.0, m)
+    labels = tuple(f"range[joint {i + 1}].upper" for i in range(m))
+    Lg = K[:, None] * rng.normal(size=(m, n))
+    rows = Rows(
+        sigma + K * sigma_dot, Lg, np.zeros(m), np.ones(m), labels, np.ones(m), sigma, sigma_dot, K
+    )
+    error, rate = rng.normal(size=(2, k))
+    task = Task(rng.normal(size=(k, n)), np.zeros(k), error, rate, qd=rng.normal(size=n))
+    return rows, task
+
+
+def made(name: str, **options: Any) -> VelocityController:
+    """Return a law that knows its period."""
+    law = make_controller(name, options)
+    assert isinstance(law, VelocityController)
+    law.reset(period=T_S)
+    return law
+
+
+# --- rows and task ---
+
+
+@pytest.mark.parametrize("name", ["ur5-fov", "ur5-image", "moving-target", "moving-sphere"])
+def test_speeds_that_meet_the_task_let_the_error_decay(name: str) -> None:
+    """ė of the next instant, by difference quotients, is −λ e at the speeds J q̇ = v."""
+    setup = Scenario.load(name).setup()
+    step = setup.world()
+    rng = np.random.default_rng(3)
+    t = 0.4
+    q = setup.q0 + 0.01 * rng.normal(size=len(setup.q0))
+    task = step.evaluate(t, q, 0.1 * rng.normal(size=len(q))).task
+    J, v = task.velocity_form(1.7)
+    qd = np.linalg.lstsq(J, v, rcond=None)[0]
+    h = 1e-6
+    ends = []
+    for side in (-h, h):
+        step.reset()
+        ends.append(step.evaluate(t + side, q + side * qd, qd).error)
+    rate = (ends[1] - ends[0]) / (2.0 * h)
+    reached = -1.7 * task.error + (J @ qd - v)
+    np.testing.assert_allclose(rate, reached, atol=2e-6 * (1.0 + np.abs(v).max()))
+
+
+# --- laws against oracles ---
+
+
+def test_resolved_rate_is_the_pseudoinverse() -> None:
+    for seed, (n, k) in enumerate([(6, 6), (7, 6), (6, 8), (3, 6)]):
+        rows, task = problem(seed, n, k)
+        command = made("resolved-rate", gain=1.3).command(rows, task)
+        drift = task.error_rate - task.J @ task.qd
+        expected = np.linalg.pinv(task.J) @ (-1.3 * task.error - drift)
+        np.testing.assert_allclose(command.qd, expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(command.qdd, (expected - task.qd) / T_S, rtol=1e-9, atol=1e-7)
+
+
+def test_the_adaptive_gain_is_that_of_visp() -> None:
+    """vpAdaptiveGain(4, 0.4, 30): a = 3.6, b = 30/3.6, c = 0.4; worked out at 0, 0.1 and 10."""
+    assert adaptive_gain(0.0, 4.0, 0.4, 30.0) == 4.0
+    assert adaptive_gain(0.1, 4.0, 0.4, 30.0) == pytest.approx(3.6 * 0.43459820850707825 + 0.4)
+    assert adaptive_gain(10.0, 4.0, 0.4, 30.0) == pytest.approx(0.4)
+    slope = (adaptive_gain(1e-6, 4.0, 0.4, 30.0) - 4.0) / 1e-6
+    assert slope == pytest.approx(-30.0, rel=1e-4)
+    assert adaptive_gain(0.3, 2.0, 2.0, 30.0) == 2.0
+    law = made("resolved-rate", gain=0.4, gain_at_zero=4.0)
+    assert law.gain_of(np.array([0.02, -0.1])) == adaptive_gain(0.1, 4.0, 0.4, 30.0)  # type: ignore[attr-defined]
+
+
+def visp_projection(J: Array, e: Array) -> Array:
+    """Eq. (24) of Marey and Chaumette (IROS 2010), term by term."""
+    n = J.shape[1]
+    classical = np.eye(n) - np.linalg.pinv(J) @ J
+    of_norm = np.eye(n) - (J.T @ np.outer(e, e) @ J) / (e @ J @ J.T @ e)
+    norm = np.linalg.norm(e)
+    if norm < 0.1:
+        share = 0.0
+    elif norm > 0.7:
+        share = 1.0
+    else:
+        share = 1.0 / (1.0 + np.exp(-12.0 * (norm - 0.1) / 0.6 + 6.0))
+    projection: Array = share * of_norm + (1.0 - share) * classical
+    return projection
+
+
+@pytest.mark.parametrize("size", [0.05, 0.3, 2.0])
+def test_the_large_projection_is_that_of_the_publication(size: float) -> None:
+    rng = np.random.default_rng(5)
+    J = rng.normal(size=(4, 6))
+    e = rng.normal(size=4)
+    e *= size / np.linalg.norm(e)
+    np.testing.assert_allclose(
+        large_projection(J, e, 1e-6), visp_projection(J, e), rtol=1e-10, atol=1e-12
+    )
+
+
+def visp_avoidance(q: Array, qd: Array, low: Array, high: Array, P: Array) -> Array:
+    """q̇₂ of vpServo::secondaryTaskJointLimitAvoidance with its defaults, joint by joint."""
+    rho, rho1, tune = 0.1, 0.3, 0.7
+    q2 = np.zeros(len(q))
+    for i in range(len(q)):
+        span = high[i] - low[i]
+        for sense, left in ((1.0, high[i] - q[i]), (-1.0, q[i] - low[i])):
+            if left >= rho * span:
+                continue
+            along = P @ (sense * np.eye(len(q))[i])
+            b = abs(qd[i]) / abs(along[i])
+            if b >= 1.0:
+                continue
+            depth = (rho * span - left) / (rho * rho1 * span)
+            share = 1.0 if depth > 1.0 else 1.0 / (1.0 + np.exp(-12.0 * depth + 6.0))
+            q2 -= share * (1.0 + tune) * b * along
+    return q2
+
+
+@pytest.mark.parametrize("at", [0.05, 0.09, 0.095])
+def test_avoidance_is_that_of_visp(at: float) -> None:
+    """One joint is within the zone, at these shares of its range from the end, another outside."""
+    rng = np.random.default_rng(8)
+    n = 6
+    low, high = np.full(n, -2.0), np.full(n, 3.0)
+    q = np.full(n, 0.4)
+    q[1] = high[1] - at * 5.0
+    q[4] = low[4] + 0.08 * 5.0
+    half = 2.5
+    sigma = np.concatenate([(q - 0.5) / half - 1.0, (0.5 - q) / half - 1.0])
+    K = np.full(2 * n, 0.1)
+    Lg = np.vstack([np.eye(n), -np.eye(n)]) * 0.1 / half
+    labels = tuple(f"range[joint {i + 1}].{side}" for side in ("upper", "lower") for i in range(n))
+    task = Task(
+        rng.normal(size=(6, n)), np.zeros(6), 0.1 * rng.normal(size=6), np.zeros(6), qd=np.zeros(n)
+    )
+    rows = Rows(sigma, Lg, np.zeros(2 * n), np.ones(2 * n), labels, np.ones(2 * n), sigma,
+                np.zeros(2 * n), K)  # fmt: skip
+    primary = made("resolved-rate", gain=0.2).command(rows, task).qd
+    command = made("resolved-rate-avoidance", gain=0.2).command(rows, task)
+    expected = primary + visp_avoidance(q, primary, low, high, visp_projection(task.J, task.error))
+    np.testing.assert_allclose(command.qd, expected, rtol=1e-9, atol=1e-12)
+    assert not np.allclose(command.qd, primary)
+    assert "range[joint 5].lower" in command.active
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", ["velocity-qp", "velocity-damper"])
+def test_quadratic_programs_are_solved_as_by_cvxpy(name: str, seed: int) -> None:
+    rows, task = problem(seed, m=4)
+    limit = None if seed % 2 else 30.0
+    weights = [1.0, 2.0, 0.5, 1.0, 3.0, 1.0]
+    law = made(name, gain=1.5, damping=1e-3, task_weights=weights, max_acceleration=limit)
+    G, h = law.bounds(rows, task)  # type: ignore[attr-defined]
+    J, v = task.velocity_form(1.5)
+    x = cp.Variable(6)
+    demands = h < 1e100
+    constraints = [G[demands] @ x <= h[demands]] if demands.any() else []
+    if limit is not None:
+        constraints += [cp.abs(x - task.qd) <= limit * T_S]
+    cost = cp.sum_squares(np.diag(weights) @ (J @ x - v)) + 1e-3 * cp.sum_squares(x)
+    program = cp.Problem(cp.Minimize(cost), constraints)
+    tight = {"tol_gap_abs": 1e-13, "tol_gap_rel": 1e-13, "tol_feas": 1e-13}
+    program.solve(solver=cp.CLARABEL, **tight)
+    command = law.command(rows, task)
+    if program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        assert command.status == "ok"
+        np.testing.assert_allclose(command.qd, x.value, rtol=1e-5, atol=1e-5)
+    else:
+        assert command.status == "relaxed"
+        assert np.isfinite(command.qd).all()
+
+
+def test_the_damper_is_that_of_faverjon_and_tournassoud() -> None:
+    """ḋ ≥ −ξ (d − d_s)/(d_i − d_s) by hand: d = 0.2, d_i = 0.3, d_s = 0.1, ξ = 2 give ḋ ≥ −1."""
+    rows = Rows(
+        np.array([-0.2, -0.9]), 0.5 * np.eye(2), np.zeros(2), np.ones(2), ("near", "far"),
+        np.ones(2), np.array([-0.2, -0.9]), np.zeros(2), np.full(2, 0.5),
+    )  # fmt: skip
+    task = Task(np.eye(2), np.zeros(2), np.array([-9.0, -9.0]), np.zeros(2), qd=np.zeros(2))
+    law = VelocityDamper(gain=1.0, speed=2.0, influence=0.3, security=0.1, damping=1e-9)
+    law.reset(period=T_S)
+    np.testing.assert_allclose(law.command(rows, task).qd, [1.0, 9.0], rtol=1e-6)
+
+
+def test_priorities_of_speeds_are_strict_and_rows_that_contradict_are_shared() -> None:
+    """x ≤ −1 and x ≥ 1 miss by 1 each, and the task of the other joint is met."""
+    rows = Rows(
+        np.array([1.0, 1.0]), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2), np.ones(2),
+        ("a", "b"), np.ones(2), np.array([1.0, 1.0]), np.zeros(2), np.ones(2),
+    )  # fmt: skip
+    task = Task(np.eye(2), np.zeros(2), np.array([-3.0, -3.0]), np.zeros(2), qd=np.zeros(2))
+    for law in (VelocityHierarchicalQP(gain=1.0), VelocityQP(gain=1.0, damping=1e-9)):
+        law.reset(period=T_S)
+        command = law.command(rows, task)
+        assert command.status == "relaxed"
+        assert command.slacks == pytest.approx({"a": 1.0, "b": 1.0})
+        assert "no joint speed meets every row" in command.reason
+        np.testing.assert_allclose(command.qd, [0.0, 3.0], atol=1e-6)
+
+
+# --- contract ---
+
+
+class Own(VelocityController):
+    """Damped least squares, as a user writes it."""
+
+    name = "own"
+
+    def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
+        J, v = task.velocity_form(2.0)
+        qd: Array = np.linalg.solve(J.T @ J + 1e-4 * np.eye(J.shape[1]), J.T @ v)
+        return qd
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_speed_or_period_there_is_no_command(name: str) -> None:
+    rows, task = problem(1)
+    with pytest.raises(InvalidInput, match=r"uses the sampling period: tell it by reset"):
+        make_controller(name).command(rows, task)
+    with pytest.raises(InvalidInput, match=r"uses task\.qd, which this task does not give"):
+        made(name).command(rows, replace(task, qd=np.empty(0)))
+    with pytest.raises(InvalidInput, match=r"task\.qd is not finite in row 5"):
+        made(name).command(rows, replace(task, qd=np.append(task.qd[:5], np.nan)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_accelerations_are_differences_of_the_laws_own_commands(name: str) -> None:
+    rows, task = problem(2)
+    law = made(name)
+    first = law.command(rows, task)
+    second = law.command(rows, replace(task, error=0.9 * task.error, qd=task.qd + 1.0))
+    np.testing.assert_allclose(second.qdd, (second.qd - first.qd) / T_S)
+    law.reset()
+    np.testing.assert_array_equal(law.command(rows, task).qdd, first.qdd)
+
+
+@pytest.mark.parametrize("value", [np.full(6, np.nan), np.zeros(5), np.zeros(6, int), "fast", None])
+def test_a_law_that_gives_no_speeds_fails(value: Any) -> None:
+    law = Own()
+    law.reset(period=T_S)
+    law.solve = lambda rows, task: value  # type: ignore[method-assign]
+    command = law.command(*problem(3))
+    assert command.status == "failed"
+    assert "not 6 finite joint speeds" in command.reason
+    assert not command.qdd.any()
+    assert not len(command.qd)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("resolved-rate", {"gain": 0.0}, "gain must be a positive"),
+        ("resolved-rate", {"gain": 3.0, "gain_at_zero": 1.0}, "gain_at_zero must be at least"),
+        ("resolved-rate-avoidance", {"zone": 0.6}, "zone must be at most 0.5"),
+        ("velocity-qp", {"max_acceleration": "all"}, "max_acceleration is a number"),
+        ("velocity-damper", {"security": 0.4}, "security must be below influence"),
+    ],
+)
+def test_unusable_options_are_named(name: str, options: dict[str, Any], words: str) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput), match=words):
+        make_controller(name, options)
+
+
+def test_wrappers_of_velocity_laws_command_velocities() -> None:
+    law = VelocityQP()
+    assert commands_velocity(Observed(law))
+    assert commands_velocity(DelayCompensated(law, command_delay=0.02))
+    assert not commands_velocity(make_controller("tracking"))
+
+
+# --- in scenes ---
+
+
+def velocity_arm(**arm: Any) -> Scenario:
+    """Return half a second of the UR5 with an arm that takes velocities."""
+    scene = Scenario.load("ur5-fov").with_override("duration", 0.2)
+    return scene.with_override("arm", {"command": "velocity", "lag": 0.02, **arm})
+
+
+@pytest.mark.parametrize("law", [*(make_controller(name) for name in NAMES), Own()], ids=str)
+def test_velocity_laws_run_in_scenes(law: VelocityController) -> None:
+    run = simulate(velocity_arm(acceleration=8.0).setup(), law)
+    assert run.status == "unfinished", run.reason
+    assert np.abs(np.diff(run.qd, axis=0)).max() <= 8.0 * 0.002 * (1.0 + 1e-9)
+
+
+def test_an_arm_without_limits_refuses_velocity_laws() -> None:
+    scene = Scenario.load("ur5-fov").with_override("limits", {})
+    with pytest.raises(ConfigurationError, match=r'arm = \{ command = "velocity", lag = 0.02'):
+        simulate(scene.setup(), VelocityQP())
