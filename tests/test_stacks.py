@@ -284,7 +284,8 @@ def test_pixels_pose_and_intrinsics_are_those_of_opencv(distorted):
     cv2 = pytest.importorskip("cv2")
     scenario = Scenario.load("ur5-fov")
     if distorted:
-        scenario = scenario.with_override("camera.distortion", [-0.1, 0.02, 0.001, -0.002, 0.0])
+        lens = {"model": "brown-conrady", "coefficients": [-0.1, 0.02, 0.001, -0.002]}
+        scenario = scenario.with_override("camera.distortion", lens)
         scenario = scenario.with_override("camera.principal_point_px", [331.0, 236.0])
     setup = scenario.setup()
     data = describe(setup, USES)
