@@ -12,12 +12,12 @@ import pytest
 
 from vsconstraints import Robot
 from vsconstraints.comparisons.runs.spec import STACK, ControllerSpec
-from vsconstraints.controllers.program import Observation
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.simulation.programs import Observation
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, external
 from vsconstraints.stacks.description import describe
 from vsconstraints.stacks.protocol import USES
@@ -312,7 +312,7 @@ def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(setup):
 
 
 def test_images_have_the_time_at_which_they_were_taken():
-    late = {"image_period": 0.01, "delay": 1, "pixel_noise": 0.3}
+    late = {"image_period": 0.01, "delay": 1, "delay_known": True, "pixel_noise": 0.3}
     scene = (
         Scenario.load("ur5-fov").with_override("duration", 0.1).with_override("disturbances", late)
     )
@@ -372,7 +372,7 @@ def test_a_command_line_names_its_stack(tmp_path, monkeypatch):
     (tmp_path / "my_stack.py").write_text("", encoding="utf-8")
     spec = ControllerSpec.of_stack("python3 -u my_stack.py --fast")
     assert spec.name == "my_stack"
-    assert spec.make().command[2] == str(tmp_path / "my_stack.py")
+    assert spec.options["command"][2] == str(tmp_path / "my_stack.py")
     assert ControllerSpec.of_stack("/usr/bin/servo").name == "servo"
     with pytest.raises(ConfigurationError, match="takes a command"):
         ControllerSpec.of_stack("")

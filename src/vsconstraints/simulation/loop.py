@@ -17,7 +17,6 @@ from ..control.evaluator import Evaluation
 from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
-from ..controllers.program import RobotProgram
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
@@ -31,7 +30,7 @@ from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
-from .programs import ProgramLoop
+from .programs import ProgramLoop, RobotProgram
 from .setup import Setup, require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 

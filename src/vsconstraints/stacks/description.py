@@ -39,7 +39,7 @@ def _urdf(setup: Setup, scene: Scene) -> dict[str, Any]:
 
 def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
     robot = scene.robot
-    known = {"acceleration": None, "jerk": None}
+    known: dict[str, Any] = {"acceleration": None, "jerk": None}
     if setup.limits.known:
         for name in known:
             limit = setup.limits.of_joint(name, robot.n)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..controllers.program import COMMANDS, Answer, Observation
 from ..errors import ConfigurationError, format_value, unknown_name
+from ..simulation.programs import COMMANDS, Answer, Observation
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .description import describe
@@ -62,7 +62,8 @@ class ExternalStack(MeasuredProgram):
         python: str | None = None,
         **settings: Any,
     ) -> None:
-        self.command = command
+        # not an attribute ``command``, which is a method of controllers
+        self._command = command
         self.adapter = adapter
         self.python = python
         self.settings = settings

@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..controllers.program import OUTPUTS, Answer, Output
 from ..errors import format_value, unknown_name
+from ..simulation.programs import OUTPUTS, Answer, Output
 
 VERSION = 1  #: Version of the protocol.
 #: Units of all numbers in messages.

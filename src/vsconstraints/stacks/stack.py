@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..controllers.program import Answer, Observation, Output, RobotProgram
 from ..errors import described, format_value
+from ..simulation.programs import Answer, Observation, Output, RobotProgram
 from ..simulation.setup import Setup
 from ..vision.measurement import estimated_pose
 from .description import describe, matrix
