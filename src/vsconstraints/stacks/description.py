@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..constraints import Constraint
+from ..constraints import Constraint, JointRange, JointSpeed
 from ..robots.geometry import Pose
 from ..rows import Array
 from ..simulation.setup import Setup
@@ -33,22 +33,42 @@ def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
     return data
 
 
+def joint_limits(setup: Setup) -> tuple[Array, Array, Array]:
+    """Return the lower and upper ends (n,) of the joints' ranges, and their greatest speeds (n,).
+
+    They are those of the robot, and those of the rows of ranges and speeds where these are
+    narrower, with their margins.
+    """
+    lower, upper, speed = setup.scene.robot.ranges
+    for constraint in setup.constraints.constraints:
+        if isinstance(constraint, JointRange):
+            at = np.array(constraint.joints) - 1
+            inwards = 0.5 * constraint.margin * (constraint.upper - constraint.lower)
+            lower[at] = np.maximum(lower[at], constraint.lower + inwards)
+            upper[at] = np.minimum(upper[at], constraint.upper - inwards)
+        elif isinstance(constraint, JointSpeed):
+            at = np.array(constraint.joints) - 1
+            slower = np.minimum(constraint.upper, -constraint.lower)
+            speed[at] = np.minimum(speed[at], (1.0 - constraint.margin) * slower)
+    return lower, upper, speed
+
+
 def _urdf(setup: Setup, scene: Scene) -> dict[str, Any]:
-    return {"urdf": urdf_text(scene.robot), "tip": TIP}
+    return {"urdf": urdf_text(scene.robot, joint_limits(setup)), "tip": TIP}
 
 
 def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
-    robot = scene.robot
+    lower, upper, speed = joint_limits(setup)
     known: dict[str, Any] = {"acceleration": None, "jerk": None}
     if setup.limits.known:
         for name in known:
-            limit = setup.limits.of_joint(name, robot.n)
+            limit = setup.limits.of_joint(name, len(speed))
             known[name] = None if np.isinf(limit).all() else _list(limit)
     return {
         "limits": {
-            "lower": _list(robot.q_min),
-            "upper": _list(robot.q_max),
-            "velocity": _list(robot.qd_max),
+            "lower": _list(lower),
+            "upper": _list(upper),
+            "velocity": _list(speed),
             **known,
         }
     }

@@ -20,8 +20,11 @@ UNKNOWN_MASS = 1.0
 UNKNOWN_INERTIA = 0.01
 
 
-def urdf_text(robot: Robot) -> str:
+def urdf_text(robot: Robot, limits: tuple[Array, Array, Array] | None = None) -> str:
     """Return the URDF of a robot whose joints keep their names and order.
+
+    ``limits`` are lower and upper ends of ranges and greatest speeds, (n,) each, instead of the
+    robot's :attr:`~.Robot.ranges`.
 
     Fixed and locked joints are merged, so that the text has exactly n joints and one fixed joint to
     the tip. Links are ``base``, ``link 1`` to ``link n`` and ``tip``. Continuous joints are
@@ -36,7 +39,7 @@ def urdf_text(robot: Robot) -> str:
         kind = "prismatic" if robot.prismatic[i] else "revolute"
         joint = _joint(root, name, kind, parent, link, model.jointPlacements[i + 1])
         SubElement(joint, "axis", xyz=_numbers(robot.axes[i]))
-        SubElement(joint, "limit", _limits(robot, i))
+        SubElement(joint, "limit", _limits(robot, i, limits or robot.ranges))
         _body(root, link, model.inertias[i + 1])
         parent = link
     frame = model.frames[robot.frame_id("tip")]
@@ -55,10 +58,10 @@ def _joint(root: Element, name: str, kind: str, parent: str, child: str, at: pin
     return joint
 
 
-def _limits(robot: Robot, joint: int) -> dict[str, str]:
+def _limits(robot: Robot, joint: int, ranges: tuple[Array, Array, Array]) -> dict[str, str]:
     effort = robot.limits.of_joint("effort", robot.n)[joint]
-    limits = {"velocity": robot.qd_max[joint], "effort": effort}
-    limits |= {"lower": robot.q_min[joint], "upper": robot.q_max[joint]}
+    lower, upper, speed = (float(each[joint]) for each in ranges)
+    limits = {"velocity": speed, "effort": effort, "lower": lower, "upper": upper}
     return {key: repr(float(np.clip(each, -UNLIMITED, UNLIMITED))) for key, each in limits.items()}
 
 
