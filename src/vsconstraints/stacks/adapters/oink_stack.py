@@ -30,7 +30,7 @@ class OinkStack:
 
     name = f"roboplan-oink {version('roboplan-oink')}"
     output = "velocity"
-    uses = ("urdf", "limits", "camera", "target", "goals", "constraints", "q", "pose")
+    uses = ("urdf", "limits", "camera", "target", "goals", "constraints", "q", "qd", "pose")
 
     def start(self, setup):
         """Build scene, solver, task and limits."""
@@ -53,9 +53,15 @@ class OinkStack:
             oink.PositionLimit(self.solver, own.get("limit_gain", 0.5)),
             oink.VelocityLimit(self.solver, period, speeds),
         ]
+        self.acceleration = None
         if own.get("acceleration_limit", False):
-            most = from_limits(setup["limits"]["acceleration"], 1e6)
-            self.limits.append(oink.AccelerationLimit(self.solver, period, most))
+            most = setup["limits"]["acceleration"]
+            if most is None:
+                raise SystemExit("acceleration_limit needs limits of acceleration in the scenario")
+            most = from_limits(most, 1e6)
+            self.acceleration = oink.AccelerationLimit(self.solver, period, most)
+            self.limits.append(self.acceleration)
+        self.last = None  # last velocity that was commanded
 
     def step(self, now):
         """Return q̇ (n,)."""
@@ -63,12 +69,17 @@ class OinkStack:
         self.robot.setJointPositions(q)
         tip = np.array(self.robot.forwardKinematics(q, self.tip))
         self.task.setTargetFrameTransform(np.asfortranarray(self.scene.tip_goal(now, tip)))
+        if self.acceleration is not None:
+            last = np.array(now["qd"]) if self.last is None else self.last
+            self.acceleration.setLastVelocity(last)
         step = np.zeros(len(q))
         try:
             self.solver.solveIk(self.robot, [self.task], self.limits, step)
         except RuntimeError as error:
+            self.last = None
             raise NoAnswer(str(error)[:100]) from error
-        return step / self.period
+        self.last = step / self.period
+        return self.last
 
 
 if __name__ == "__main__":
