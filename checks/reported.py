@@ -107,8 +107,8 @@ REPORTS = {
     ),
     "pink-206": Report(
         issue="pink#206",
-        says="a start just outside the range makes the problem infeasible, and nothing brings the "
-        "arm back",
+        says="a start just outside the range makes the problem infeasible, and nothing brings "
+        "the arm back",
         changes={
             "constraints": [{**RANGE, "joints": [1], "lower": [-6.28], "upper": [UPPER]}, SPEED],
             "arm": FAST_ARM,
@@ -170,8 +170,8 @@ REPORTS = {
     ),
     "placo-7": Report(
         issue="placo#7",
-        says="the arm vibrates at a hard constraint, self-collision in the report; here the edge of "
-        "the image, with commands that act 10 ms late",
+        says="the arm vibrates at a hard constraint, self-collision in the report; here the edge "
+        "of the image, with commands that act 10 ms late",
         changes={"arm": FAST_ARM, "disturbances": {"command_delay": 0.01}, "duration": 2.0},
         stacks={
             "placo, full step to the edge": {"adapter": "placo", "gain": 4.0, "view_gain": 500.0},

@@ -13,10 +13,12 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from vsconstraints.arms import Job, driver_for, run_on_arm
 from vsconstraints.controllers import (
     VELOCITY_LAWS,
     DelayCompensated,
     Observed,
+    ResolvedRate,
     VelocityController,
     VelocityDamper,
     VelocityHierarchicalQP,
@@ -26,7 +28,7 @@ from vsconstraints.controllers import (
 from vsconstraints.controllers.velocity import adaptive_gain, commands_velocity
 from vsconstraints.controllers.velocity.avoidance import large_projection
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -184,8 +186,9 @@ def test_avoidance_is_that_of_visp(at: float) -> None:
 def test_quadratic_programs_are_solved_as_by_cvxpy(name: str, seed: int) -> None:
     rows, task = problem(seed, m=4)
     limit = None if seed % 2 else 30.0
-    weights = [1.0, 2.0, 0.5, 1.0, 3.0, 1.0]
-    law = made(name, gain=1.5, damping=1e-3, task_weights=weights, max_acceleration=limit)
+    weighted = {"task_weights": [1.0, 2.0, 0.5, 1.0, 3.0, 1.0]} if name == "velocity-qp" else {}
+    weights = weighted.get("task_weights", [1.0] * 6)
+    law = made(name, gain=1.5, damping=1e-3, max_acceleration=limit, **weighted)
     G, h = law.bounds(rows, task)  # type: ignore[attr-defined]
     J, v = task.velocity_form(1.5)
     x = cp.Variable(6)
@@ -318,6 +321,35 @@ def test_velocity_laws_run_in_scenes(law: VelocityController) -> None:
     run = simulate(velocity_arm(acceleration=8.0).setup(), law)
     assert run.status == "unfinished", run.reason
     assert np.abs(np.diff(run.qd, axis=0)).max() <= 8.0 * 0.002 * (1.0 + 1e-9)
+
+
+class SaysItIsCalm(Own):
+    """Commands speeds that jump, and claims accelerations of zero."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:  # type: ignore[override]
+        qd = super().solve(rows, task) * (1.0 if len(self.last) else 0.5)
+        m = len(rows.labels)
+        return Command(np.zeros(len(qd)), "ok", np.ones(m, np.bool_), rows.labels, qd=qd)
+
+
+def test_claimed_accelerations_do_not_count() -> None:
+    """The scores are those of the commanded speeds: of the honest law, after the first jump."""
+    setup = velocity_arm(acceleration=8.0).setup()
+    honest, cheat = (simulate(setup, law) for law in (Own(), SaysItIsCalm()))
+    assert np.abs(cheat.qdd_command[:2]).max() > np.abs(honest.qdd_command[1:]).max()
+    np.testing.assert_array_equal(cheat.active[0], honest.active[0])
+
+
+def test_a_velocity_law_runs_on_an_arm() -> None:
+    """The setpoints sent are its speeds, as far as the limits of the arm allow."""
+    setup = velocity_arm(acceleration=40.0).setup()
+    law = ResolvedRate(gain=0.5)
+    _, log = run_on_arm(Job(setup, law, driver_for("simulated://", setup)))
+    assert log.ended == "done", log.cause
+    on_arm = np.array([period.sent_qd for period in log.periods if not period.braking])
+    run = simulate(setup, ResolvedRate(gain=0.5))
+    np.testing.assert_allclose(on_arm[-1], law.last, atol=1e-9)
+    assert np.abs(on_arm[50] - run.qd[50]).max() < 0.05
 
 
 def test_an_arm_without_limits_refuses_velocity_laws() -> None:

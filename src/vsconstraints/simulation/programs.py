@@ -12,7 +12,6 @@ from ..errors import ConfigurationError, InvalidInput
 from ..formulas.tracking import goal_at
 from ..robots.geometry import Pose
 from ..rows import Array, Command, Rows, Task
-from .image_sensor import ImageSensor
 from .plant import Plant
 from .sensing import Sensor
 from .setup import Setup
@@ -102,7 +101,6 @@ class ProgramLoop:
         self._begun = False
         self._goal_times = [goal.from_time for goal in setup.task.goals]
         self._position = setup.q0  # last commanded position (n,)
-        self._estimates = sensor.estimates or isinstance(sensor, ImageSensor)
         #: Time that the program has computed for its last answer, as it says [s].
         self.compute_time = np.nan
 
@@ -141,7 +139,7 @@ class ProgramLoop:
         ``pixels`` (M, 2) are the true ideal pixels, and ``camera`` is the true pose.
         """
         t = k * self._setup.Ts
-        seen, taken = self._sensor.newest(k, pixels)
+        seen, taken, pose = self._sensor.newest(k, pixels)
         answer = self.program.respond(
             Observation(
                 t=t,
@@ -150,8 +148,8 @@ class ProgramLoop:
                 qd=self._plant.qd,
                 pixels=seen,
                 taken=taken,
-                near=camera,
-                exact=not self._estimates,
+                near=pose or camera,
+                exact=pose is not None or not self._sensor.estimates,
             )
         )
         self.compute_time = answer.compute_time

@@ -26,6 +26,8 @@ from ..vision.measurement import Measurement, estimated_pose
 from ..vision.scene import Scene
 from .disturbances import VISIBILITY, Disturbances
 
+STOPPING = 0.1  #: Time constant with which an arm without usable images is braked [s].
+
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
     """Return the camera model that the controller uses.
@@ -97,6 +99,8 @@ class Sensor:
     ConfigurationError if the image period is not a multiple of the sampling time.
     """
 
+    #: True if images are rendered: then a sample is measured in Python, before its step.
+    renders = False
     blind = False  #: True if no usable image exists, so that the arm must brake.
 
     def __init__(
@@ -188,25 +192,34 @@ class Sensor:
             ) from error
         return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
-    def newest(self, k: int, ideal: Array) -> tuple[Array, float]:
-        """Return the newest usable image in sample ``k``, after it was measured, and its time [s].
+    def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
+        """Return the newest usable image in sample ``k``, after it was measured.
 
-        The image consists of sensor pixels (M, 2) from the image centre; the time is the present
-        one if the controller does not know it. ``ideal`` (M, 2) are the true ideal pixels.
+        Returns its sensor pixels (M, 2) from the image centre, its time [s] and, if the sensor has
+        measured it already, the camera's pose in the target's frame. The time is the present one if
+        the controller does not know it. ``ideal`` (M, 2) are the true ideal pixels.
         """
         t = k * self._Ts
         images = self._images
         if images is None:
-            return self.scene.camera.distort(ideal), t
+            return self.scene.camera.distort(ideal), t, None
         slots = len(images.held)
         slot = max(k // images.every - slots + 1, 0) % slots
-        return images.held[slot].copy(), float(images.taken[slot]) if images.dated else t
+        taken = float(images.taken[slot]) if images.dated else t
+        return images.held[slot].copy(), taken, None
 
     def write(self, step: Step) -> None:
         """Let a compiled step predict measurements of future states, without delay and noise."""
         write_camera(step, self.camera)
         step.markers[:] = self.believed.markers
         step.camera["depth_factor"] = self.disturbances.depth_factor
+
+    def braking(self, qd: Array) -> Array:
+        """Return q̈ (n,) that stops the arm when there is no usable image.
+
+        The actuators execute as much of it as they can.
+        """
+        return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shlex
 import sys
 from collections.abc import Sequence
@@ -27,6 +28,12 @@ ADAPTERS = Path(__file__).parent / "adapters"  #: Folder of the adapters, one pr
 def adapters() -> list[str]:
     """Return the names of the adapters that come with the package."""
     return sorted(path.stem.removesuffix("_stack") for path in ADAPTERS.glob("*_stack.py"))
+
+
+def description(adapter: str) -> str:
+    """Return the first line of an adapter's description."""
+    tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
+    return (ast.get_docstring(tree) or "").partition("\n")[0]
 
 
 class ExternalStack(MeasuredProgram):
@@ -120,6 +127,9 @@ class ExternalStack(MeasuredProgram):
     def _with_messages(self, error: StackFailedError) -> StackFailedError:
         assert self._process is not None
         return self._process.failure(str(error))
+
+    def __repr__(self) -> str:
+        return f"<ExternalStack {shlex.join(self._arguments)}>"
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_process": None}

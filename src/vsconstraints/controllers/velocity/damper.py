@@ -10,7 +10,6 @@ import numpy as np
 from ...errors import ConfigurationError
 from ...rows import Array, Rows, Task
 from ..ranges import Declared, Range, positive_number, share
-from ..resolvers import AUTO
 from .quadratic import UNBOUNDED, VelocityQP
 
 
@@ -29,6 +28,8 @@ class VelocityDamper(VelocityQP):
         ξ [scales per second]: greatest speed at the influence distance.
     influence, security
         d_i and d_s [scales].
+    damping, max_acceleration
+        See :class:`.VelocityQP`.
     """
 
     name = "velocity-damper"
@@ -48,21 +49,15 @@ class VelocityDamper(VelocityQP):
         speed: float = 1.0,
         influence: float = 0.3,
         security: float = 0.0,
-        task_weights: list[float] | None = None,
         damping: float = 1e-6,
         max_acceleration: float | Literal["limits"] | None = None,
-        weights: Mapping[str, float] | None = None,
-        solver: str = AUTO,
     ) -> None:
         super().__init__(
             gain=gain,
             gain_at_zero=gain_at_zero,
             slope_at_zero=slope_at_zero,
-            task_weights=task_weights,
             damping=damping,
             max_acceleration=max_acceleration,
-            weights=weights,
-            solver=solver,
         )
         self.speed = positive_number("speed", speed)
         self.influence = positive_number("influence", influence)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import ConfigurationError, InvalidInput, format_value
+from ...errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ...formulas.row import Row
 from ...rows import UNKNOWN, Array, Command, Rows, Task
 from ..demand import Demand
@@ -121,7 +121,10 @@ class QuadraticVelocity(VelocityLaw):
             -h, G, none, rows.switching_gain, rows.labels, rows.scale, qdd_min=least,
             qdd_max=greatest,
         )  # fmt: skip
-        answer = self._program.command(program, Task(J, v))
+        try:
+            answer = self._program.command(program, Task(J, v))
+        except InvalidInput as error:
+            raise SolverError(f"beyond the range of floating point: {error}") from error
         if answer.status == "failed":
             return answer
         return replace(answer, qd=answer.qdd, reason=_reason(answer))
