@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vsconstraints.comparisons.runs.spec import STACK, ControllerSpec
+from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate
@@ -198,7 +198,7 @@ def spec_of(name: str, options: dict[str, Any], folder: Path) -> ControllerSpec 
         if not program.exists():
             return None
         own["command"] = [str(program)]
-    return ControllerSpec(name, STACK, own)
+    return ControllerSpec(name, stack_law(), own)
 
 
 def show(report: Report, folder: Path) -> bool | None:

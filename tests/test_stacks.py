@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
-from vsconstraints.comparisons.runs.spec import STACK, ControllerSpec
+from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
@@ -343,8 +343,8 @@ def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
     spec = ControllerSpec.from_table(
         "mine", {"command": ["python3", "mine.py"], "gain": 2.0}, folder=tmp_path
     )
-    assert spec.law == STACK
-    assert not spec.apart
+    assert spec.law == stack_law()
+    assert not spec.in_own_process
     assert spec.options["command"] == ["python3", str(tmp_path / "mine.py")]
     assert tmp_path / "mine.py" in spec.files
     assert spec.make().settings == {"gain": 2.0}

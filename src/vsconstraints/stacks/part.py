@@ -1,4 +1,4 @@
-"""What the part ``stacks`` adds: a list of its adapters."""
+"""What the part ``stacks`` adds: programs as controllers, and a list of its adapters."""
 
 from __future__ import annotations
 
@@ -16,4 +16,7 @@ def listed_adapters() -> list[tuple[str, ...]]:
     ]
 
 
-PART = Part(listings={"adapters": Listing("vsconstraints.stacks.part:listed_adapters", "solvers")})
+PART = Part(
+    controllers={"stack": "vsconstraints.stacks:ExternalStack"},
+    listings={"adapters": Listing("vsconstraints.stacks.part:listed_adapters", "solvers")},
+)

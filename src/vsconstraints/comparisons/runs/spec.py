@@ -16,6 +16,7 @@ from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
 from ...plugins.classes import folder_of_neighbours, module_files
+from ...plugins.registry import registered
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
@@ -82,10 +83,6 @@ class RunTiming:
 
 AS_THE_SCENE = RunTiming()
 
-#: Controller that runs a program in a process of its own: a table with one of the keys ``command``
-#: and ``adapter``, and no type, is of this type.
-STACK = "vsconstraints.stacks:ExternalStack"
-
 
 @dataclass(frozen=True)
 class ControllerSpec:
@@ -113,8 +110,8 @@ class ControllerSpec:
         at = f"{where}.{name}"
         options = require_table(table, at)
         is_stack = "command" in options or "adapter" in options
-        law = checked(options.pop("type", STACK if is_stack else name), str, at, "type")
-        if law == STACK:
+        law = checked(options.pop("type", stack_law() if is_stack else name), str, at, "type")
+        if is_stack and law == stack_law():
             options = _from_folder(options, folder)
         return cls(
             name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run")
@@ -177,7 +174,7 @@ class ControllerSpec:
 
         A stack starts a process of its own in any case.
         """
-        return ":" in self.law and not self.main_process_only and self.law != STACK
+        return ":" in self.law and not self.main_process_only and self.law != stack_law()
 
     @property
     def folder_of_neighbours(self) -> Path | None:
@@ -187,7 +184,8 @@ class ControllerSpec:
     @property
     def files(self) -> tuple[Path, ...]:
         """Files in which a custom controller is defined, and those of a stack's command."""
-        command = self.options.get("command", ()) if self.law == STACK else ()
+        is_stack = ":" in self.law and self.law == stack_law()
+        command = self.options.get("command", ()) if is_stack else ()
         parts = command if isinstance(command, list | tuple) else ()
         own = [Path(part) for part in parts if isinstance(part, str) and Path(part).is_file()]
         return (*module_files([self.law], self.folder), *own)
@@ -195,6 +193,14 @@ class ControllerSpec:
     def make(self) -> Controller:
         """Create a controller; raises ConfigurationError or InvalidInput that names the cause."""
         return make_controller(self.law, self.options, self.folder)
+
+
+def stack_law() -> str:
+    """Return the controller that runs a program in a process of its own, as ``module:Class``.
+
+    A table with one of the keys ``command`` and ``adapter``, and no type, is of this type.
+    """
+    return str(registered("controllers")["stack"])
 
 
 def _from_folder(options: dict[str, Any], folder: Path | None) -> dict[str, Any]:
