@@ -65,7 +65,7 @@ class Measured:
         if "pose" in uses:
             data["camera_in_target"] = self._camera_in_target(now)
         if "jacobian" in uses:
-            data["jacobian"] = self._scene.evaluate(now.t, now.q, now.qd).camera_J
+            data["jacobian"] = self._scene.camera_jacobian(now.q)
         return data
 
     def _camera_in_target(self, now: Observation) -> Any:
