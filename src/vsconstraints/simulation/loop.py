@@ -20,7 +20,8 @@ from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
-from ..rows import Rows, Task
+from ..robots.geometry import Pose
+from ..rows import Command, Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
 from .follower import ACCELERATIONS
@@ -28,6 +29,7 @@ from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
+from .programs import ProgramLoop, RobotProgram
 from .setup import Setup, require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 
@@ -162,7 +164,9 @@ class Run:
         self.bound = prepared.bound
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
-        if commands_velocity(controller):
+        #: True if the controller commands speeds or positions.
+        self.speeds = commands_velocity(controller)
+        if self.speeds:
             self.plant.take_speeds()
         self.sensor = self.setup.sensor()
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
@@ -172,6 +176,10 @@ class Run:
         self.reason = ""
         self.compiled = False
         self.law = 0
+        #: The controller as a robot program; None if it is a function of rows and task.
+        self.program: ProgramLoop | None = None
+        if isinstance(controller, RobotProgram):
+            self.program = ProgramLoop(controller, self.setup, self.sensor, self.plant)
         #: Rows and task that are passed to a compiled law, which leaves them unchanged; other laws
         #: may modify their arrays.
         self._given: tuple[Rows, Task] | None = None
@@ -192,11 +200,21 @@ class Run:
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends the run."""
+        try:
+            self._to_the_end()
+        finally:
+            if self.program is not None:
+                self.program.end()
+
+    def _to_the_end(self) -> None:
         setup = self.setup
         N = self.setup.samples
         further = math.ceil(setup.rest_time / setup.Ts)
         dwell = setup.tolerances.dwell_s
         try:
+            if self.program is not None and not self.ended:
+                self.program.begin()
+                self.speeds = self.program.program.output != "acceleration"
             self._run_to(N)
             while (
                 setup.samples_at_most > N
@@ -373,8 +391,10 @@ class Run:
         if self._given is None:
             given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
-        command = self.controller.command(rows, task)
+        command = self._command(k, rows, task)
         times[k % len(times)] = perf_counter() - called
+        if self.program is not None:
+            times[k % len(times)] = self.program.compute_time
         self.loop.answer.qdd[:] = self.plant.acceleration_of(command)
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
@@ -382,6 +402,12 @@ class Run:
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)
+
+    def _command(self, k: int, rows: Rows, task: Task) -> Command:
+        if self.program is None:
+            return self.controller.command(rows, task)
+        camera = Pose(self.loop.camera_R.copy(), self.loop.camera_t.copy())
+        return self.program.command(k, self.loop.pixels, camera, rows.labels)
 
     def remarks(self) -> list[str]:
         """Return remarks for a reader of the results."""
@@ -401,6 +427,8 @@ class Run:
             )
         of_law = self.controller.remark(self.setup.constraints.labels)
         of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
+        if self.program is not None:
+            remarks += self.program.program.run_remarks()
         return [*remarks, of_law, of_factors, self.controller.unused()]
 
     def scores(self) -> RunScores:
