@@ -11,8 +11,8 @@ from time import perf_counter
 
 import numpy as np
 
-from vsconstraints.comparisons.evidence import Campaign, scored
-from vsconstraints.comparisons.evidence.work import make_batch
+from vsconstraints.bench.evidence import Campaign, scored
+from vsconstraints.bench.evidence.work import make_batch
 from vsconstraints.controllers import make_controller
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate

@@ -130,8 +130,6 @@ OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
     "robust-predictive": ("robust-predictive", {}),
-    "goal-governor": ("goal-governor", {}),
-    "barrier-governor": ("barrier-governor", {}),
 }
 """Laws and options that are timed besides those of the default comparison."""
 

@@ -99,7 +99,6 @@ TARGETS = (
         f"{CASE_STUDY}, predictive-50: ratio",
         25.0,
     ),
-    Target("goal governor, the same", "steps", f"{CASE_STUDY}, goal-governor: ratio", 4.0),
     Target("any demand with priority: beyond the paper's law", "laws", "priority: extra", 0.05),
     Target(
         "any demand with hierarchy: beyond the hierarchical QP", "laws", "hierarchy: extra", 0.05

@@ -23,9 +23,9 @@ from typing import Any
 
 import pandas as pd
 
-from vsconstraints.comparisons.advice import MARGIN, Advice, advise
-from vsconstraints.comparisons.statistics import mcnemar
-from vsconstraints.comparisons.study import SHIPPED, Situation, Study
+from vsconstraints.bench.advice import MARGIN, Advice, advise
+from vsconstraints.bench.statistics import mcnemar
+from vsconstraints.bench.study import SHIPPED, Situation, Study
 
 ADVICE = "advice"
 ALWAYS = "always the same law"

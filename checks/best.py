@@ -23,9 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from vsconstraints.comparisons.evidence import parquet
-from vsconstraints.comparisons.evidence.parquet import Column
-from vsconstraints.comparisons.evidence.work import Bench
+from vsconstraints.bench.evidence import parquet
+from vsconstraints.bench.evidence.parquet import Column
+from vsconstraints.bench.evidence.work import Bench
+from vsconstraints.bench.families import Drawn, Family
+from vsconstraints.bench.families.family import LIMITED, NOMINAL, SHIPPED
+from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.comparisons.metrics import NEGLIGIBLE, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
@@ -33,9 +36,6 @@ from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace
 from vsconstraints.errors import ConfigurationError, SceneError
 from vsconstraints.robots.geometry import distances
 from vsconstraints.rows import Array, BoolArray
-from vsconstraints.scenarios.families import Drawn, Family
-from vsconstraints.scenarios.families.family import LIMITED, NOMINAL, SHIPPED
-from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
 

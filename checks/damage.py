@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.comparisons.evidence import TABLES, parquet
+from vsconstraints.bench.evidence import TABLES, parquet
 
 PLANTED = "planted:Planted"
 """Code that runs if it is imported; its folder stands in every place that names one."""

@@ -27,11 +27,11 @@ from typing import Any
 
 import pandas as pd
 
-from vsconstraints.comparisons.evidence import Evidence, parquet
-from vsconstraints.comparisons.evidence.parquet import KEYS, Column
+from vsconstraints.bench.evidence import Evidence, parquet
+from vsconstraints.bench.evidence.parquet import KEYS, Column
+from vsconstraints.bench.reports.ranking import Ranking, ranked
+from vsconstraints.bench.statistics.judged import OUTCOMES
 from vsconstraints.comparisons.runs.spec import BASELINE
-from vsconstraints.comparisons.statistics.judged import OUTCOMES
-from vsconstraints.reports.evidence.ranking import Ranking, ranked
 from vsconstraints.simulation.setup import Tolerances
 
 COMPARISONS = Path(__file__).parents[1] / "comparisons"

@@ -16,16 +16,16 @@ import numpy as np
 
 from vsconstraints import Camera
 from vsconstraints.comparisons import Suite
+from vsconstraints.images.board import Board
+from vsconstraints.images.detectors import DETECTORS
+from vsconstraints.images.rendering import Renderer
+from vsconstraints.images.settings import ImageSettings
+from vsconstraints.images.tag_pose import locate_board
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.features import CameraPose
-from vsconstraints.vision.images.board import Board
-from vsconstraints.vision.images.detectors import DETECTORS
-from vsconstraints.vision.images.rendering import Renderer
-from vsconstraints.vision.images.settings import ImageSettings
-from vsconstraints.vision.images.tag_pose import locate_board
 
 SCENES = ("ur5-images", "ur5-image")
 POSES = 60

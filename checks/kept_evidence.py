@@ -17,20 +17,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from vsconstraints.comparisons.evidence import Evidence, parquet
-from vsconstraints.comparisons.evidence.parquet import KEYS
-from vsconstraints.comparisons.evidence.work import Batch, Part, scored
+from vsconstraints.bench.evidence import Evidence, parquet
+from vsconstraints.bench.evidence.parquet import KEYS
+from vsconstraints.bench.evidence.work import Batch, Part, scored
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.reports.dataset import Dataset
+from vsconstraints.bench.reports.failures import example_failures
+from vsconstraints.bench.reports.report import write_report_of
+from vsconstraints.bench.study import SHIPPED, Study
 from vsconstraints.comparisons.metrics import NEGLIGIBLE, TOLERANT
 from vsconstraints.comparisons.runs.files import write_json
 from vsconstraints.comparisons.runs.folder import MANIFEST, manifest_of
 from vsconstraints.comparisons.runs.machine import provenance
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
-from vsconstraints.comparisons.study import SHIPPED, Study
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.failures import example_failures
-from vsconstraints.reports.evidence.report import write_report_of
-from vsconstraints.scenarios.families.frozen import TestSet
 
 FOLDER = Path(__file__).parents[1] / "reports" / "evidence"
 RUN = [column.name for column in KEYS]

@@ -26,12 +26,12 @@ from typing import Any
 
 import pandas as pd
 
-from vsconstraints.comparisons.evidence.work import Batch, scored
+from vsconstraints.bench.evidence.work import Batch, scored
+from vsconstraints.bench.families import Drawn, Family
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.statistics import mcnemar
+from vsconstraints.bench.statistics.judged import OUTCOMES
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
-from vsconstraints.comparisons.statistics import mcnemar
-from vsconstraints.comparisons.statistics.judged import OUTCOMES
-from vsconstraints.scenarios.families import Drawn, Family
-from vsconstraints.scenarios.families.frozen import TestSet
 
 Tables = dict[str, Any]
 

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vsconstraints.bench.families import Drawn
+from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import ControllerSpec
@@ -28,8 +30,6 @@ from vsconstraints.controllers.predictive import PredictiveControl
 from vsconstraints.controllers.robust_predictive import RobustPredictive
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
-from vsconstraints.scenarios.families import Drawn
-from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup, simulate, until_settled
 from vsconstraints.vision.scene import Scene
 from vsconstraints.vision.tracking import VisualTask

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from vsconstraints.bench.families import Family, families
 from vsconstraints.constraints import ConstraintSet
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.errors import SceneError
 from vsconstraints.rows import Array
-from vsconstraints.scenarios.families import Family, families
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.vision.camera import Camera
 from vsconstraints.vision.measurement import INNOVATIONS, Measurement, Plausible

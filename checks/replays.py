@@ -10,9 +10,9 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from vsconstraints.reports.replay import replay_html
-from vsconstraints.reports.replay.runs import select_run
 from vsconstraints.scenarios import shipped_scenarios
+from vsconstraints.view.replay import replay_html
+from vsconstraints.view.replay.runs import select_run
 
 LAWS = ("tracking", "sliding-mode")
 

@@ -21,7 +21,7 @@ import pandas
 from scipy.special import expit
 from scipy.stats import norm
 
-from vsconstraints.comparisons.statistics import (
+from vsconstraints.bench.statistics import (
     Rate,
     across_families,
     compare_laws,

@@ -33,18 +33,18 @@ from typing import Any
 import numpy as np
 import typer
 
+from vsconstraints.bench.difference import difference
+from vsconstraints.bench.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
+from vsconstraints.bench.evidence.folder import stored_files as files_of_campaign
+from vsconstraints.bench.reports import replay, write_evidence_report
 from vsconstraints.cli.results import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.difference import difference
-from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
-from vsconstraints.comparisons.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.comparisons.record import SHAPES
 from vsconstraints.comparisons.runs.files import SUMS, digests, write_sums
 from vsconstraints.comparisons.stored import stored_files as files_of_comparison
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
-from vsconstraints.reports.evidence import replay, write_evidence_report
-from vsconstraints.reports.replay.runs import select_run
+from vsconstraints.view.replay.runs import select_run
 
 from .damage import MEANT, PLAIN
 

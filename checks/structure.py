@@ -3,10 +3,11 @@
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room
 that it imports. An import counts anywhere, at the top of a file, inside a function or for type
 checkers only; importing a module imports the packages that contain it. The exit code is 1 if there
-are more floors or parameters than allowed, if imports form a circle, or if a definition has no
-reference. Lines have no limit: a limit makes code denser, not simpler. Density has one: tokens per
-line of code, and the share of assignments that pack several values into one statement. Pages and
-words of README and docs are counted, too.
+are more floors or parameters than allowed, if imports form a circle, if an import crosses the
+border between the core and its optional parts, or if a definition has no reference. Lines have no
+limit: a limit makes code denser, not simpler. Density has one: tokens per line of code, and the
+share of assignments that pack several values into one statement. Pages and words of README and docs
+are counted, too.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-ROOMS = [
+CORE = [
     "rows",
     "errors",
     "plugins",
@@ -35,16 +36,33 @@ ROOMS = [
     "control",
     "simulation",
     "scenarios",
-    "learning",
     "comparisons",
     "reports",
-    "paper",
-    "arms",
     "cli",
 ]
-"""Rooms in the order of their dependencies."""
+"""Rooms of the core in the order of their dependencies; no room of it imports an optional part."""
 
-MAX_FLOORS = 14
+PARTS = {
+    "dynamics": set[str](),
+    "images": set[str](),
+    "arms": set[str](),
+    "bench": set[str](),
+    "view": {"bench", "images"},
+    "paper": {"bench", "view"},
+}
+"""Optional parts, with the other parts that each may import: ``view`` shows runs of campaigns and
+rendered images; a study of ``paper`` is a campaign, and its figures show scenes in space."""
+
+NAMED = {
+    "vsconstraints": {"view"},
+    "vsconstraints.plugins.earlier_names": {*PARTS},
+}
+"""Modules outside the parts that may name modules of these: what the package exports for notebooks,
+and the names under which modules were found earlier. Both are imported at their first use."""
+
+MAX_FLOORS = 15
+"""Twelve of the core, and three of parts that import one another: bench, view and paper."""
+
 MAX_PARAMETERS = 8
 LONG_FILE = 300
 """Files with more lines are listed, but allowed."""
@@ -168,6 +186,51 @@ def imports(module: Module, names: set[str]) -> set[str]:
     return (targets | packages) & names - {module.name}
 
 
+def named(module: Module, names: set[str]) -> set[str]:
+    """Return modules of the package that a module names in strings, as for ``import_module``.
+
+    Such a string is ``package.module``, ``package.module:name``, or the same without the package or
+    relative to the module's own package. Docstrings do not count.
+    """
+    docs = {line for first, last in docstrings(module.tree) for line in range(first, last + 1)}
+    root = module.name.partition(".")[0]
+    package = module.name if module.file.name == "__init__.py" else module.name.rpartition(".")[0]
+    found = set()
+    for node in ast.walk(module.tree):
+        if not (isinstance(node, ast.Constant) and isinstance(node.value, str)):
+            continue
+        if node.lineno in docs or not re.fullmatch(r"\.*\w+(\.\w+)*(:\w*)?", node.value):
+            continue
+        text = node.value.partition(":")[0]
+        dots = len(text) - len(text.lstrip("."))
+        if dots:
+            around = package.split(".")[: len(package.split(".")) - dots + 1]
+            candidates = [".".join([*around, text.lstrip(".")])]
+        elif "." in text:
+            candidates = [text, f"{root}.{text}"]
+        else:
+            candidates = []
+        found |= {name for name in candidates if name in names}
+    return found - {module.name}
+
+
+def crossings(modules: dict[str, Module], graph: dict[str, set[str]]) -> list[str]:
+    """Return a sentence for each module that imports or names a module across a border.
+
+    The core may name no part, and a part only those written down in :data:`PARTS`.
+    """
+    sentences = []
+    for name, module in modules.items():
+        room = room_of(name)
+        allowed = PARTS.get(room, set()) | NAMED.get(name, set())
+        targets = graph[name] | named(module, {*modules})
+        for target in sorted(targets):
+            part = room_of(target)
+            if part in PARTS and part not in allowed | {room}:
+                sentences.append(f"{name} imports {target}")
+    return sentences
+
+
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Return groups of names, sorted, in which each name is reached from each other."""
 
@@ -213,15 +276,13 @@ def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
     """Return functions with more parameters than allowed, positional or by keyword.
 
     ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are excluded, because their
-    parameters are options; the list in ``cli/__init__.py`` names them.
+    parameters are options; the ``part.py`` of each part names them.
     """
     found = []
     commands = set()
-    for node in (
-        ast.walk(modules["vsconstraints.cli"].tree) if "vsconstraints.cli" in modules else ()
-    ):
-        if isinstance(node, ast.Attribute):
-            commands.add(f"vsconstraints.cli.{ast.unparse(node)}")
+    for module in modules.values():
+        if module.name.endswith(".part"):
+            commands |= commands_of(module)
     for module in modules.values():
         for node in ast.walk(module.tree):
             if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
@@ -237,6 +298,31 @@ def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
             if count > MAX_PARAMETERS and name not in commands:
                 found.append(f"{count} {name}")
     return sorted(found, key=lambda entry: -int(entry.split()[0]))
+
+
+def commands_of(part: Module) -> set[str]:
+    """Return the functions that a part registers as commands, as dotted names."""
+    constants = {
+        target.id: node.value.value
+        for node in part.tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    found = set()
+    for node in ast.walk(part.tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Command":
+            text = node.args[0]
+            values = text.values if isinstance(text, ast.JoinedStr) else [text]
+            words = [
+                constants[ast.unparse(value.value)]
+                if isinstance(value, ast.FormattedValue)
+                else str(value.value)
+                for value in values
+                if isinstance(value, ast.FormattedValue | ast.Constant)
+            ]
+            found.add("".join(words).replace(":", "."))
+    return found
 
 
 def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
@@ -317,14 +403,19 @@ def main(arguments: list[str]) -> int:
 
     counts = f"{'lines':>7} {'files':>6} {'code':>6} {'docs':>6} {'blank':>6}"
     print(f"{'room':13}{counts} {'tokens':>7} {'/ line':>6} {'floor':>6}")
-    order = {room: i for i, room in enumerate(ROOMS)}
+    order = {room: i for i, room in enumerate([*CORE, *PARTS])}
     for room, inside in sorted(
         rooms.items(), key=lambda entry: (order.get(entry[0], -1), entry[0])
     ):
         line(room or "(package)", inside, str(heights.get(room, "")))
+    for title, chosen in (("core", CORE), ("parts", [*PARTS])):
+        inside = [module for room in chosen for module in rooms.get(room, [])]
+        if inside:
+            line(title, inside, "")
     line("all", [*modules.values()], str(max(heights.values(), default=0)))
     if max(heights.values(), default=0) > MAX_FLOORS:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
+    exceeded += crossings(modules, graph)
     exceeded += too_dense([*modules.values()])
     exceeded += [
         f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)

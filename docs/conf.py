@@ -91,7 +91,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.ranges.Known"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
-    ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
+    ("py:class", "vsconstraints.bench.reports.dataset.Value"),
     ("py:class", "Random"),  # aliases of types
     ("py:class", "Lens"),
     ("py:class", "Formula"),

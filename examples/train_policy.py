@@ -16,10 +16,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.learning import Policy
+from vsconstraints.bench.learning.environment import ServoEnv
 from vsconstraints.controllers import make_controller
-from vsconstraints.learning import Policy
-from vsconstraints.learning.environment import ServoEnv
-from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation import score_run
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from vsconstraints.comparisons.evidence import TABLES, TIMING, Campaign, Evidence
+from vsconstraints.bench.evidence import TABLES, TIMING, Campaign, Evidence
 
 FAMILY = """
 extends = "example-2d-fast"

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from slow import SLOW
+from markers import MARKERS
 
 # `nohup`, and shells that start something in the background, ignore signals, and what is started
 # inherits that
@@ -21,22 +21,27 @@ for number, handler in (
         signal.signal(number, handler)
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
-settings.register_profile(
-    "repeatable",
-    derandomize=True,
-    database=None,
-    deadline=None,
-    max_examples=60,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-settings.load_profile("repeatable")
+for profile, examples in (("quick", 25), ("thorough", 60)):
+    settings.register_profile(
+        profile,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        max_examples=examples,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+# ``pytest --hypothesis-profile=thorough`` chooses the other one
+settings.load_profile("quick")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow tests."""
+    """Mark the tests that are listed in ``markers``."""
     for item in items:
-        if {item.path.stem, f"{item.path.stem}::{item.name.partition('[')[0]}"} & SLOW:
-            item.add_marker(pytest.mark.slow)
+        file = item.path.stem
+        function = item.name.partition("[")[0]
+        for marker, names in MARKERS.items():
+            if file in names or f"{file}::{function}" in names:
+                item.add_marker(getattr(pytest.mark, marker))
 
 
 @pytest.fixture

@@ -15,12 +15,12 @@ from typing import Any
 import typer
 import yaml
 
+from vsconstraints.bench.evidence import CallTimes, Campaign
+from vsconstraints.bench.families import Family
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.evidence import CallTimes, Campaign
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import simulate
 
@@ -75,7 +75,7 @@ def reader_folder(folder: Path) -> Path:
     """Make the folder look as a reader's who has the repository: its folders, and the examples
     themselves.
     """
-    for name in ("comparisons", "examples"):
+    for name in ("comparisons", "controllers", "examples"):
         (folder / name).symlink_to(ROOT / name)
     for path in (ROOT / "examples").iterdir():
         if path.is_file():

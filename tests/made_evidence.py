@@ -12,7 +12,7 @@ import pandas as pd
 from scipy.stats import norm
 
 from scenes import of_depth
-from vsconstraints.comparisons.evidence import Evidence
+from vsconstraints.bench.evidence import Evidence
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN
 
 LABELS = ("fov[marker 2]", "range[joint 6].upper", "speed[joint 2].lower")

@@ -22,9 +22,9 @@ from vsconstraints.formulas.motion import angle
 from vsconstraints.formulas.rotation import rotation_vector_rate, turn_by
 from vsconstraints.formulas.tracking import demanded, funnel, goal_at, resting
 from vsconstraints.formulas.vectors import rotate
+from vsconstraints.images.sensor import ImageSensor
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import UNKNOWN, Array, Rows, Task
-from vsconstraints.simulation.image_sensor import ImageSensor
 from vsconstraints.vision.camera import Camera
 from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from vsconstraints.vision.measurement import Measurement

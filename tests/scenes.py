@@ -172,12 +172,24 @@ def random_scene(
 
 
 def random_goal(state: State, camera: Camera, rng: np.random.Generator, angle: float) -> Goal:
-    """A goal whose pose is turned from the camera's by ``angle``, and whose pixels are anywhere."""
+    """A goal whose pose is turned from the camera's by ``angle``, and whose pixels are anywhere.
+
+    Pixels and depths are not those of the pose, but the first three markers turn as in the state.
+    """
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
     turn = Pose(rotation_matrix(axis * angle), rng.uniform(-0.3, 0.3, 3))
     pixels = rng.uniform(-200.0, 200.0, state.pixels.position.shape)
-    return Goal(0.0, pixels, camera.normalised(pixels), state.camera @ turn.inverse)
+    depth = rng.uniform(0.5, 1.5, len(pixels))
+    if side(pixels) * side(state.pixels.position) < 0.0:
+        pixels = pixels * (1.0, -1.0)
+    return Goal(0.0, pixels, camera.normalised(pixels), state.camera @ turn.inverse, depth)
+
+
+def side(pixels: Array) -> float:
+    """Twice the signed area of the triangle of three points (3, 2)."""
+    a, b, c = pixels[:3]
+    return float(np.linalg.det(np.stack((b - a, c - a))))
 
 
 def rotation_matrix(w: Array) -> Array:

@@ -20,15 +20,15 @@ from checks import advice as check
 
 from campaigns import campaign
 from test_evidence import here
+from vsconstraints.bench.advice import ENOUGH, Judged, advise, distance, similar
+from vsconstraints.bench.evidence import Evidence, Plan, collect, parquet
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.study import COLUMNS, SHIPPED, Situation, Study
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.advice import ENOUGH, Judged, advise, distance, similar
-from vsconstraints.comparisons.evidence import Evidence, Plan, collect, parquet
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.study import COLUMNS, SHIPPED, Situation, Study
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario, shipped_scenarios
-from vsconstraints.scenarios.families import Family
 
 LIKE = Situation(
     6, "camera-pose", False, ("joint-range",), 0.002, 0.0, 0.0, False, False, False, False, False

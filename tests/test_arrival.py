@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from typer.testing import CliRunner
 
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.families.attempts import least_time, rest_to_rest
+from vsconstraints.bench.families.placements import Ends
 from vsconstraints.cli import app
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.robots.limits import ActuatorLimits
-from vsconstraints.scenarios.families import Family
-from vsconstraints.scenarios.families.attempts import least_time, rest_to_rest
-from vsconstraints.scenarios.families.placements import Ends
 from vsconstraints.simulation import Setup, score_run
 
 POSITIVE = st.floats(0.05, 20.0)

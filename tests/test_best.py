@@ -18,10 +18,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checks import best
 
 from documents import ROOT
-from vsconstraints.comparisons.evidence import parquet
+from vsconstraints.bench.evidence import parquet
+from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
 
 

@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 
 from campaigns import campaign
 from test_evidence import HERE, here
-from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import (
+from vsconstraints.bench.evidence import (
     MEASURED,
     CallTimes,
     Campaign,
@@ -27,8 +26,9 @@ from vsconstraints.comparisons.evidence import (
     collect,
     work,
 )
-from vsconstraints.comparisons.evidence.call_times import time_calls
-from vsconstraints.comparisons.evidence.work import plan_batches
+from vsconstraints.bench.evidence.call_times import time_calls
+from vsconstraints.bench.evidence.work import plan_batches
+from vsconstraints.cli import app
 from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput

@@ -11,12 +11,12 @@ import pytest
 
 from cheats import CHEATS, TUNNEL, Bounces, Cheat, Crawls, Exits, Overspeeds, Tunnels
 from vsconstraints.controllers import HierarchicalQP
-from vsconstraints.reports.notebooks import compare
 from vsconstraints.reports.results import Results, clean
 from vsconstraints.reports.scenario import metric_table
 from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate, until_settled
+from vsconstraints.view.notebooks import compare
 
 GROUPS = ("outcome", "task", "chattering")
 

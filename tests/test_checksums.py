@@ -20,9 +20,7 @@ from typer.testing import CliRunner
 from campaigns import assert_same, campaign, tables
 from documents import ROOT
 from test_evidence import HERE
-from vsconstraints.cli import app
-from vsconstraints.comparisons import StoredComparison, Suite, compare, keep_trajectories
-from vsconstraints.comparisons.evidence import (
+from vsconstraints.bench.evidence import (
     TABLES,
     Campaign,
     Evidence,
@@ -31,7 +29,9 @@ from vsconstraints.comparisons.evidence import (
     merge,
     parquet,
 )
-from vsconstraints.comparisons.evidence import folder as folders
+from vsconstraints.bench.evidence import folder as folders
+from vsconstraints.cli import app
+from vsconstraints.comparisons import StoredComparison, Suite, compare, keep_trajectories
 from vsconstraints.comparisons.runs.files import SUMS, recorded, seal
 from vsconstraints.comparisons.runs.folder import manifest_of
 from vsconstraints.errors import ConfigurationError
@@ -63,7 +63,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
     folder = tmp_path_factory.mktemp("parts")
     small = campaign(folder, scenes=4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 1)
+        patch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 1)
         for i in (1, 2):
             collect(small, folder / str(i), replace(HERE, shard=Shard(i, 2), keep="first"))
     return small, folder

@@ -20,19 +20,19 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import vsconstraints
-from vsconstraints.cli import GROUPS, app, terminal
-from vsconstraints.cli.listing import KINDS, print_listing
-from vsconstraints.cli.options import OPTIONS
+from vsconstraints.cli import app, terminal
+from vsconstraints.cli.application import commands
+from vsconstraints.cli.listing import kinds, print_listing
+from vsconstraints.cli.options import known_options
 from vsconstraints.cli.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.compiled import available
 from vsconstraints.controllers import CONTROLLERS
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.plugins.registry import load, parts
 from vsconstraints.scenarios import shipped_scenarios
 
-GROUP_COMMANDS = {
-    name: command for group in GROUPS.values() for name, (command, _) in group.items()
-}
+COMMANDS = commands()
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
 
 
@@ -57,9 +57,12 @@ def test_version() -> None:
 def test_help_names_the_commands_by_what_they_are_for() -> None:
     shown = run("--help")
     assert shown.returncode == 0
-    commands = [*dict.fromkeys(name.split()[0] for group in GROUPS.values() for name in group)]
-    assert commands[:2] == ["compare", "list"]
-    assert re.findall(r"^\W? ([a-z]+) ", shown.stdout, re.MULTILINE) == commands
+    by_panel = dict[str, list[str]]()
+    for name, command in COMMANDS.items():
+        by_panel.setdefault(command.panel, []).append(name.split()[0])
+    names = [*dict.fromkeys(name for panel in by_panel.values() for name in panel)]
+    assert names[:4] == ["compare", "list", "report", "diff"]
+    assert re.findall(r"^\W? ([a-z]+) ", shown.stdout, re.MULTILINE) == names
 
 
 def test_what_is_printed_is_printed_as_it_is() -> None:
@@ -88,7 +91,7 @@ def test_list_names_everything_on_one_screen() -> None:
 
 
 def test_list_describes_kinds_and_names(capsys: pytest.CaptureFixture[str]) -> None:
-    for kind in KINDS:
+    for kind in kinds():
         print_listing([kind])
         shown = capsys.readouterr().out
         assert "`" not in shown  # docstrings mark references and code
@@ -104,7 +107,7 @@ def test_list_describes_kinds_and_names(capsys: pytest.CaptureFixture[str]) -> N
 
 def help_pages() -> Iterator[tuple[str, str]]:
     """Each command's name and its help on a terminal of 80 columns."""
-    for name in ("", "testset", *(name for commands in GROUPS.values() for name in commands)):
+    for name in ("", "testset", *COMMANDS):
         environment = {"COLUMNS": "80", "TERMINAL_WIDTH": "80"}
         shown = CliRunner().invoke(app, [*name.split(), "--help"], env=environment)
         assert shown.exit_code == 0, shown.output
@@ -119,18 +122,13 @@ def test_help_fits_80_columns_and_cuts_nothing() -> None:
         assert max(map(cell_len, page.splitlines())) <= 80, name
         assert not re.search("[\U0001f000-\U0001ffff\u2600-\u27bf]", page), name
         words = {word for line in page.splitlines() for word in line.strip("│ ").split()}
-        examples = [
-            example
-            for group in GROUPS.values()
-            for each, (_, example) in group.items()
-            if each == name
-        ]
-        for example in examples:
-            assert f" Example: vsconstraints {name} {example} " in page
-        known = OPTIONS["shared"] | OPTIONS.get(name, {})
-        for parameter in (
-            inspect.signature(GROUP_COMMANDS[name]).parameters if name in GROUP_COMMANDS else ()
-        ):
+        if name not in COMMANDS:
+            continue
+        command = COMMANDS[name]
+        assert f" Example: vsconstraints {name} {command.example} " in page
+        (part,) = (part for part in parts() if name in part.commands)
+        known = known_options(name, part.options)
+        for parameter in inspect.signature(load(command.function)).parameters:
             missing = {*known.get(parameter, {}).get("help", "").split()} - words
             assert not missing, f"{name}: {parameter} shows no {missing}"
 

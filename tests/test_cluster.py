@@ -27,11 +27,11 @@ from distributed.security import Security
 from typer.testing import CliRunner
 
 from documents import DOCS, blocks
+from vsconstraints.bench.evidence import Campaign, Evidence, Part, Plan, collect, scored
+from vsconstraints.bench.evidence import cluster as near
+from vsconstraints.bench.evidence.cluster import cluster
+from vsconstraints.bench.evidence.work import plan_batches
 from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, collect, scored
-from vsconstraints.comparisons.evidence import cluster as near
-from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.errors import ConfigurationError

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from test_disturbances import REFUSED, case
-from vsconstraints.comparisons.advice import Situation
+from vsconstraints.bench.advice import Situation
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.controllers.base import Controller
 from vsconstraints.controllers.delay import MAX_PENDING

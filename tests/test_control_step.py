@@ -138,34 +138,48 @@ def examples(arm: Any, world: str) -> list[Constraint]:
     return found
 
 
+def compare_forms(arm: Any, world: str, constraint: Constraint, number: int, kind: int) -> None:
+    """Walk through random states with one constraint and the feature of a kind."""
+    rng = np.random.default_rng([kind, number, *arm.name.encode()])
+    scene, q, qd = random_scene(arm, rng, [constraint], world)
+    if scene.motion is not None:
+        scene.motion.translation.known = number % 3 > 0
+    state = scene.evaluate(0.7, q, qd)
+    poses = [scene.camera_pose(random_configuration(arm, rng), 0.7) for _ in range(2)]
+    goals = [
+        Goal(
+            from_time,
+            state.pixels.position + 9.0,
+            state.normalised.position + 0.01,
+            pose,
+            state.depth * 1.1,
+        )
+        for from_time, pose in zip((0.0, 0.705), poses, strict=True)
+    ]
+    choices = ("exact", "differences")
+    task = VisualTask(FEATURES[kind], goals, TrackingGains(20.0, 7.0), choices[kind % 2])
+    task.velocity = choices[kind // 2]
+    walk = [(0.7 + 0.002 * k, q + 0.002 * k * qd, qd + 0.01 * k) for k in range(5)]
+    both(scene, ConstraintSet([constraint], scene), task, walk)
+
+
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("name", robot_names())
 def test_every_robot_and_constraint_in_every_world(name: str, world: str) -> None:
+    """Features take turns: with the robots and worlds, each constraint meets each of them."""
     arm = robot(name)
-    for seed, feature in enumerate(FEATURES):
-        rng = np.random.default_rng([seed, *name.encode()])
-        for number, one in enumerate(examples(arm, world)):
-            scene, q, qd = random_scene(arm, rng, [one], world)
-            if scene.motion is not None:
-                scene.motion.translation.known = number % 3 > 0
-            state = scene.evaluate(0.7, q, qd)
-            turn = [scene.camera_pose(random_configuration(arm, rng), 0.7) for _ in range(2)]
-            goals = [
-                Goal(
-                    at,
-                    state.pixels.position + 9.0,
-                    state.normalised.position + 0.01,
-                    pose,
-                    state.depth * 1.1,
-                )
-                for at, pose in zip((0.0, 0.705), turn, strict=True)
-            ]
-            task = VisualTask(
-                feature, goals, TrackingGains(20.0, 7.0), ("exact", "differences")[seed % 2]
-            )
-            task.velocity = ("exact", "differences")[seed // 2]
-            walk = [(0.7 + 0.002 * k, q + 0.002 * k * qd, qd + 0.01 * k) for k in range(5)]
-            both(scene, ConstraintSet([one], scene), task, walk)
+    turn = list(robot_names()).index(name) + list(WORLDS).index(world)
+    for number, constraint in enumerate(examples(arm, world)):
+        compare_forms(arm, world, constraint, number, (number + turn) % len(FEATURES))
+
+
+@pytest.mark.parametrize("kind", range(len(FEATURES)))
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", robot_names())
+def test_every_feature_with_every_constraint(name: str, world: str, kind: int) -> None:
+    arm = robot(name)
+    for number, constraint in enumerate(examples(arm, world)):
+        compare_forms(arm, world, constraint, number, kind)
 
 
 def brief(name: str) -> Setup:

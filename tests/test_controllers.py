@@ -1,4 +1,4 @@
-"""One contract for every registered controller, and what distinguishes each law."""
+"""One contract for every registered controller and every file of the folder controllers, and what distinguishes each law."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from folder_laws import EVERY_LAW, FOLDER_LAWS, make
 from scenes import Straight
 from vsconstraints import compiled
 from vsconstraints.control import Model
@@ -61,7 +62,6 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "robust-hierarchical-qp": [{}],
     "predictive": [{"horizon": 3}, {"horizon": 1, "block": 1}, {"horizon": 2, "block": 4}],
     "robust-predictive": [{"horizon": 3}],
-    "mppi": [{}, {"samples": 8, "horizon": 1, "block": 1}],
     "super-twisting": [{}],
     "implicit-super-twisting": [{}],
     "cbf-filter": [{}],
@@ -69,6 +69,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         *({"demand": demand.name, "resolver": "hierarchy"} for demand in DEMANDS),
         *({"demand": "implicit-switch", "resolver": resolver.name} for resolver in RESOLVERS),
     ],
+    "mppi": [{}, {"samples": 8, "horizon": 1, "block": 1}],
     "resolved-rate": [{}, {"gain_at_zero": 4.0, "gain": 0.4}],
     "resolved-rate-avoidance": [{}, {"avoids": "all"}],
     "velocity-qp": [{}, {"max_acceleration": 20.0}, {"solver": "daqp"}],
@@ -76,13 +77,16 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "velocity-damper": [{}],
     "goal-governor": [{}, {"demand": "switch"}],
     "barrier-governor": [{}, {"demand": "switch"}],
+    "cautious": [{}],
+    "gradual": [{}],
+    "careful": [{}],
 }
-"""Options with which each registered controller is put through the contract; all pairs: see
+"""Options with which each registered controller and each of the folder controllers is put through the contract; all pairs: see
 tests/test_laws.py.
 """
 
 GOVERNORS = "goal-governor", "barrier-governor"
-BARE = [name for name in CONTROLLERS if name not in GOVERNORS]
+BARE = [name for name in EVERY_LAW if name not in GOVERNORS]
 """Controllers that need no scene, and so answer any rows and task; for governors see
 tests/test_goal_governor.py.
 """
@@ -96,7 +100,7 @@ LAWS = [
 ]
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", EVERY_LAW)
 def test_every_registered_controller_has_variants(name: str) -> None:
     assert name in VARIANTS, (
         f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be "
@@ -108,7 +112,7 @@ def test_every_registered_controller_has_variants(name: str) -> None:
 def test_governors_ask_for_a_model(name: str) -> None:
     for options in VARIANTS[name]:
         with pytest.raises(InvalidInput, match=rf"{name} uses a model: .*reset\(model="):
-            make_controller(name, options).command(*sound())
+            make(name, options).command(*sound())
 
 
 def ready(
@@ -117,7 +121,7 @@ def ready(
     """The controller of that name, told the sampling period, and a model of what it is given if it
     uses one.
     """
-    law = make_controller(name, options)
+    law = make(name, options)
     restart(
         law, 0.01, (lambda: cast(Model, Straight(*(given or sound())))) if name in BARE else None
     )
@@ -226,8 +230,8 @@ VELOCITY = [law.name for law in VELOCITY_LAWS]
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    # one is random, and others command speeds
-    [law for law in LAWS if law.values[0] not in ("mppi", *VELOCITY)],
+    # laws of the folder may be random, and others command speeds
+    [law for law in LAWS if law.values[0] not in (*FOLDER_LAWS, *VELOCITY)],
 )
 @given(size=sizes)
 def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
@@ -331,7 +335,7 @@ def test_gains_and_scales_must_be_positive(what: str, value: float) -> None:
 )
 def test_rows_of_the_wrong_shape_are_refused(changes: dict[str, Any], words: str) -> None:
     rows, task = sound()
-    for name in CONTROLLERS:
+    for name in EVERY_LAW:
         with pytest.raises(InvalidInput, match=words):
             ready(name).command(replace(rows, **changes), task)
 
@@ -346,7 +350,7 @@ WRONG_TASKS = [
 @pytest.mark.parametrize(("J", "b"), WRONG_TASKS)
 def test_tasks_of_the_wrong_shape_are_refused(J: Array, b: Array) -> None:
     rows, _ = sound()
-    for name in CONTROLLERS:
+    for name in EVERY_LAW:
         with pytest.raises(InvalidInput, match=r"task\.J must be \(k, n\) and task\.b \(k,\)"):
             ready(name).command(rows, Task(J, b))
 
@@ -454,7 +458,7 @@ def test_what_rows_need_not_say_is_nothing_or_an_array_of_floats(what: str) -> N
             Tracking().define(replace(rows, **{what: value}), task)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", EVERY_LAW)
 def test_what_is_no_rows_and_no_task_is_refused(name: str) -> None:
     rows, task = sound()
     law: Any = ready(name)
@@ -623,7 +627,8 @@ def test_names_and_options_that_are_none_are_refused(
         *(
             (name, "rank_tolerance", value)
             for name in BARE
-            if name not in ("predictive", "robust-predictive", "mppi")  # which have a damping
+            # these have a damping, and custom laws need no such option
+            if name not in ("predictive", "robust-predictive", *FOLDER_LAWS)
             for value in (np.nan, 0.0, 1.0, "1e-6", None)
         ),
         *(

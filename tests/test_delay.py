@@ -61,7 +61,7 @@ def test_the_commands_are_those_without_a_delay(name: str, delay: float) -> None
 @pytest.mark.parametrize(
     "options", [{"command_delay": 0.0213}, {"command_delay": 0.0213, "observer": 0.1}]
 )
-@pytest.mark.parametrize("name", ["hierarchical-qp", "predictive", "goal-governor"])
+@pytest.mark.parametrize("name", ["hierarchical-qp", "predictive"])
 def test_compiled_and_by_calls_alike(
     disturbances: dict[str, Any], options: dict[str, float], name: str
 ) -> None:

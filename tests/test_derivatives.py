@@ -51,7 +51,15 @@ from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import Kinematics
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
-from vsconstraints.vision.features import FEATURES, Feature, Goal, ImagePoints
+from vsconstraints.vision.features import (
+    FEATURES,
+    AreaCentroid,
+    Feature,
+    Goal,
+    ImagePoints,
+    Polar,
+    Stack,
+)
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import PointMotion, Scene
 
@@ -296,11 +304,12 @@ def compare_feature(
     np.testing.assert_allclose(error(q), now.error, rtol=0.0, atol=1e-14)
     comparison.agree("J_s", now.J, gradient(error, q, STEP))
     comparison.agree("velocity", now.velocity, slope(along, STEP))
+    # the angle of a marker near the axis and a small area bend over short ways, for shorter steps
+    curved = isinstance(feature, Polar | AreaCentroid)
+    step = LONG_STEP / 4.0 if curved else LONG_STEP
     # next to a turn by π Pinocchio's logarithm is good to some 1e-14, of which second differences
     # make 1e-7
-    comparison.agree(
-        "drift", now.drift, second_slope(along, LONG_STEP), 10.0 if angle > 3.0 else 1.0
-    )
+    comparison.agree("drift", now.drift, second_slope(along, step), 10.0 if angle > 3.0 else 1.0)
     if world == "moving-target":
         comparison.agree("∂s/∂t", now.partial, slope(lambda t: error(q, t), STEP))
     else:
@@ -502,7 +511,8 @@ def test_every_class_is_registered_and_so_tested() -> None:
         "a constraint class is in no example: its derivatives are untested"
     )
     assert set(SHAPES.values()) == concrete(Shape)
-    assert set(FEATURES.values()) == concrete(Feature)
+    # a stack is what the last of them is
+    assert set(FEATURES.values()) == concrete(Feature) - {Stack}
 
 
 # --- the contract notices slips ---

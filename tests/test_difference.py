@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from vsconstraints.bench.difference import changes, difference
+from vsconstraints.bench.reports.difference import page, verdict
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.difference import changes, difference
 from vsconstraints.comparisons.metrics import (
     CONSTRAINT_COLUMNS,
     METRICS,
@@ -22,7 +23,6 @@ from vsconstraints.comparisons.metrics import (
 )
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.difference import page, verdict
 
 LAWS = ("tracking", "one", "two")
 FLAGS = {metric.column for metric in METRICS if metric.kind == "flag"}

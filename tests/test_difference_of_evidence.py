@@ -12,12 +12,12 @@ import pytest
 from campaigns import campaign
 from made_evidence import frame, made, run
 from test_evidence import HERE
-from vsconstraints.comparisons.difference import difference
-from vsconstraints.comparisons.evidence import TABLES, Campaign, collect, parquet
+from vsconstraints.bench.difference import difference
+from vsconstraints.bench.evidence import TABLES, Campaign, collect, parquet
+from vsconstraints.bench.reports.difference import page, verdict
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.difference import page, verdict
 
 SCENES = 60
 Line = dict[str, Any]

@@ -17,14 +17,7 @@ import pytest
 from vsconstraints import Robot
 from vsconstraints.compiled.workspace import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
-from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.reports.figures.signals import draw_disturbance
-from vsconstraints.reports.figures.view import View
-from vsconstraints.robots import ready_made
-from vsconstraints.rows import Array
-from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import Setup, simulate
-from vsconstraints.simulation.dynamics import (
+from vsconstraints.dynamics import (
     ArmDynamics,
     DynamicPlant,
     Friction,
@@ -32,7 +25,14 @@ from vsconstraints.simulation.dynamics import (
     Payload,
     Rods,
 )
-from vsconstraints.simulation.dynamics.equivalent import Equivalent, lagged
+from vsconstraints.dynamics.equivalent import Equivalent, lagged
+from vsconstraints.dynamics.figure import draw_disturbance
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.reports.figures.view import View
+from vsconstraints.robots import ready_made
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup, simulate
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

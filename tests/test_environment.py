@@ -18,15 +18,15 @@ pytest.importorskip("gymnasium")
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.learning import Policy
+from vsconstraints.bench.learning.environment import ServoEnv
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.learning import Policy
-from vsconstraints.learning.environment import ServoEnv
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation import simulate
 
-ENV = "vsconstraints.learning.environment:vsconstraints/Servo-v0"
+ENV = "vsconstraints.bench.learning.environment:vsconstraints/Servo-v0"
 FOV = "example-2d-fov"
 
 
@@ -267,7 +267,7 @@ def test_scenes_of_other_sizes_are_refused() -> None:
 
 def test_the_package_does_not_import_gymnasium() -> None:
     program = (
-        "import sys, vsconstraints, vsconstraints.learning, vsconstraints.cli; assert "
+        "import sys, vsconstraints, vsconstraints.bench.learning, vsconstraints.cli; assert "
         "'gymnasium' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ import pandas as pd
 import pytest
 
 from campaigns import assert_same, campaign, tables
-from vsconstraints.comparisons.evidence import (  # fmt: skip
+from vsconstraints.bench.evidence import (  # fmt: skip
     TABLES,
     TIMING,
     Batch,
@@ -32,9 +33,9 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
     scored,
     work,
 )
-from vsconstraints.comparisons.evidence import folder as folders
-from vsconstraints.comparisons.evidence.parquet import KEYS
-from vsconstraints.comparisons.evidence.work import plan_batches
+from vsconstraints.bench.evidence import folder as folders
+from vsconstraints.bench.evidence.parquet import KEYS
+from vsconstraints.bench.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.files import SUMS
@@ -240,7 +241,7 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 2)
     collect(small, tmp_path / "large", HERE)
     assert len(folders.shard_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
@@ -328,11 +329,11 @@ def test_batches_of_another_size_are_gone_on_with(
     twice.
     """
     small, out = whole
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 1)
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", before)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
     assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", after)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", after)
     assert collect(small, tmp_path, HERE).progress.stored_before == 4
     assert_same(tables(out), tables(tmp_path))
 
@@ -361,6 +362,18 @@ def test_another_campaign_is_refused(
     assert what in str(refused.value)
     assert "--fresh" in str(refused.value)
     assert_same(before, tables(out))
+
+
+def test_a_refusal_removes_nothing(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
+    small, out = whole
+    folder = shutil.copytree(out, tmp_path / "copy")
+    (folder / "runs" / "part-unfinished.parquet.part").write_bytes(b"half of it")
+    damaged = sorted((folder / "runs").glob("*.parquet"))[-1]
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    with pytest.raises(ConfigurationError, match="another campaign"):
+        collect(small.select(settings=["seed=4"]), folder, HERE)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 def test_other_code_is_refused_and_fresh_replaces(

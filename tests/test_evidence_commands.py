@@ -14,19 +14,19 @@ from typer.testing import CliRunner, Result
 from campaigns import assert_same, campaign, tables
 from documents import ROOT
 from test_evidence import here
+from vsconstraints.bench.evidence import Campaign, parquet
+from vsconstraints.bench.evidence.parquet import Column
+from vsconstraints.bench.families import Family, families
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.evidence import Campaign, parquet
-from vsconstraints.comparisons.evidence.parquet import Column
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.scenarios.families import Family, families
 
 
 @pytest.fixture(autouse=True)
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
+    monkeypatch.setattr("vsconstraints.bench.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    written = "vsconstraints.cli.campaigns.write_report"
+    written = "vsconstraints.bench.commands.campaigns.write_report"
     monkeypatch.setattr(written, lambda folder, wanted: f"Report: {folder / 'report.md'}")
     monkeypatch.chdir(tmp_path)
 
@@ -135,7 +135,7 @@ def test_the_real_world_is_a_study_of_the_same_laws(monkeypatch: pytest.MonkeyPa
     assert {entry["folder"] for entry in real.resolved()["families"].values()} == {"real-world"}
     asked: list[tuple[Path, Path]] = []
     monkeypatch.setattr(
-        "vsconstraints.cli.paper.evidence", lambda file, out, **_: asked.append((file, out))
+        "vsconstraints.paper.commands.evidence", lambda file, out, **_: asked.append((file, out))
     )
     assert say("study", "real-world", "--out", "all").exit_code == 0
     assert asked == [(Path("real-world"), Path("all/real-world"))]

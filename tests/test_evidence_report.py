@@ -20,20 +20,21 @@ from typer.testing import CliRunner
 
 from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.bench.evidence import Batch, Campaign, scored
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.reports import replay
+from vsconstraints.bench.reports.dataset import Dataset
+from vsconstraints.bench.reports.failures import divisive_scene
+from vsconstraints.bench.reports.figures import draw_tolerance
+from vsconstraints.bench.reports.report import write_report_of
+from vsconstraints.bench.statistics.judged import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import TOLERANCES, score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.statistics.judged import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence import replay, replayed
-from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.failures import divisive_scene
-from vsconstraints.reports.evidence.figures import draw_tolerance
-from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.plots import looks
-from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation.trajectory import Outcome
+from vsconstraints.view.replay.campaigns import replayed
 
 WIDEST = 8
 

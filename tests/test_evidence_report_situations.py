@@ -19,18 +19,18 @@ import pytest
 from browser import NAMES, browser, program
 from made_evidence import drawn_runs, frame, made, run
 from test_evidence_report import RATES, check, tables, written
-from vsconstraints.comparisons.statistics.judged import UNSUCCESSFUL
+from vsconstraints.bench.families import Family, families
+from vsconstraints.bench.reports import replayed
+from vsconstraints.bench.reports.across import FEWEST, beyond, regrets
+from vsconstraints.bench.reports.dataset import Dataset, Factorial
+from vsconstraints.bench.reports.failures import Cell
+from vsconstraints.bench.reports.figures import draw_levels
+from vsconstraints.bench.reports.ranking import Share, ranking
+from vsconstraints.bench.reports.report import write_report_of
+from vsconstraints.bench.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence import replayed
-from vsconstraints.reports.evidence.across import FEWEST, beyond, regrets
-from vsconstraints.reports.evidence.dataset import Dataset, Factorial
-from vsconstraints.reports.evidence.failures import Cell
-from vsconstraints.reports.evidence.figures import draw_levels
-from vsconstraints.reports.evidence.ranking import Share, ranking
-from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.page import html_page, page_of
-from vsconstraints.reports.replay.runs import name_of
-from vsconstraints.scenarios.families import Family, families
+from vsconstraints.view.replay.runs import name_of
 
 ROOT = Path(__file__).parents[1]
 LADDER = {

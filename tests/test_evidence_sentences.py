@@ -13,9 +13,9 @@ import pytest
 from scipy.stats import beta, norm
 
 from made_evidence import drawn_runs, frame, made, run
-from vsconstraints.comparisons.evidence import Campaign
-from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.findings import (
+from vsconstraints.bench.evidence import Campaign
+from vsconstraints.bench.reports.dataset import Dataset
+from vsconstraints.bench.reports.findings import (
     Finding,
     always_failing,
     best,
@@ -24,8 +24,8 @@ from vsconstraints.reports.evidence.findings import (
     reversals,
     tuning_gain,
 )
-from vsconstraints.reports.evidence.ranking import CONDITIONS, Share, condition_text, ranking
-from vsconstraints.reports.evidence.report import claims_of
+from vsconstraints.bench.reports.ranking import CONDITIONS, Share, condition_text, ranking
+from vsconstraints.bench.reports.report import claims_of
 from vsconstraints.reports.numbers import percentage
 
 Successes = Mapping[str, Mapping[str, str]]

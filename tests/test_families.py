@@ -19,16 +19,16 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+from vsconstraints.bench.families import HALVES, Drawn, Family, Reason, families
+from vsconstraints.bench.families.drawing import DISTRIBUTIONS, Streams, drawn, merged, parsed
+from vsconstraints.bench.families.family import summarised
 from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots import READY_MADE
-from vsconstraints.scenarios.families import HALVES, Drawn, Family, Reason, families
-from vsconstraints.scenarios.families.drawing import DISTRIBUTIONS, Streams, drawn, merged, parsed
-from vsconstraints.scenarios.families.family import summarised
-from vsconstraints.scenarios.families.placements import inverse_kinematics
+from vsconstraints.scenarios.inverse_kinematics import inverse_kinematics
 from vsconstraints.simulation import simulate
 
 BY_HAND = """
@@ -404,7 +404,7 @@ def test_the_same_scene_in_another_process_and_in_any_order() -> None:
     here = {number: told(family.scene(number, seed=5)) for number in (2, 0, 1)}
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
-        "from test_families import told\nfrom vsconstraints.scenarios.families import Family\n"
+        "from test_families import told\nfrom vsconstraints.bench.families import Family\n"
         "print(told(Family.load('planar-arm').scene(2, seed=5)))"
     )
     there = subprocess.run(

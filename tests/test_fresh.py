@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from vsconstraints.bench.reports.fresh import fresh_page, fresh_rates
+from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
-from vsconstraints.comparisons.study import Study
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.fresh import fresh_page, fresh_rates
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "comparisons" / "fresh.parquet"

@@ -18,6 +18,7 @@ from oracle import KINDS, Problem, lexicographic_optimum, random_problem
 from vsconstraints.compiled import load
 from vsconstraints.compiled.workspace import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from vsconstraints.controllers import HierarchicalQP, Tracking
+from vsconstraints.controllers.compiled import CompiledAnswer
 from vsconstraints.controllers.least_norm import least_norm
 from vsconstraints.controllers.resolver import row_weights
 from vsconstraints.controllers.resolvers import Hierarchy
@@ -1045,6 +1046,6 @@ def test_each_code_of_the_compiled_answer_has_its_status() -> None:
         (RELAXED_SHORT, "relaxed", True),
     )
     for code, status, unproved in codes:
-        found = Hierarchy().command(code, np.zeros(2), acted, ("a", "b"), slack, 3)
+        found = Hierarchy().command(CompiledAnswer(code, np.zeros(2), acted, slack, 3), ("a", "b"))
         assert found is not None
         assert (found.status, "rounding" in found.reason) == (status, unproved)

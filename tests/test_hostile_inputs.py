@@ -19,26 +19,26 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from vsconstraints.bench.advice import advise
+from vsconstraints.bench.evidence import Campaign, Evidence
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.learning import policy
+from vsconstraints.bench.learning.environment import ServoEnv
+from vsconstraints.bench.learning.policy import read_weights
+from vsconstraints.bench.study import SHIPPED, Situation, Study
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.advice import advise
-from vsconstraints.comparisons.evidence import Campaign, Evidence
-from vsconstraints.comparisons.study import SHIPPED, Situation, Study
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.constraints.bodies import disabled_pairs
 from vsconstraints.constraints.image_constraint import MAX_POINTS, zero_lines
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError, listed
-from vsconstraints.learning import policy
-from vsconstraints.learning.environment import ServoEnv
-from vsconstraints.learning.policy import read_weights
+from vsconstraints.images.detectors import DETECTORS
+from vsconstraints.images.tag_pose import locate_board
 from vsconstraints.plugins.provenance import digest
 from vsconstraints.plugins.regular_files import read_regular
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.calibration import read_calibration
-from vsconstraints.vision.images.detectors import DETECTORS
-from vsconstraints.vision.images.tag_pose import locate_board
 
 # --- files that are none ---
 

@@ -14,14 +14,14 @@ import pytest
 
 from vsconstraints import Camera
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.images.board import Board
+from vsconstraints.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
+from vsconstraints.images.rendering import Renderer
+from vsconstraints.images.settings import ImageSettings
+from vsconstraints.images.tag_pose import TagPose, board_pose, locate_board
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
 from vsconstraints.vision.distortion import Distortion
-from vsconstraints.vision.images.board import Board
-from vsconstraints.vision.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
-from vsconstraints.vision.images.rendering import Renderer
-from vsconstraints.vision.images.settings import ImageSettings
-from vsconstraints.vision.images.tag_pose import TagPose, board_pose, locate_board
 
 SIDE = 0.14
 MARKERS = (
@@ -136,7 +136,7 @@ def test_a_detector_is_left_to_the_end_of_the_process() -> None:
     program = """
 import pupil_apriltags
 pupil_apriltags.Detector.__del__ = lambda self: print("destroyed" if self.tag_detector_ptr else "left")
-from vsconstraints.vision.images.detectors import apriltag
+from vsconstraints.images.detectors import apriltag
 apriltag()
 """
     done = subprocess.run(

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vsconstraints.cli.scenes import frames as command
 from vsconstraints.comparisons.suite import require_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.frames import FOREIGN, OWN, frames, marked, write_frames
+from vsconstraints.images.detectors import Pixels
+from vsconstraints.images.sensor import ImageSensor, SceneRenderer
+from vsconstraints.images.settings import ImageSettings
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
-from vsconstraints.simulation.image_sensor import ImageSensor, SceneRenderer
-from vsconstraints.vision.images.detectors import Pixels
-from vsconstraints.vision.images.settings import ImageSettings
+from vsconstraints.view.commands import frames as command
+from vsconstraints.view.frames import FOREIGN, OWN, frames, marked, write_frames
 from vsconstraints.vision.scene import State
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from checks.known import DEAD_TIME, DISTURBANCES, KNOWN, LAWS, STUDIES, Changed
 
-from vsconstraints.scenarios.families.frozen import TestSet
+from vsconstraints.bench.families.frozen import TestSet
 
 FAMILIES = {family.name: family for family in TestSet.load().families}
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect, processes
+from vsconstraints.bench.evidence.parquet import TIMING
 from vsconstraints.comparisons import Suite, compare
-from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, collect, processes
-from vsconstraints.comparisons.evidence.parquet import TIMING
 from vsconstraints.comparisons.run import Run, perform
 from vsconstraints.comparisons.runs import law_process
 from vsconstraints.comparisons.runs.law_process import (
@@ -164,7 +164,7 @@ def test_a_run_apart_is_bit_for_bit_that_in_one_process(
 ) -> None:
     asked = spec(folder, law, scenario)
     together = perform(asked, by_public_call=by_public_call, to_the_goal=True)
-    apart = perform(asked, by_public_call=by_public_call, to_the_goal=True, apart=True)
+    apart = perform(asked, by_public_call=by_public_call, to_the_goal=True, in_own_process=True)
     same_runs(together, apart)
     assert len(apart.trajectory.step_time) == len(apart.trajectory.t) > 0
 
@@ -172,7 +172,7 @@ def test_a_run_apart_is_bit_for_bit_that_in_one_process(
 def test_what_a_law_changes_in_its_process_does_not_change_its_motion_and_scores(
     folder: Path,
 ) -> None:
-    run = perform(spec(folder, "Cheat"), apart=True)
+    run = perform(spec(folder, "Cheat"), in_own_process=True)
     still = np.broadcast_to(run.setup.q0, run.trajectory.q.shape)
     np.testing.assert_allclose(run.trajectory.q, still, atol=1e-12)
     assert run.trajectory.status not in ("converged", "failed")
@@ -228,10 +228,10 @@ def test_no_other_run_of_a_comparison_depends_on_a_law_that_changes_everything(
 
 def test_a_law_that_cannot_be_made_or_ends_its_process_costs_its_own_run(folder: Path) -> None:
     with pytest.raises(LawFailedError, match="on purpose"):
-        perform(spec(folder, "NotMade"), apart=True)
+        perform(spec(folder, "NotMade"), in_own_process=True)
     with pytest.raises(LawFailedError, match=DIED):
-        perform(spec(folder, "Dies"), apart=True)
-    assert perform(spec(folder, "Honest"), apart=True).trajectory.status != "failed"
+        perform(spec(folder, "Dies"), in_own_process=True)
+    assert perform(spec(folder, "Honest"), in_own_process=True).trajectory.status != "failed"
 
 
 @pytest.mark.parametrize(
@@ -392,3 +392,11 @@ def test_what_a_process_that_is_not_trusted_may_send_is_bounded(
     assert reason in answer.reason
     assert len(answer.reason) <= MAX_REASON_LENGTH
     assert vars(answer) == {"reason": answer.reason}
+
+
+def test_settings_of_a_law_share_its_process(folder: Path) -> None:
+    end_law_processes()
+    for name, alpha in (("slow", 2.0), ("fast", 40.0)):
+        controller = ControllerSpec(name, "laws_apart:Honest", {"alpha": alpha}, folder)
+        perform(RunSpec("example-2d-fov", controller, {"duration": 0.02}), apart=True)
+    assert len(law_process.law_processes) == 1

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from folder_laws import FOLDER_LAWS
+from vsconstraints.bench.tuning.problem import Searched
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.tuning.problem import Searched
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
@@ -34,6 +35,7 @@ from vsconstraints.simulation import simulate
 
 LAWS: list[Any] = [
     *(pytest.param(name, {}, id=name) for name in CONTROLLERS),
+    *(pytest.param(file, {}, id=name) for name, file in FOLDER_LAWS.items()),
     *(
         pytest.param("law", {"demand": d.name, "resolver": r.name}, id=f"{d.name}-{r.name}")
         for d in DEMANDS
@@ -41,9 +43,9 @@ LAWS: list[Any] = [
         if d is Barrier or r is Hierarchy
     ),
 ]
-"""Every name, every demand and every resolver."""
+"""Every name, every file of the folder controllers, every demand and every resolver."""
 
-MODEL = ("predictive", "robust-predictive", "goal-governor", "barrier-governor", "mppi")
+MODEL = ("predictive", "robust-predictive", *FOLDER_LAWS.values())
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
 
 
@@ -96,6 +98,7 @@ def test_what_is_searched_of_each_law() -> None:
     both parts.
     """
     searched = {name: set(law_ranges(name)) for name in CONTROLLERS}
+    searched |= {name: set(law_ranges(file)) for name, file in FOLDER_LAWS.items()}
     gains = {"K", "switching_gain", "speed_gain"}
     barrier = {"K", "margin"}
     rows = gains | {"margin"}
@@ -118,6 +121,9 @@ def test_what_is_searched_of_each_law() -> None:
         "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
         "barrier-governor": {"speed", "margin", "alpha", "sharpness", "horizon"},
+        "cautious": set(),
+        "gradual": set(),
+        "careful": set(),
     }
     pair = {"demand": "barrier", "resolver": "saturation", "K": 2.0, "margin": 0.1}
     assert law_ranges("law", pair) == {"alpha": Range(1.0, 200.0)}

@@ -129,8 +129,8 @@ FORMS = ("define", pytest.param("command", marks=compiled))
 @pytest.mark.parametrize("factor", [1e-60, 1e-6, 1e6, 1e60])
 @pytest.mark.parametrize("demand", ASKING, ids=lambda demand: demand.name)
 def test_the_units_of_rows_change_no_law(demand: Demand, factor: float, form: str) -> None:
-    for seed in range(12):
-        rows, task = problem(seed, m=1 + seed % 5, k=1 + seed % 6)
+    for seed in range(6):
+        rows, task = problem(seed, m=1 + seed % 5, k=1 + seed)
         lengths = ("phi", "Lg", "Lf", "switching_gain", "scale", "sigma", "sigma_dot")
         other = replace(rows, **{name: factor * getattr(rows, name) for name in lengths})
         expected, found = (

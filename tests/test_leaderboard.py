@@ -14,21 +14,21 @@ from typer.testing import CliRunner
 
 from test_evidence import here
 from test_testset import quiet
-from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import Campaign, Plan, collect
-from vsconstraints.comparisons.repetition import (
+from vsconstraints.bench.evidence import Campaign, Plan, collect
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.repetition import (
     NUDGE,
     Repetition,
     drawn_lines,
     repeat,
     repeat_run,
 )
+from vsconstraints.bench.reports.leaderboard import leaderboard
+from vsconstraints.bench.study import SHIPPED, Study
+from vsconstraints.cli import app
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.study import SHIPPED, Study
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.leaderboard import leaderboard
-from vsconstraints.scenarios.families import Family
-from vsconstraints.scenarios.families.frozen import TestSet
 
 ROOT = Path(__file__).parents[1]
 KEPT = [
@@ -267,7 +267,7 @@ def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     """With a start that is moved by a thousandth instead of rounding, every run is decided by
     that.
     """
-    monkeypatch.setattr("vsconstraints.comparisons.repetition.NUDGE", 1e-3)
+    monkeypatch.setattr("vsconstraints.bench.repetition.NUDGE", 1e-3)
     own = only(study, "sliding-mode")
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
     found = made_again(forged, frozen)
@@ -306,7 +306,7 @@ def test_rounding_excuses_only_numbers_that_it_changes_itself(
     def made(line: Any, family: Any, law: Any, seed: int, nudge: float = 0.0) -> dict[str, Any]:
         return {**RESULT, **nudged} if nudge == NUDGE else next(results)
 
-    monkeypatch.setattr("vsconstraints.comparisons.repetition.repeat_once", made)
+    monkeypatch.setattr("vsconstraints.bench.repetition.repeat_once", made)
     line = {**RESULT, forged: 0.9}
     family = Family.load("planar-arm")
     (sentence,), by_rounding = repeat_run(line, family, ControllerSpec("sliding-mode"), 0)

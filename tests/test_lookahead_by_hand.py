@@ -6,6 +6,7 @@ Two rows of one joint: ``a`` on σ with K = 0.5, and ``b`` on φ itself.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from math import exp, inf, log, sqrt
 from types import SimpleNamespace
@@ -14,13 +15,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from folder_laws import BarrierGovernor, GoalGovernor
 from scenes import Straight
-from vsconstraints.compiled import goal_governor, plan_program, predictive
+from vsconstraints.compiled import plan_program, predictive
 from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
 from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
-from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
-from vsconstraints.controllers.goal_governor import Governor
+from vsconstraints.controllers import PredictiveControl, Range
 from vsconstraints.controllers.predictive import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
@@ -456,7 +457,9 @@ def test_rows_hold_whose_multipliers_are_no_rounding_of_the_greatest(
     plans.outcome[predictive.PREDICTED] = 2
     plans.space.active[:2] = [0, 1]
     plans.space.work[plan_program.FORCE, :2] = [first, second * PULLING]
-    predictive.hold(plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2)
+    predictive.mark_active(
+        plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2
+    )
     np.testing.assert_array_equal(acted, np.array(held, dtype=bool))
     assert plans.outcome[predictive.ACTIVE] == (2 if first else 0)
 
@@ -563,27 +566,27 @@ def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
 # --- the goal governor ---
 
 
-def governor(sigma: Array, Lg: Array, J: Array, K: Array) -> Governor:
-    """One with v = 2, δ = 0.1 and ζ = 0.3 that knows what comes at rest."""
-    gains = SimpleNamespace(gains=TrackingGains(1.0), rest_of=lambda n, k: FREE)
-    model = SimpleNamespace(task=gains, K=K, labels=tuple("abcdefgh"[: len(K)]))
-    made = Governor.of(model, np.ones(1), (J.shape[0], J.shape[1]))
-    own = made.own
-    own.settings[:] = (2.0, 0.1, 0.3, 0.0, 0.0)
-    own.sigma[:] = sigma
-    own.Lg[:] = Lg
-    own.Jt[:] = J.T
-    own.least[:] = 0.3
-    own.times[goal_governor.KNOWN] = inf
-    return made
+def known(sigma: Array, Lg: Array, J: Array, K: Array, law: Any = None) -> Any:
+    """A governor with v = 2, δ = 0.1 and ζ = 0.3 that knows the response of rows at rest."""
+    law = law or GoalGovernor(speed=2.0, margin=0.1, influence=0.3)
+    law.model = SimpleNamespace(K=K)
+    law.response = response(np.full(len(K), 0.3), J, np.zeros(Lg.shape))
+    law.response.sigma[:] = sigma
+    law.response.Lg[:] = Lg
+    return law
 
 
-def direction(made: Governor, r: Array) -> Array:
+def response(margins: Array, J: Array, slopes: Array) -> Any:
+    """A response with these margins, whose Jacobian is J everywhere."""
+    m, n = slopes.shape
+    every_J = np.tile(J, (m, 1, 1))
+    kind = sys.modules[GoalGovernor.__module__].Response
+    return kind(margins, np.zeros(m), np.zeros((m, n)), J, slopes, every_J)
+
+
+def direction(law: Any, r: Array) -> Array:
     """ρ at a reference: where half a second leads by 2 a second."""
-    made.own.reference[:] = r
-    goal_governor.move(made.own, made.arrays, 0.5)
-    assert made.own.counts[goal_governor.MOVES] == (made.own.trial != r).any()
-    return made.own.trial - r
+    return np.asarray(law.candidate(r, law.response, 0.5)) - r
 
 
 def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_margin_is_reached() -> (
@@ -597,7 +600,7 @@ def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_
     r = np.array([2.0, 0.0])
     unit = np.array([1.0, 0.5]) / sqrt(1.25)
     for inside, strength in ((0.1, 1.0), (0.2, 0.5), (0.4, 0.0)):
-        law = governor(np.array([-inside, -0.4, -0.1]), Lg, J, np.array([0.2, 0.2, 0.0]))
+        law = known(np.array([-inside, -0.4, -0.1]), Lg, J, np.array([0.2, 0.2, 0.0]))
         np.testing.assert_allclose(
             direction(law, r), np.array([-1.0, 0.0]) - strength * unit, atol=1e-15
         )
@@ -607,20 +610,15 @@ def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_
 
 @pytest.mark.parametrize("size", [1.0, 0.1])
 def test_how_steep_a_row_is_does_not_count_and_one_that_is_flat_repels_nothing(size: float) -> None:
-    law = governor(
-        np.array([-0.1, -0.1]), np.array([[size], [0.0]]), np.eye(1), np.array([0.2, 0.2])
-    )
+    law = known(np.array([-0.1, -0.1]), np.array([[size], [0.0]]), np.eye(1), np.array([0.2, 0.2]))
     np.testing.assert_allclose(direction(law, np.array([2.0])), [-2.0])
 
 
 def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> None:
-    law = governor(np.zeros(1), np.zeros((1, 2)), np.eye(2), np.zeros(1))
+    law = known(np.zeros(1), np.zeros((1, 2)), np.eye(2), np.zeros(1))
     for least, speed in ((0.5, 2.0), (0.3, 2.0), (0.2, 1.0), (0.1, 0.0), (-1.0, 0.0)):
-        law.own.least[:] = least
+        law.response.margins[:] = least
         np.testing.assert_allclose(direction(law, np.array([3.0, 0.0])), [-0.5 * speed, 0.0])
-    law.own.least[:] = 0.5
-    law.own.times[goal_governor.KNOWN] = -inf
-    np.testing.assert_array_equal(direction(law, np.array([3.0, 0.0])), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -639,24 +637,16 @@ def test_a_barrier_changes_the_move_by_the_least(
 ) -> None:
     """At (2, 0) the goal attracts by (−1, 0), and d rises by (1, −1): the slope is Jᵀ (−1, 1)."""
     J = np.diag([1.0, 2.0])
-    law = governor(np.zeros(1), np.zeros((1, 2)), J, np.ones(1))
-    law.own.settings[3:] = (alpha, 100.0)
-    law.own.least[:] = inside
-    law.own.nearest_Jt[:] = J.T
-    law.own.slope[:] = J.T @ [-1.0, 1.0]
+    law = BarrierGovernor(speed=2.0, margin=0.1, alpha=alpha, sharpness=100.0)
+    law.response = response(np.array([inside]), J, (J.T @ [-1.0, 1.0])[None])
     np.testing.assert_allclose(direction(law, np.array([2.0, 0.0])), there, atol=1e-12)
-    # where nothing is known of the response nothing moves
-    law.own.times[goal_governor.KNOWN] = -inf
-    np.testing.assert_array_equal(direction(law, np.array([2.0, 0.0])), 0.0)
 
 
 def test_rows_of_a_barrier_count_by_how_near_they_are() -> None:
     """Two as near count half each, and lower h by log(2)/κ; one that is far counts nothing."""
-    law = governor(np.zeros(3), np.zeros((3, 2)), np.eye(2), np.ones(3))
-    law.own.settings[3:] = (1.0, 100.0)
-    law.own.least[:] = (0.3, 0.3, 5.0)
-    law.own.nearest_Jt[:] = np.eye(2)
-    law.own.slope[:] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, 0.0]]
+    law = BarrierGovernor(speed=2.0, margin=0.1, alpha=1.0, sharpness=100.0)
+    slopes = np.array([[-1.0, 1.0], [-1.0, -1.0], [1.0, 0.0]])
+    law.response = response(np.array([0.3, 0.3, 5.0]), np.eye(2), slopes)
     found = direction(law, np.array([2.0, 0.0]))
     np.testing.assert_allclose(found, [-0.5 * (0.2 - log(2.0) / 100.0), 0.0], atol=1e-12)
 
@@ -702,11 +692,12 @@ class Moved:
         rows = Rows(sigma, Lg, zeros, np.ones(m), self.labels, np.full(m, 2.0), sigma, zeros, zeros)
         return SimpleNamespace(task=Task(self.J, -Kp * e - Kv * rate, e, rate, rest), rows=rows)
 
-    def command(self, law: GoalGovernor, t: float) -> Command:
+    def command(self, law: Any, t: float) -> Command:
         """That of the present state at time t."""
         self.present = self.present._replace(t=t)
         now = self.at(t, self.present.q, self.present.qd)
-        return law.command(now.rows, now.task)
+        command: Command = law.command(now.rows, now.task)
+        return command
 
 
 @pytest.mark.parametrize(("least", "there"), [(0.05, 0.0), (0.049, 0.05)])
@@ -861,19 +852,17 @@ def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
     qd = np.array([0.3, 0.3])
     model = Moved(gains, q, lambda t, q, qd: np.array([q[0], -q[0], q[1]]), qd, k=1)
     model.labels, model.K, model.until = ("a", "b", "c"), np.zeros(3), 0.6
-    own = (made := Governor.of(model, np.ones(1), (1, 2))).own
-    now = model.at(*model.present)
+    law = GoalGovernor(horizon=1.0)
+    law.reset(model=cast(Model, model))
+    law.periods = np.ones(1)
     model.times.clear()
-    own.reference[:] = 0.5
-    own.counts[goal_governor.GOAL] = 0
-    made.decide(model, now.rows, now.task)
-    assert own.times[goal_governor.KNOWN] == inf
+    found = law.predict(np.array([0.5]))
     first = 1.3 - 0.5 * 4.1 / 4.5
     other = 0.3 - 0.5 * 0.3 * 5.0 / 3.5
-    np.testing.assert_allclose(own.least, [-0.5 * first, 0.25, -0.5 * other])
-    np.testing.assert_allclose(own.sigma, [0.25, -0.25, 0.5 * other])
-    np.testing.assert_allclose(own.Lg, 7.0)
-    np.testing.assert_allclose(own.Jt, [[1.0], [0.0]])
+    np.testing.assert_allclose(found.margins, [-0.5 * first, 0.25, -0.5 * other])
+    np.testing.assert_allclose(found.sigma, [0.25, -0.25, 0.5 * other])
+    np.testing.assert_allclose(found.Lg, 7.0)
+    np.testing.assert_allclose(found.J, [[1.0, 0.0]])
     assert model.times == [0.0, 0.6, 0.6, 0.6]
 
 

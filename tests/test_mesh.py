@@ -13,16 +13,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vsconstraints.constraints import ConstraintSet, ForbiddenRegion, robot_points
+from vsconstraints.images.silhouettes import covered
 from vsconstraints.reports.plots import INK
-from vsconstraints.reports.replay import ReplayRun
-from vsconstraints.reports.replay.runs import things_of
-from vsconstraints.reports.replay.space import scene_of
-from vsconstraints.reports.scene3d import Scene3D, Viewpoint, ball
-from vsconstraints.reports.setup_scene import obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.occluders import Occluders
-from vsconstraints.vision.images.silhouettes import covered
+from vsconstraints.view.replay import ReplayRun
+from vsconstraints.view.replay.runs import things_of
+from vsconstraints.view.replay.space import scene_of
+from vsconstraints.view.scene3d import Scene3D, Viewpoint, ball
+from vsconstraints.view.setup_scene import obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import Scene
 

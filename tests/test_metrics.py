@@ -610,7 +610,7 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
-    added = [metric.added for metric in METRICS if metric.added]
+    added = [metric.column_order for metric in METRICS if metric.column_order]
     assert len(set(added)) == len(added), (
         "two columns were added at once: which comes first is chance"
     )

@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
 from checks.mutation.targets import files_named, suffices  # noqa: E402
 
@@ -78,14 +79,22 @@ def test_loop():
 
 RUN = """
 import sys
-import tomllib
 from pathlib import Path
 from checks.mutation import run
-from checks.mutation.__main__ import suffices  # noqa: E402
+from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
 named = edited(tree, "src/module.py", "- [1, 2]", "- [1, 9]", "a name")
-runner = run.Runner(Path(sys.argv[2]), ["tests/test_module.py"], ["src/module.py"], 2, tree)
+runner = run.Runner(
+    Path(sys.argv[2]), ["tests/test_module.py"], 2, tree, cache=Path(sys.argv[3])
+)
+tests = list(runner.reached)
+assert len(tests) == 2
+assert runner.failing_without_mutant(tests) == ""
+assert list(runner.judge([named], until=0.0)) == []
+runner.longest = 0.0
+assert len(runner.tests_for(named)) == 1
+runner.longest = 60.0
 for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
     print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 """
@@ -96,6 +105,7 @@ def tree(tmp_path: Path) -> Path:
     for name, text in (("src/module.py", SOURCE), ("tests/test_module.py", TESTS)):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "pyproject.toml").touch()
     (tmp_path / "copy").mkdir()
     return tmp_path
 
@@ -144,7 +154,7 @@ def test_a_sample_is_judged_by_what_chance_allows() -> None:
 
 def test_what_tests_notice(tree: Path) -> None:
     ended = subprocess.run(
-        [sys.executable, "-c", RUN, str(tree), str(tree / "copy")],
+        [sys.executable, "-c", RUN, str(tree), str(tree / "copy"), str(tree / "cache")],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -184,6 +194,49 @@ def test_what_tests_notice(tree: Path) -> None:
         "test_shared",
     )
     assert (tree / "src/module.py").read_text(encoding="utf-8") == SOURCE
+
+
+REACHED = {
+    "tests/test_module.py::test_loop": Reached(0.5, {("src/module.py", 6)}),
+    "tests/test_module.py::test_shared": Reached(0.25, set()),
+}
+
+
+def kept(tree: Path) -> dict[str, Reached] | None:
+    """Coverage that another run finds."""
+    return CoverageCache(tree / "cache", tree).get("tests/test_module.py")
+
+
+def test_coverage_is_kept_until_something_changes(tree: Path) -> None:
+    (tree / "src" / "other.py").write_text("def unused():\n    pass\n", encoding="utf-8")
+    (tree / "src" / "table.toml").write_text("x = 1\n", encoding="utf-8")
+    assert kept(tree) is None
+    cache = CoverageCache(tree / "cache", tree)
+    cache.put("tests/test_module.py", REACHED, ["src/module.py"])
+    assert kept(tree) == REACHED
+    # no test enters a function of this file
+    (tree / "src" / "other.py").write_text("def unused():\n    return 1\n", encoding="utf-8")
+    assert kept(tree) == REACHED
+    for name in ("src/module.py", "tests/test_module.py", "src/table.toml", "tests/helper.py"):
+        path = tree / name
+        text = path.read_text(encoding="utf-8") if path.exists() else None
+        path.write_text(f"{text}\n", encoding="utf-8")
+        assert kept(tree) is None, name
+        if text is None:
+            path.unlink()
+        else:
+            path.write_text(text, encoding="utf-8")
+        assert kept(tree) == REACHED
+
+
+def test_damaged_coverage_is_made_again(tree: Path) -> None:
+    cache = CoverageCache(tree / "cache", tree)
+    cache.put("tests/test_module.py", REACHED, ["src/module.py"])
+    (file,) = (tree / "cache").iterdir()
+    whole = file.read_text(encoding="utf-8")
+    for text in ("", whole[:-9], "[]", "{}", whole.replace("tests", "text")):
+        file.write_text(text, encoding="utf-8")
+        assert kept(tree) is None
 
 
 def test_what_is_listed_is_there() -> None:

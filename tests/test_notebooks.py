@@ -37,12 +37,12 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
-from vsconstraints.reports.notebooks import comparison as session
-from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.reports.summary import MARKS
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
+from vsconstraints.view.notebooks import Comparison, NotebookRun, copies
+from vsconstraints.view.notebooks import comparison as session
+from vsconstraints.view.notebooks.inputs import InstanceSpec, spec_of, specs_of
 
 SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)
 """Long enough for tracking to leave the image."""
@@ -398,7 +398,7 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(
     assert not spec_of(mine())[1]
     monkeypatch.setattr(copies, "find_spec", lambda module: None)
     spec, note = spec_of(mine())
-    assert spec.here
+    assert spec.main_process_only
     assert "pip install 'vsconstraints[notebooks]'" in note
     assert not spec_of(Half())[1]
 

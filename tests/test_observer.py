@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from folder_laws import EVERY_LAW, make
 from vsconstraints.controllers import (
-    CONTROLLERS,
     DEMANDS,
     Controller,
     HierarchicalQP,
@@ -196,7 +196,7 @@ UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.kno
 @pytest.mark.parametrize(
     ("name", "parts"),
     [
-        *((name, {}) for name in CONTROLLERS),
+        *((name, {}) for name in EVERY_LAW),
         *(("law", part) for part in PARTS),
         ("goal-governor", PARTS[0]),
     ],
@@ -205,9 +205,9 @@ def test_options_that_change_no_command_are_said_and_no_others(
     name: str, parts: dict[str, str]
 ) -> None:
     setup = UNKNOWN.with_override("duration", 1.0).setup()
-    plain = simulate(setup, make_controller(name, parts))
+    plain = simulate(setup, make(name, parts))
     for options in ({"K": 2.0}, {"observer": 0.2}, {"observer": 0.2, "dead_time": 0.05}):
-        run = simulate(setup, make_controller(name, {**parts, **options}))
+        run = simulate(setup, make(name, {**parts, **options}))
         said = (
             f"no command of the law depends on {' or '.join(options)}, which it is given"
             in run.reason
@@ -232,7 +232,7 @@ def test_options_that_change_no_command_by_name(
     name: str, options: dict[str, Any], names: str
 ) -> None:
     said = f"no command of the law depends on {names}, which it is given" if names else ""
-    assert make_controller(name, options).unused() == said
+    assert make(name, options).unused() == said
 
 
 def test_a_plan_foresees_what_moves_unknown_to_the_model() -> None:

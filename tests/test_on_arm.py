@@ -26,6 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
+from folder_laws import FOLDER_LAWS
 from socket_arm import Server, SocketArm, in_thread
 from vsconstraints.arms import (
     Address,
@@ -280,7 +281,7 @@ def test_a_dry_run_is_what_is_simulated(images: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["goal-governor", "implicit-switch-with-drift"])
+@pytest.mark.parametrize("name", [FOLDER_LAWS["goal-governor"], "implicit-switch-with-drift"])
 def test_a_law_that_uses_a_model_or_the_period_is_told(name: str) -> None:
     setup = replace(SETUP, duration=5 * Ts)
     log = on("simulated://", make_controller(name), setup=setup)
@@ -1677,7 +1678,7 @@ def test_the_record_is_saved_before_anything_is_printed(
 
     def then_gone(*given: Any) -> Any:
         done = run_on_arm(*given)
-        monkeypatch.setattr("vsconstraints.cli.arm.console.print", gone)
+        monkeypatch.setattr("vsconstraints.arms.commands.console.print", gone)
         return done
 
     monkeypatch.setattr("vsconstraints.arms.run_on_arm", then_gone)

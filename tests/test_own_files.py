@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from campaigns import FAMILY
-from vsconstraints.comparisons.evidence import (
+from vsconstraints.bench.evidence import (
     Campaign,
     Evidence,
     Plan,
@@ -23,9 +23,9 @@ from vsconstraints.comparisons.evidence import (
     merge,
     processes,
 )
-from vsconstraints.comparisons.evidence.folder import shards
+from vsconstraints.bench.evidence.folder import shards
+from vsconstraints.bench.tuning import Budget, Problem, tune
 from vsconstraints.comparisons.runs.files import SUMS
-from vsconstraints.comparisons.tuning import Budget, Problem, tune
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import provenance
 
@@ -61,7 +61,7 @@ KINDS = {
 
 POLICY = """
 [controllers.learned]
-type = "vsconstraints.learning:Policy"
+type = "vsconstraints.bench.learning:Policy"
 weights = "{}"
 """
 
@@ -172,7 +172,7 @@ def test_a_policy_depends_on_its_weights(tmp_path: Path) -> None:
     np.savez(weights, W0=np.ones((3, 40)), b0=np.zeros(3))
     with pytest.raises(
         ConfigurationError,
-        match=r"the content of vsconstraints\.learning/weights\.npz is another one now",
+        match=r"the content of vsconstraints\.bench\.learning/weights\.npz is another one now",
     ):
         collect(reread(tmp_path), tmp_path / "out", plan())
 

@@ -11,10 +11,10 @@ import cvxpy
 import numpy as np
 import pytest
 
+from folder_laws import PathIntegralControl, make
 from scenes import Straight
 from test_predictive import Linear
 from vsconstraints.control import Model
-from vsconstraints.controllers import PathIntegralControl, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -25,7 +25,7 @@ T = 0.1
 DAMPING = 1e-3
 
 
-def problem(rows: Rows | None = None, **options: Any) -> tuple[PathIntegralControl, Linear, Task]:
+def problem(rows: Rows | None = None, **options: Any) -> tuple[Any, Linear, Task]:
     """A law on a task of two joints that falls with the motion, as tracking makes it fall."""
     rng = np.random.default_rng(3)
     task = Task(np.eye(2) + 0.3 * rng.normal(size=(2, 2)), 0.5 * rng.normal(size=2))
@@ -247,10 +247,10 @@ def test_plans_move_on_in_time() -> None:
 
 def test_runs_repeat_bit_by_bit() -> None:
     setup = Scenario.load("example-2d-fov").with_override("duration", 0.5).setup()
-    law = make_controller("mppi")
+    law = make("mppi")
     one = simulate(setup, law)
     two = simulate(setup, law)
-    other = simulate(setup, make_controller("mppi", {"seed": 2}))
+    other = simulate(setup, make("mppi", {"seed": 2}))
     copied = simulate(setup, pickle.loads(pickle.dumps(law)))
     for run in (two, copied):
         np.testing.assert_array_equal(one.qdd_command, run.qdd_command)
@@ -258,7 +258,7 @@ def test_runs_repeat_bit_by_bit() -> None:
 
 
 def test_it_reaches_a_goal_at_the_boundary_of_the_image() -> None:
-    run = simulate(Scenario.load("example-2d-fov").setup(), make_controller("mppi"))
+    run = simulate(Scenario.load("example-2d-fov").setup(), make("mppi"))
     assert run.status == "converged"
 
 

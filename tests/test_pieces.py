@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from campaigns import campaign
-from vsconstraints.comparisons.evidence.runner import GRACE, results
-from vsconstraints.comparisons.evidence.work import Batch, Part, failed, make_batch
+from vsconstraints.bench.evidence.runner import GRACE, results
+from vsconstraints.bench.evidence.work import Batch, Part, failed, make_batch
 from vsconstraints.comparisons.runs.pool import Failure
 
 

@@ -11,13 +11,13 @@ import cvxpy
 import numpy as np
 import pytest
 
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.learning import Observer, Policy
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.learning import Observer, Policy
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation import Setup, score_run, simulate
 
 SIZE = 40  #: Of observations of the scene.
@@ -134,7 +134,9 @@ def test_the_example_s_weights_arrive_in_scenes_they_were_not_trained_on() -> No
 
 def test_it_is_made_by_name_and_says_what_it_uses(tmp_path: Path) -> None:
     file = weights(tmp_path)
-    policy = make_controller("vsconstraints.learning:Policy", {"weights": file, "demand": "switch"})
+    policy = make_controller(
+        "vsconstraints.bench.learning:Policy", {"weights": file, "demand": "switch"}
+    )
     assert policy.uses == ("L_fφ", "model")
     assert f"weights={file!r}" in repr(policy)
     with pytest.raises(ConfigurationError, match="unknown option of law 'alhpa'"):

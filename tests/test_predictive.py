@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from scenes import Straight
+from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.compiled import predictive
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking
@@ -21,7 +22,6 @@ from vsconstraints.controllers.predictive import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.vision.tracking import TrackingGains
 

@@ -16,9 +16,12 @@ from test_line_of_sight import swing
 from vsconstraints.cli import app
 from vsconstraints.control import ControlStep
 from vsconstraints.reports.plots.image import Plane
-from vsconstraints.reports.preview import FIGURE, Preview, lines
-from vsconstraints.reports.scene3d import bars_of
-from vsconstraints.reports.setup_scene import (
+from vsconstraints.robots import ready_made
+from vsconstraints.robots.geometry import distance
+from vsconstraints.scenarios import Scenario, shipped_scenarios
+from vsconstraints.view.preview import FIGURE, Preview, lines
+from vsconstraints.view.scene3d import bars_of
+from vsconstraints.view.setup_scene import (
     IN_VIEW,
     obstacle_meshes,
     points_in_view,
@@ -26,9 +29,6 @@ from vsconstraints.reports.setup_scene import (
     view_corners,
     viewpoint_of,
 )
-from vsconstraints.robots import ready_made
-from vsconstraints.robots.geometry import distance
-from vsconstraints.scenarios import Scenario, shipped_scenarios
 
 UR5 = "ur5-fov"
 

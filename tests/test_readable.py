@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from folder_laws import GoalGovernor
 from scenes import arm_with_prismatic_joints
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints import ImageConstraint
-from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode
+from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Command, Rows, Task
@@ -110,7 +111,7 @@ def test_laws_are_shown_as_they_are_made() -> None:
             raise NotImplementedError
 
     assert repr(Own(gain=3.0)) == "Own(gain=3.0)"
-    assert "law=Pair(demand=" in repr(CONTROLLERS["goal-governor"]())
+    assert "law=Pair(demand=" in repr(GoalGovernor())
     assert repr(HierarchicalQP(rows="active")).startswith("HierarchicalQP(rows='active', ")
 
 

@@ -31,7 +31,10 @@ from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.style import rgb
-from vsconstraints.reports.replay import (
+from vsconstraints.robots import ready_made
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+from vsconstraints.view.replay import (
     ReplayRun,
     film,
     page,
@@ -39,8 +42,8 @@ from vsconstraints.reports.replay import (
     write_film,
     write_replay,
 )
-from vsconstraints.reports.replay.page import image_data
-from vsconstraints.reports.replay.runs import (
+from vsconstraints.view.replay.page import image_data
+from vsconstraints.view.replay.runs import (
     ACTIVE,
     HIGHLIGHTS,
     INACTIVE,
@@ -52,7 +55,7 @@ from vsconstraints.reports.replay.runs import (
     states,
     things_of,
 )
-from vsconstraints.reports.replay.space import (
+from vsconstraints.view.replay.space import (
     INSET,
     MAX_TRIANGLES,
     Nodes,
@@ -63,10 +66,7 @@ from vsconstraints.reports.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.reports.scene3d import JOINT, Part, bars_of, visuals
-from vsconstraints.robots import ready_made
-from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import simulate
+from vsconstraints.view.scene3d import JOINT, Part, bars_of, visuals
 
 FOV = "example-2d-fov"
 

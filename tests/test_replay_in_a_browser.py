@@ -14,10 +14,10 @@ from browser import NAMES, Page, browser, program
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.style import LOOKS
-from vsconstraints.reports.replay import ReplayRun, write_replay
-from vsconstraints.reports.replay.runs import ACTIVE, VIOLATED, Frames
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.view.replay import ReplayRun, write_replay
+from vsconstraints.view.replay.runs import ACTIVE, VIOLATED, Frames
 
 NAME = "example-2d-fov"
 COLOURS = {0: (255, 255, 255), ACTIVE: (0xF0, 0xA2, 0x02), VIOLATED: (0xD1, 0x10, 0x2A)}

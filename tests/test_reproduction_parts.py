@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 
-from vsconstraints.cli.paper import reproduce
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.paper import check, chosen_claims, chosen_figures, redraw, runner
+from vsconstraints.paper.commands import reproduce
 from vsconstraints.paper.figures import FIGURES
 from vsconstraints.paper.verdicts import Claim
 

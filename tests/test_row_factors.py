@@ -31,10 +31,10 @@ from vsconstraints.controllers import (
     make_controller,
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.reports.notebooks.inputs import spec_of
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
+from vsconstraints.view.notebooks.inputs import spec_of
 
 FUNNEL = "example-2d-funnel"
 CASE = Scenario.load("case-study-6r").with_override("duration", 1.0)

@@ -15,8 +15,8 @@ import pytest
 from campaigns import campaign
 from test_disturbances import case
 from test_evidence import HERE
-from vsconstraints.comparisons.evidence import TIMING, Campaign, Evidence, collect
-from vsconstraints.comparisons.evidence.work import Bench, plan_batches
+from vsconstraints.bench.evidence import TIMING, Campaign, Evidence, collect
+from vsconstraints.bench.evidence.work import Bench, plan_batches
 from vsconstraints.comparisons.metrics import MetricInputs, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.run import perform

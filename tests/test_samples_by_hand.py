@@ -174,6 +174,7 @@ def loop(by_pose: bool) -> Loop:
         points=np.full((1, 3), 7.0),
         camera_R=np.eye(3),
         camera_t=np.zeros(3),
+        own_error=np.full(1, np.nan),
         goals=goals,
         plant=PlantArrays(
             transition,

@@ -19,6 +19,8 @@ from documents import DOCS, blocks, reader_folder, run
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints import Curve
 from vsconstraints.constraints.curves import SHAPES
+from vsconstraints.dynamics import ArmDynamics, Friction, Payload, Rods
+from vsconstraints.images.settings import ImageSettings
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import RobotPoint
 from vsconstraints.robots.limits import ActuatorLimits
@@ -26,11 +28,9 @@ from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_type
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
-from vsconstraints.simulation.dynamics import ArmDynamics, Friction, Payload, Rods
 from vsconstraints.simulation.follower import ArmInput
 from vsconstraints.vision.distortion import Distortion
 from vsconstraints.vision.features import FEATURES
-from vsconstraints.vision.images.settings import ImageSettings
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.tracking import Rest, TrackingGains, VisualTask
 
@@ -92,6 +92,7 @@ KNOWN = _known()
 FURTHER = {
     **{("", key): "table" for key in ("extends",)},
     **{("target", key): "" for key in ("markers", "square", "motion")},
+    ("task", "features"): "",
     ("plant", "type"): "",
     ("sensor", "type"): "",
     **{("constraints", key): "" for key in ("type", "motion", "K", "switching_gain")},

@@ -13,9 +13,9 @@ import pytest
 
 from vsconstraints import compare
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.notebooks.copies import copied, stable_digest
-from vsconstraints.reports.notebooks.inputs import spec_of
 from vsconstraints.scenarios import Scenario
+from vsconstraints.view.notebooks.copies import copied, stable_digest
+from vsconstraints.view.notebooks.inputs import spec_of
 
 pytest.importorskip("cloudpickle")
 
@@ -24,7 +24,7 @@ CELL = """
 import sys, warnings
 from vsconstraints import compare, run
 from vsconstraints.controllers import Tracking
-from vsconstraints.reports.notebooks.inputs import spec_of
+from vsconstraints.view.notebooks.inputs import spec_of
 from vsconstraints.scenarios import Scenario
 
 GAIN = 1.0

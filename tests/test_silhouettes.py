@@ -13,14 +13,14 @@ import pytest
 
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints.meshes import hull_points
+from vsconstraints.images.detectors import DETECTORS
+from vsconstraints.images.silhouettes import BEFORE, NEAR, clipped, covered
+from vsconstraints.images.tag_pose import locate_board
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.occluders import LinesOfSight, Occluders
 from vsconstraints.vision.distortion import Distortion
-from vsconstraints.vision.images.detectors import DETECTORS
-from vsconstraints.vision.images.silhouettes import BEFORE, NEAR, clipped, covered
-from vsconstraints.vision.images.tag_pose import locate_board
 from vsconstraints.vision.scene import Scene
 
 PINHOLE = Camera((200.0, 210.0), (160.0, 120.0), (83.0, 57.0))

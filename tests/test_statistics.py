@@ -17,7 +17,7 @@ import statsmodels.stats.proportion as proportion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsconstraints.comparisons.statistics import (
+from vsconstraints.bench.statistics import (
     Rate,
     across_families,
     detectable,

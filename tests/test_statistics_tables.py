@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import statistics as simulated
 
-from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
-from vsconstraints.comparisons.statistics import (
+from vsconstraints.bench.statistics import (
     OUTCOMES,
     compare_laws,
     costs,
@@ -32,7 +31,8 @@ from vsconstraints.comparisons.statistics import (
     rate_of,
     rates,
 )
-from vsconstraints.comparisons.statistics.judged import resolution
+from vsconstraints.bench.statistics.judged import resolution
+from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
 from vsconstraints.errors import ConfigurationError
 
 SCENES = 8
@@ -388,8 +388,11 @@ def test_of_all_verdicts_on_several_laws_none_is_false_in_95_of_100(world: Any, 
 
 
 def test_few_scenes_with_ties_are_compared_in_no_time() -> None:
-    """SciPy's Wilcoxon test permutes them: a quarter of a minute for three laws on 13 scenes."""
+    """SciPy's Wilcoxon test permutes them: a quarter of a minute for three laws on 13 scenes.
+
+    CPU time is limited: the machine may be busy.
+    """
     ties = simulated.table(simulated.WORLDS[2], 3, 0, np.random.default_rng(1), 13)
-    started = perf_counter()
+    started = process_time()
     compare_laws(ties, "jerk_rms")
-    assert perf_counter() - started < 2.0
+    assert process_time() - started < 4.0

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
 
-from slow import SLOW
+from markers import FULL, SLOW
 
 
 def package(folder, **files):
@@ -111,17 +112,67 @@ def test_nine_parameters_are_too_many_everywhere(function, tmp_path, capsys):
 
 def test_only_listed_commands_have_more_parameters(tmp_path):
     many = "def {}(a, b, c, d, e, g, h, i, j):\n    {}()\n"
-    cli = tmp_path / "vsconstraints" / "cli"
+    part = "_SOME = 'p.cli.some'\nPART = Part({'run': Command(f'{_SOME}:run', 'panel', 'x')})\n"
+    cli = tmp_path / "p" / "cli"
     cli.mkdir(parents=True)
-    for folder, text in (
-        (cli.parent, ""),
-        (cli, "from . import some\n\nGROUPS = {'run': some.run}\n"),
-    ):
-        (folder / "__init__.py").write_text(text)
+    for name, text in (("__init__", ""), ("part", part)):
+        (cli / f"{name}.py").write_text(text)
     (cli / "some.py").write_text(many.format("run", "helper") + many.format("helper", "run"))
-    assert structure.long_parameter_lists(structure.read(tmp_path)) == [
-        "9 vsconstraints.cli.some.helper"
-    ]
+    assert structure.long_parameter_lists(structure.read(tmp_path)) == ["9 p.cli.some.helper"]
+
+
+CROSSING = [
+    "from ..bench import x",
+    "from .. import bench",
+    "from ..bench.deep import x",
+    "import vsconstraints.bench.deep",
+    "def f():\n    from ..bench import x\n    f()",
+    "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from ..bench.deep import x",
+    "import_module('vsconstraints.bench.deep')",
+    "import_module('..bench.deep', __package__)",
+    "load('vsconstraints.bench.deep:x')",
+    "PLACES = {'x': 'bench.deep'}",
+]
+
+
+def tree(folder, **texts):
+    """Write a package with the room ``bench`` and files by room; return the borders crossed."""
+    for room, text in {"bench": "", "": "", **texts}.items():
+        place = folder / "vsconstraints" / room
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "__init__.py").write_text("")
+        (place / "deep.py").write_text(f"x = 1\n{text}\n")
+    modules = structure.read(folder)
+    graph = {name: structure.imports(module, {*modules}) for name, module in modules.items()}
+    return structure.crossings(modules, graph)
+
+
+@pytest.mark.parametrize("text", CROSSING)
+@pytest.mark.parametrize("room", ["control", "images"])
+def test_no_import_crosses_into_a_part(room, text, tmp_path):
+    """Neither from the core nor from a part that may not, however the import is written."""
+    found = tree(tmp_path, **{room: text})
+    assert found
+    assert all(
+        line.startswith(f"vsconstraints.{room}.deep imports vsconstraints.bench") for line in found
+    )
+
+
+def test_imports_that_are_written_down_are_allowed(tmp_path):
+    """Of the core by everyone, of a part by one that may, and a part's own; words are no imports."""
+    from_core = "from ..control import x\nfrom . import y"
+    words = '"""See vsconstraints.bench.deep."""\nx = "bench"\ny = "a bench.deep of wood"'
+    rooms = {"control": words, "view": "from ..bench.deep import x", "bench": from_core}
+    assert tree(tmp_path, **rooms) == []
+
+
+def test_a_forbidden_import_in_the_package_ends_the_check(tmp_path, capsys):
+    root = Path(__file__).parents[1] / "src"
+    shutil.copytree(root, tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__", "*.gz"))
+    file = tmp_path / "src" / "vsconstraints" / "simulation" / "loop.py"
+    file.write_text(file.read_text("utf-8") + "\n\ndef f():\n    from ..images import sensor\n")
+    assert structure.main([str(tmp_path / "src")]) == 1
+    assert "vsconstraints.simulation.loop imports vsconstraints.images" in capsys.readouterr().out
 
 
 def test_what_nothing_refers_to_is_named(tmp_path, capsys):
@@ -268,6 +319,6 @@ def test_every_slow_test_is_there():
         path.stem: path.read_text(encoding="utf-8")
         for path in Path(__file__).parent.glob("test_*.py")
     }
-    for name in SLOW:
+    for name in SLOW | FULL:
         file, _, test = name.partition("::")
         assert f"def {test}" in files[file], name

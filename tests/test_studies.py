@@ -22,9 +22,9 @@ from vsconstraints.paper.studies import (
     data_file,
     figure_file,
     run_studies,
-    tables,
 )
-from vsconstraints.paper.studies.laws import LAWS, front, not_kept, scaled_gains, unused
+from vsconstraints.paper.studies.laws import LAWS
+from vsconstraints.paper.studies.pareto import front, not_kept, scaled_gains, unused
 from vsconstraints.paper.studies.summary import (
     clearance_distance,
     gains,
@@ -453,28 +453,6 @@ def test_gains_are_scaled_row_by_row():
     assert scaled_gains("case-study-6r", 1.0) == {}
     assert scaled_gains("case-study-6r", 2.0)["constraints.3.switching_gain"] == pytest.approx(0.4)
     assert len(scaled_gains("case-study-6r", 2.0)) == 4
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong", "where"),
-    [
-        ("question = ", "questoin = ", "pareto"),
-        ("left = 0.8", "lefft = 0.8", "pareto.layout"),
-        ('by = "controller"', 'bye = "controller"', "pareto.layers"),
-        ("same = true", "some = true", "pareto.measures"),
-        ("samples = 2", "sample = 2", "pareto.limits"),
-        ("parameter = 1.0", "paramter = 1.0", "pareto.runs"),
-    ],
-)
-def test_a_misspelt_key_is_refused_by_name(right, wrong, where):
-    text = Path(tables.__file__).with_name("studies.toml").read_text(encoding="utf-8")
-    before, name, after = text.partition("[pareto]\n")
-    assert right in after
-    with pytest.raises(
-        ConfigurationError, match=rf"key in {where} '{wrong.split()[0]}'.*{right.split()[0]}"
-    ):
-        tables.read_tables(before + name + after.replace(right, wrong, 1))
-    assert tables.read_tables(text).keys() == tables.TABLES.keys()
 
 
 def test_results_are_data():

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from vsconstraints.bench.evidence import Campaign, Evidence
+from vsconstraints.bench.families import SHIPPED, Drawn, Family, families
+from vsconstraints.bench.families.drawing import Streams
+from vsconstraints.bench.families.frozen import V1, TestSet
 from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import Campaign, Evidence
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.scenarios.families import SHIPPED, Drawn, Family, families
-from vsconstraints.scenarios.families.drawing import Streams
-from vsconstraints.scenarios.families.frozen import V1, TestSet
 from vsconstraints.simulation import simulate
 
 V1_INDEX = "8cf2a521309f8da11afe91a6d3ba585dae6f1919221340ec1f32f70a223ccbe7"
@@ -259,7 +259,8 @@ def test_laws_of_a_suite_are_run_on_its_scenes(
 ) -> None:
     ran: list[Campaign] = []
     monkeypatch.setattr(
-        "vsconstraints.cli.testset.run_campaign", lambda campaign, *_: ran.append(campaign)
+        "vsconstraints.bench.commands.testset.run_campaign",
+        lambda campaign, *_: ran.append(campaign),
     )
     suite = tmp_path / "two.toml"
     suite.write_text(

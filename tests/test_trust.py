@@ -21,19 +21,19 @@ from browser import NAMES, browser, program
 from campaigns import campaign
 from documents import ROOT
 from test_evidence import HERE
+from vsconstraints.bench.evidence import Evidence, collect, merge
+from vsconstraints.bench.reports import replay, write_evidence_report
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.evidence import Evidence, collect, merge
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.runs.files import SUMS, write_arrays
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.reports import write_report
-from vsconstraints.reports.evidence import replay, write_evidence_report
-from vsconstraints.reports.notebooks.comparison import Comparison
 from vsconstraints.reports.page import page_of
-from vsconstraints.reports.replay import write_replay
-from vsconstraints.reports.replay.runs import select_run
+from vsconstraints.view.notebooks.comparison import Comparison
+from vsconstraints.view.replay import write_replay
+from vsconstraints.view.replay.runs import select_run
 
 sys.path.insert(0, str(ROOT))
 
@@ -490,7 +490,7 @@ def test_the_page_on_trust_says_what_readers_do(
 
 @pytest.mark.parametrize("kind", ["page of a report", "page of a replay"])
 def test_the_page_on_trust_says_what_pages_do(kind: str) -> None:
-    folder = "reports/templates" if "report" in kind else "reports/replay"
+    folder = "reports/templates" if "report" in kind else "view/replay"
     text = (ROOT / "src" / "vsconstraints" / folder / "page.html").read_text(encoding="utf-8")
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]+)"', text)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))

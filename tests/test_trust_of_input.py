@@ -17,9 +17,9 @@ from documents import DOCS
 from test_calibration import ros, written
 from test_urdf import TETRAHEDRON
 from vsconstraints import Camera, Robot
+from vsconstraints.bench.tuning.problem import Judged
+from vsconstraints.bench.tuning.tune import Journal
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.tuning.problem import Judged
-from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.compiled import prepare
 from vsconstraints.errors import VsconstraintsError
 

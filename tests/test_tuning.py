@@ -17,11 +17,12 @@ import numpy as np
 import pandas
 import pytest
 
-from vsconstraints.comparisons.evidence import Batch, Campaign
-from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.tuning import Budget, Problem, Tuned, Tuning, tune
-from vsconstraints.comparisons.tuning import tune as tune_function
-from vsconstraints.comparisons.tuning.problem import (
+from vsconstraints.bench.evidence import Batch, Campaign
+from vsconstraints.bench.families import Family
+from vsconstraints.bench.reports.tuning import write_report
+from vsconstraints.bench.tuning import Budget, Problem, Tuned, Tuning, tune
+from vsconstraints.bench.tuning import tune as tune_function
+from vsconstraints.bench.tuning.problem import (
     ALL,
     OBJECTIVES,
     REFERENCE,
@@ -35,11 +36,10 @@ from vsconstraints.comparisons.tuning.problem import (
     loss,
     outcome,
 )
-from vsconstraints.comparisons.tuning.tune import Evaluation, Journal, Search
+from vsconstraints.bench.tuning.tune import Evaluation, Journal, Search
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.tuning import write_report
-from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
 
 LAWS = """

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from vsconstraints.bench.families import Family, families
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.suite import DEFAULT
 from vsconstraints.constraints import ConstraintSet
@@ -21,7 +22,6 @@ from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.robots.limits import NO_LIMITS
 from vsconstraints.robots.robot import Robot
 from vsconstraints.scenarios import Scenario, shipped_scenarios
-from vsconstraints.scenarios.families import Family, families
 from vsconstraints.simulation.units import in_degrees, unit_warnings
 from vsconstraints.vision.scene import Scene
 from vsconstraints.vision.tracking import VisualTask

@@ -19,13 +19,13 @@ from vsconstraints.comparisons import StoredComparison, Suite, suite
 from vsconstraints.comparisons.suite import DEFAULT
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.notebooks import Comparison
-from vsconstraints.reports.preview import Preview
 from vsconstraints.reports.summary import obstacles
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.start import UNSOLVABLE
+from vsconstraints.view.notebooks import Comparison
+from vsconstraints.view.preview import Preview
 from vsconstraints.vision.scene import interaction_matrix
 
 AFAR = {"camera_pose": {"xyz": [2.0, 0.0, 0.5], "rpy": [3.14, 0.0, 0.0]}}

@@ -18,13 +18,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from made_evidence import drawn_runs, frame, made, run
-from vsconstraints.comparisons.evidence import Evidence
-from vsconstraints.comparisons.statistics import detectable, simultaneous
-from vsconstraints.comparisons.statistics.judged import OUTCOMES
-from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.ranking import PairVerdict, finite
-from vsconstraints.reports.evidence.report import write_report_of
-from vsconstraints.reports.evidence.robustness import (
+from vsconstraints.bench.evidence import Evidence
+from vsconstraints.bench.reports.dataset import Dataset
+from vsconstraints.bench.reports.ranking import PairVerdict, finite
+from vsconstraints.bench.reports.report import write_report_of
+from vsconstraints.bench.reports.robustness import (
     MEASURES,
     Conclusion,
     Measure,
@@ -33,6 +31,8 @@ from vsconstraints.reports.evidence.robustness import (
     powers,
     robustness_findings,
 )
+from vsconstraints.bench.statistics import detectable, simultaneous
+from vsconstraints.bench.statistics.judged import OUTCOMES
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

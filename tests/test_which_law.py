@@ -10,12 +10,12 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from vsconstraints.bench.reports.ranking import ranked
+from vsconstraints.bench.study import SCENE, SHIPPED
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.study import SCENE, SHIPPED
 from vsconstraints.controllers import CONTROLLERS, DEMANDS, RESOLVERS, Hierarchy, law_ranges
 from vsconstraints.controllers.ranges import ROWS
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence.ranking import ranked
 
 ROOT = Path(__file__).parents[1]
 
@@ -204,7 +204,7 @@ def success(runs: Any, law: str) -> int:
 def test_the_table_of_the_ladders_is_that_of_the_kept_runs(study: Any) -> None:
     rungs = study[study["family"].str.startswith("ladder") & (study["scene"] < 40)]
     text = (
-        (ROOT / "docs" / "which-law.md")
+        (ROOT / "docs" / "benchmark.md")
         .read_text(encoding="utf-8")
         .partition("| law | paper's regime |")[2]
     )
@@ -248,7 +248,7 @@ def test_what_the_page_says_of_what_changed_is_what_the_kept_runs_say(study: Any
 
 def test_success_over_rows_at_once_is_that_of_the_kept_runs(study: Any) -> None:
     """Those that tracking violates, as the test set has them."""
-    folder = ROOT / "src" / "vsconstraints" / "scenarios" / "families" / "testset-v1"
+    folder = ROOT / "src" / "vsconstraints" / "bench" / "families" / "testset-v1"
     challenged = {
         (file.name.partition(".")[0], scene["number"]): len(scene["challenged"])
         for file in folder.glob("*.held-out.jsonl.gz")
@@ -258,7 +258,7 @@ def test_success_over_rows_at_once_is_that_of_the_kept_runs(study: Any) -> None:
     study = study.assign(rows=pd.cut(rows, [0, 1, 2, 4, 17], labels=False))
     scenes = study[study["condition"] == "nominal"].drop_duplicates(["family", "scene"])
     text = (
-        (ROOT / "docs" / "which-law.md")
+        (ROOT / "docs" / "benchmark.md")
         .read_text(encoding="utf-8")
         .partition("- **Several rows at once**")[2]
     )

@@ -1,8 +1,12 @@
-"""``python -m checks.mutation [--sample N]``: mutation tests with the quick tests.
+"""``python -m checks.mutation [--sample N [--minutes M]]``: mutation tests with the quick tests.
 
 Small mistakes are put into the code, one at a time. Mistakes that no test notices are listed. The
 exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample: if a share of 95 %
 is improbable), or if a named one is not. Compiled functions run as Python here.
+
+Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
+With ``--minutes``, no mutant is begun after that time, watching not counted, and the tests of each
+take a minute at most; the test of a sample is about the mutants that were judged, 30 at least.
 
 Named mistakes are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test
 that notices it. ``--named`` runs only these, each against its test; ``--renew N`` chooses N new
@@ -20,6 +24,7 @@ os.environ.update(
 
 import argparse
 import csv
+import math
 import random
 import re
 import subprocess
@@ -32,6 +37,7 @@ from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
+from .coverage import cache_folder
 from .mutants import Mutant, edited, mutants_of, sampled
 from .run import ROOT, Runner, Verdict
 from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
@@ -39,8 +45,13 @@ from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
 HERE = Path(__file__).parent
 NOTICED = HERE / "noticed.tsv"
 SPARE = 1.25
-QUICKEST = 60
-"""With ``--renew``, factor of judged mutants, and number of quickest tests for each."""
+"""With ``--renew``, factor of judged mutants."""
+
+LONGEST = 60.0
+"""With ``--renew`` or ``--minutes``, time limit [s] of all tests of a mutant together."""
+
+FEWEST = 30
+"""With ``--minutes``, least number of judged mutants of a sample: fewer contradict no share."""
 
 Key = tuple[str, str, str]
 
@@ -54,6 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--sample", type=int, metavar="N", help="only so many, and no named ones unless --named"
     )
     parser.add_argument("--seed", default="1", help="of the sample (default: 1)")
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, metavar="M", help="begin none after that time"
+    )
     parser.add_argument(
         "--only", metavar="TEXT", default="", help="only files with this in their path"
     )
@@ -110,32 +124,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lines = _changed(chosen.changed) if chosen.changed else None
         worth = [mutant for mutant in worth if lines is None or mutant.line in lines[mutant.file]]
         mutants = sampled(worth, chosen.sample or len(worth), chosen.seed)
+        # in random order: those that are judged in a limited time are a sample, too
+        random.Random(chosen.seed).shuffle(mutants)
         named = [] if chosen.sample else named
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
-        watched = list(dict.fromkeys([*files, *(mutant.file for mutant in named)]))
-        known_tests = tests if chosen.named else None
-        most = QUICKEST if chosen.renew else None
-        runner = Runner(Path(folder), TESTS, watched, chosen.jobs, known=known_tests, most=most)
+        known_tests = {mutant.key: tests[mutant.key] for mutant in named if mutant.key in tests}
+        is_limited = chosen.renew or math.isfinite(chosen.minutes)
+        runner = Runner(
+            Path(folder),
+            TESTS,
+            chosen.jobs,
+            known=known_tests if chosen.named else None,
+            longest=LONGEST if is_limited else math.inf,
+            cache=cache_folder(),
+        )
         print(
             f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s",
             file=sys.stderr,
             flush=True,
         )
         verdicts = []
-        for verdict in runner.judge([*named, *mutants]):
+        wanted_mutants = [*named, *mutants]
+        until = time.monotonic() + 60.0 * chosen.minutes
+        for verdict in runner.judge(wanted_mutants, until):
             verdicts.append(verdict)
             if chosen.verbose or not verdict.noticed:
                 print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
+        noticing = {verdict.by for verdict in verdicts if verdict.by}
+        failing = "" if chosen.named else runner.failing_without_mutant(sorted(noticing))
         os.chdir(ROOT)
     print(
-        f"\n{len(verdicts)} mutants, {len(every) - len(worth)} equivalent, "
-        f"{time.monotonic() - started:.0f} s"
+        f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
+        f"{len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s"
     )
+    if len(verdicts) < min(FEWEST, len(wanted_mutants)):
+        print(f"fewer than {FEWEST} mutants were judged, which tell nothing: allow more --minutes")
+        return 1
+    if failing:
+        print(f"{failing} fails without a mutant, too: what it notices says nothing")
+        return 1
     if chosen.renew:
         return _write(verdicts, reasoned, chosen.renew)
     keys = {mutant.key for mutant in named}
     missed = [verdict for verdict in verdicts if verdict.mutant.key in keys and not verdict.noticed]
-    print(f"named: {len(named) - len(missed)} of {len(named)} noticed")
+    if named:
+        print(f"named: {len(named) - len(missed)} of {len(named)} noticed")
     for key in sorted(stale):
         print("equivalent.toml lists what is no mutant:", *key, sep="\n    ")
     ordinary = [verdict for verdict in verdicts if verdict.mutant.key not in keys]
@@ -237,7 +270,8 @@ def _scores(
         for file in files:
             if judged[file]:
                 line(f"  {file}", [file])
-        shares.append(line(group, files))
+        if any(judged[file] for file in files):
+            shares.append(line(group, files))
     if whole:
         return all(share >= LEAST for share in shares)
     line("sample", list(judged))

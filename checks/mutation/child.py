@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import builtins
 import importlib.abc
 import importlib.machinery
@@ -16,18 +15,15 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
 import pytest
 
+from .coverage import ENTERED, Instrumented
 from .mutants import Mutant
-from .targets import COMPARED, QUICK
-
-ENTERED = "__entered__"
-"""Function that watched functions call, with their file and first line."""
+from .targets import COMPARED, QUICK, RUNS
 
 IMPORTS = 300
 """Time limit of importing the test files on a busy machine [s]."""
@@ -38,22 +34,6 @@ MEMORY = 8 * 2**30
 QUIET = ("-o", "addopts=", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", "--no-header",
          "--no-summary", "--tb=no",
          "--assert=plain")  # fmt: skip
-
-
-@dataclass
-class Reached:
-    """Duration and coverage of one test.
-
-    Attributes
-    ----------
-    seconds
-        Duration.
-    functions
-        File and first line of each function that the test enters, in the watched files.
-    """
-
-    seconds: float = 0.0
-    functions: set[tuple[str, int]] = field(default_factory=set)
 
 
 def fork(work: Callable[[], int], output: Path) -> int:
@@ -81,32 +61,32 @@ def fork(work: Callable[[], int], output: Path) -> int:
     os._exit(code)
 
 
-def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
-    """Run tests and write the functions that each of them enters.
+def watch(test_file: str, sources: Instrumented, result: Path) -> int:
+    """Run the tests of a file and write which functions each of them enters, as places in a list.
 
-    Tests that fail, or are not quick, are left out.
+    Tests that fail, or are not quick, are left out. ``result`` is a JSON object: ``tests`` has the
+    CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
+    while tests were collected. If the file cannot be imported, nothing is written.
     """
-    watched = _Watch()
-    entered: Any = watched.entered
-    builtins.__dict__[ENTERED] = lambda *place: entered.add(place)
-    sys.meta_path.insert(0, _Changed({str(file): _telling(file) for file in files}))
-    pytest.main([*QUIET, *tests], plugins=[watched])
-    lines = {
-        test: (reached.seconds, sorted(reached.functions))
-        for test, reached in watched.tests.items()
-        if test in watched.passed
-    }
-    result.write_text(json.dumps(lines), encoding="utf-8")
+    watcher = _Watcher(len(sources.functions))
+    builtins.__dict__[ENTERED] = watcher.flags
+    sys.meta_path.insert(0, _Changed(sources.code))
+    ended = pytest.main([*QUIET, test_file], plugins=[watcher])
+    if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        return 1  # the file cannot be imported
+    tests = {test: watcher.tests[test] for test in watcher.tests if test in watcher.passed}
+    result.write_text(json.dumps({"tests": tests, "ever": sorted(watcher.ever)}), encoding="utf-8")
     return 0
 
 
-def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path) -> int:
-    """Run tests, in this order, on a mutant; return 0 if none fails.
+def judge(mutant: Mutant | None, root: Path, limits: Mapping[str, float], result: Path) -> int:
+    """Run tests, in this order, on a mutant, or on the tree as it is; return 0 if none fails.
 
     The name of the test that fails is written to ``result``. ``limits`` [s] are those of the tests:
     SIGALRM ends the process if one takes longer.
     """
-    sys.meta_path.insert(0, _Changed({str(root / mutant.file): mutant.source}))
+    if mutant is not None:
+        sys.meta_path.insert(0, _Changed({str(root / mutant.file): mutant.source}))
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
     signal.alarm(IMPORTS)
     return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
@@ -116,24 +96,40 @@ def _late(*_: object) -> None:
     raise TimeoutError(f"longer than {QUICK} s without the compiler")
 
 
-class _Watch:
-    def __init__(self) -> None:
-        self.entered: set[tuple[str, int]] = set()
-        self.tests: dict[str, Reached] = {}
+def _may_be_quick(item: pytest.Item) -> bool:
+    if COMPARED in getattr(item, "fixturenames", ()):
+        return False
+    is_slow = item.get_closest_marker("slow") is not None
+    return not is_slow or item.path.name == Path(RUNS).name
+
+
+class _Watcher:
+    def __init__(self, n_functions: int) -> None:
+        self.flags = bytearray(n_functions)
+        self.tests: dict[str, tuple[float, list[int]]] = {}
         self.passed: set[str] = set()
+        self.ever: set[int] = set()
+
+    def entered(self) -> list[int]:
+        """Return the functions that were entered since the last call."""
+        found = [i for i, flag in enumerate(self.flags) if flag]
+        self.flags[:] = bytes(len(self.flags))
+        self.ever.update(found)
+        return found
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = [item for item in items if COMPARED not in getattr(item, "fixturenames", ())]
+        items[:] = [item for item in items if _may_be_quick(item)]
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        self.entered.clear()
-        started = time.monotonic()
-        signal.signal(signal.SIGALRM, _late)
-        signal.setitimer(signal.ITIMER_REAL, QUICK)
+        self.entered()
+        started = time.process_time()
+        signal.signal(signal.SIGPROF, _late)
+        # CPU time: other work on the machine does not change which tests are quick
+        signal.setitimer(signal.ITIMER_PROF, QUICK)
         yield
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        self.tests[item.nodeid] = Reached(time.monotonic() - started, set(self.entered))
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        self.tests[item.nodeid] = (time.process_time() - started, self.entered())
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:
@@ -161,22 +157,10 @@ class _Chosen:
             os._exit(1)
 
 
-def _telling(file: Path) -> ast.Module:
-    """Parse a file, and let each function first report that it is entered."""
-    module = ast.parse(file.read_text(encoding="utf-8"))
-    for node in ast.walk(module):
-        if isinstance(node, ast.FunctionDef):
-            line = min(part.lineno for part in (node, *node.decorator_list))
-            said = ast.parse(f"{ENTERED}({str(file)!r}, {line})").body
-            documented = ast.get_docstring(node, clean=False) is not None
-            node.body[documented:documented] = said
-    return module
-
-
 class _Changed(importlib.abc.MetaPathFinder):
     """Loads the modules of some files from other sources."""
 
-    def __init__(self, sources: Mapping[str, str | ast.Module]) -> None:
+    def __init__(self, sources: Mapping[str, str] | Mapping[str, CodeType]) -> None:
         self.sources = sources
 
     def find_spec(
@@ -196,10 +180,12 @@ class _Changed(importlib.abc.MetaPathFinder):
 
 
 class _Source(importlib.machinery.SourceFileLoader):
-    def __init__(self, fullname: str, path: str, source: str | ast.Module) -> None:
+    def __init__(self, fullname: str, path: str, source: str | CodeType) -> None:
         super().__init__(fullname, path)
         self.source = source
 
     def get_code(self, fullname: str) -> CodeType:
+        if isinstance(self.source, CodeType):
+            return self.source
         code: Any = compile(self.source, self.path, "exec", dont_inherit=True)
         return code  # type: ignore[no-any-return]

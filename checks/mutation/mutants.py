@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from .coverage import first_line
+
 BOUNDARY = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
 NEGATION = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
             ast.In: "not in", ast.NotIn: "in", ast.Is: "is not", ast.IsNot: "is"}  # fmt: skip
@@ -105,7 +107,7 @@ def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.FunctionDef)
         and node.lineno <= line <= (node.end_lineno or 0)
-        and (first := _first_line(node))
+        and (first := first_line(node))
     ]
     return _spliced(
         file, source, start, start + len(old.encode()), new, min(inside, default=(0, 0))[1], why
@@ -132,10 +134,6 @@ def _spliced(
     before = text[first:last].decode().strip()
     after = changed[first:last_changed].decode().strip()
     return Mutant(file, function, line, before, after, changed.decode(), why)
-
-
-def _first_line(function: ast.FunctionDef) -> int:
-    return min([function.lineno, *(decorator.lineno for decorator in function.decorator_list)])
 
 
 Change = tuple[int, int, str, int]
@@ -169,7 +167,7 @@ class _Mutations:
             ):
                 yield from self.changes(default, function)
             for statement in node.body:
-                yield from self.changes(statement, _first_line(node))
+                yield from self.changes(statement, first_line(node))
             return
         for start, end, new in self.of(node):
             yield start, end, new, function

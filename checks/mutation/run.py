@@ -5,24 +5,26 @@ from __future__ import annotations
 import gc
 import importlib
 import json
+import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from .child import Reached, fork, judge, watch
+from .child import fork, judge, watch
+from .coverage import CoverageCache, Reached, instrumented
 from .mutants import Mutant
-from .targets import QUICK
+from .targets import QUICK, RUNS
 
 ROOT = Path(__file__).resolve().parents[2]
 
-COPIED = ("src", "tests", "examples", "comparisons", "README.md", "pyproject.toml")
+COPIED = ("src", "tests", "controllers", "examples", "comparisons", "README.md", "pyproject.toml")
 
 THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp",
                "osqp", "proxsuite",
@@ -72,8 +74,6 @@ class Runner:
         Empty folder for the copy: the tree itself is never changed.
     tests
         Test files to run.
-    files
-        Files that have mutants.
     jobs
         Number of mutants at a time.
     root
@@ -81,23 +81,26 @@ class Runner:
     known
         The one test to run for each mutant, by the mutant's key; by default all tests that reach it
         run.
-    most
-        Greatest number of tests for a mutant, the quickest that reach it; all if None.
+    longest
+        Time limit [s] of all tests of a mutant together, by the time that they take without it: the
+        quickest that reach it are run.
+    cache
+        Folder in which the coverage of tests is kept between runs; None keeps nothing.
     """
 
     def __init__(
         self,
         folder: Path,
         tests: Sequence[str],
-        files: Sequence[str],
         jobs: int = 1,
         root: Path = ROOT,
         known: Mapping[tuple[str, str, str], str] | None = None,
-        most: int | None = None,
+        longest: float = math.inf,
+        cache: Path | None = None,
     ) -> None:
         self.folder = folder.resolve()
         self.jobs = jobs
-        self.most = most
+        self.longest = longest
         for name in COPIED:
             there = root / name
             if there.is_dir():
@@ -106,7 +109,10 @@ class Runner:
                 )
             elif there.exists():
                 shutil.copy(there, self.folder / name)
-        self._keep_runs(root)
+        if known is not None:
+            tests = sorted({test.partition("::")[0] for test in known.values()})
+        if RUNS in tests:
+            self._keep_runs(root)
         os.chdir(self.folder)
         sys.path.insert(0, str(self.folder / "src"))
         for name in THIRD_PARTY:
@@ -114,24 +120,51 @@ class Runner:
         gc.freeze()
         self.known = known
         if known is None:
-            self.reached = self._watch(tests, [self.folder / file for file in files])
+            self.reached = self._coverage(tests, cache)
         else:
             self.reached = {test: Reached(QUICK) for test in known.values()}
 
     def _keep_runs(self, root: Path) -> None:
         """Simulate the runs that tests of claims judge, once and compiled."""
         folder = self.folder / "runs"
-        script = root / "tests" / "test_reproduction.py"
-        if not script.exists():
-            return
+        script = root / RUNS
         folder.mkdir()
         os.environ["VSCONSTRAINTS_KEPT_RUNS"] = str(folder)
         paths = os.pathsep.join(str(root / name) for name in ("src", "tests"))
         environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "1", "PYTHONPATH": paths}
         subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
-    def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
+    def _coverage(self, tests: Sequence[str], cache: Path | None) -> dict[str, Reached]:
+        """Return the coverage of each test; test files without a kept one are watched."""
+        kept = None if cache is None else CoverageCache(cache, self.folder, f"at most {QUICK} s")
         reached: dict[str, Reached] = {}
+        unknown = []
+        for test_file in tests:
+            coverage = None if kept is None else kept.get(test_file)
+            if coverage is None:
+                unknown.append(test_file)
+            else:
+                reached |= coverage
+        if cache is not None:
+            print(
+                f"coverage: {len(tests) - len(unknown)} of {len(tests)} test files kept in {cache}",
+                file=sys.stderr,
+                flush=True,
+            )
+        for test_file, found, sources in self._watch(unknown):
+            reached |= found
+            if kept is not None:
+                kept.put(test_file, found, sources)
+        return reached
+
+    def _watch(self, tests: Sequence[str]) -> Iterator[tuple[str, dict[str, Reached], set[str]]]:
+        """Watch test files; yield each with its tests and the source files that these enter."""
+        if not tests:
+            return
+        python_files = sorted((self.folder / "src").rglob("*.py"))
+        sources = instrumented(
+            self.folder, [file.relative_to(self.folder).as_posix() for file in python_files]
+        )
         running = {}
         waiting = list(enumerate(tests))
         while waiting or running:
@@ -139,18 +172,19 @@ class Runner:
                 i, test = waiting.pop()
                 result = self.folder / f"reached-{i}.json"
                 output = self.folder / f"reached-{i}.log"
-                running[fork(lambda t=test, r=result: watch([t], files, r), output)] = (
-                    result,
-                    output,
-                )
-            result, output = running.pop(os.waitpid(-1, 0)[0])
+                process = fork(lambda t=test, r=result: watch(t, sources, r), output)
+                running[process] = (test, result, output)
+            test, result, output = running.pop(os.waitpid(-1, 0)[0])
             if not result.exists():
                 raise RuntimeError(
                     f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}"
                 )
-            for test, (seconds, entered) in json.loads(result.read_text(encoding="utf-8")).items():
-                reached[test] = Reached(seconds, {(f, n) for f, n in entered})
-        return reached
+            found = json.loads(result.read_text(encoding="utf-8"))
+            reached = {
+                name: Reached(seconds, {sources.functions[place] for place in entered})
+                for name, (seconds, entered) in found["tests"].items()
+            }
+            yield test, reached, {sources.functions[place][0] for place in found["ever"]}
 
     def tests_for(self, mutant: Mutant) -> list[str]:
         """Tests that enter the mutated function, the quickest first; then others of their files.
@@ -160,7 +194,7 @@ class Runner:
         """
         if self.known is not None:
             return [self.known[mutant.key]] if mutant.key in self.known else []
-        file = str(self.folder / mutant.file)
+        file = mutant.file
         place = {(file, mutant.function)}
         if not mutant.function:
             place = {
@@ -174,17 +208,51 @@ class Runner:
             first = list(self.reached)
         files = {test.split("::")[0] for test in first}
         others = [test for test in self.reached if test.split("::")[0] in files]
-        quickest = sorted(first, key=lambda test: self.reached[test].seconds)
-        if self.most is not None:
-            return quickest[: self.most]
-        return list(dict.fromkeys([*quickest, *others]))
+        first.sort(key=self._seconds)
+        others.sort(key=self._seconds)
+        chosen: list[str] = []
+        seconds = 0.0
+        for test in dict.fromkeys([*first, *others]):
+            seconds += self._seconds(test)
+            if chosen and seconds > self.longest:
+                break
+            chosen.append(test)
+        return chosen
 
-    def judge(self, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
-        """Judge mutants; yield verdicts in the order in which they are known."""
+    def _seconds(self, test: str) -> float:
+        return self.reached[test].seconds
+
+    def limits(self, tests: Iterable[str]) -> dict[str, float]:
+        """Return the time limit [s] of each test."""
+        return {test: SLACK + FACTOR * self._seconds(test) for test in tests}
+
+    def failing_without_mutant(self, tests: Sequence[str]) -> str:
+        """Return the first of these tests that fails on the tree as it is, or an empty string."""
+        if not tests:
+            return ""
+        result = self.folder / "unchanged.txt"
+        limits = self.limits(tests)
+        output = Path(f"{result}.log")
+        process = fork(lambda: judge(None, self.folder, limits, result), output)
+        status = os.waitpid(process, 0)[1]
+        if status == 0:
+            return ""
+        if result.exists():
+            return result.read_text(encoding="utf-8")
+        return f"one of {len(tests)} tests"
+
+    def judge(self, mutants: Sequence[Mutant], until: float = math.inf) -> Iterator[Verdict]:
+        """Judge mutants; yield verdicts in the order in which they are known.
+
+        No mutant is begun after the time ``until`` of ``time.monotonic``. Those that were begun are
+        finished: to leave out what takes long would leave out the mutants that no test notices.
+        """
         waiting = list(enumerate(mutants))[::-1]
         running: dict[int, tuple[Mutant, Path]] = {}
         try:
             while waiting or running:
+                if time.monotonic() >= until:
+                    waiting.clear()
                 while waiting and len(running) < self.jobs:
                     number, mutant = waiting.pop()
                     tests = self.tests_for(mutant)
@@ -192,7 +260,7 @@ class Runner:
                         yield Verdict(mutant, "not reached")
                         continue
                     result = self.folder / f"mutant-{number}.txt"
-                    limits = {test: SLACK + FACTOR * self.reached[test].seconds for test in tests}
+                    limits = self.limits(tests)
                     process = fork(
                         lambda m=mutant, t=limits, r=result: judge(m, self.folder, t, r),
                         Path(f"{result}.log"),

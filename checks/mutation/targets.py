@@ -22,6 +22,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "verdicts": (
         "src/vsconstraints/paper/verdicts.py",
+        "src/vsconstraints/paper/scenes.py",
+        "src/vsconstraints/paper/case_study.py",
         "src/vsconstraints/paper/claims",
     ),
     "laws": (
@@ -48,14 +50,13 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/delay.py",
         "src/vsconstraints/compiled/delay.py",
-        "src/vsconstraints/controllers/goal_governor.py",
-        "src/vsconstraints/compiled/goal_governor.py",
+        "controllers/goal_governor.py",
     ),
     "formulas": (
         "src/vsconstraints/formulas",
         "src/vsconstraints/vision/measurement.py",
     ),
-    "statistics": ("src/vsconstraints/comparisons/statistics",),
+    "statistics": ("src/vsconstraints/bench/statistics", "src/vsconstraints/comparisons/rates.py"),
 }
 
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")
@@ -95,9 +96,12 @@ def suffices(noticed: int, of: int) -> bool:
 TESTS = (
     "tests/test_box.py",
     "tests/test_camera.py",
-    "tests/test_case_study_numbers_by_hand.py",
-    "tests/test_claim_numbers_by_hand.py",
-    "tests/test_claims_by_hand.py",
+    "tests/test_claims_case_study.py",
+    "tests/test_claims_experiments.py",
+    "tests/test_claims_first_example.py",
+    "tests/test_claims_remarks.py",
+    "tests/test_claims_shared_rules.py",
+    "tests/test_claims_studies.py",
     "tests/test_compiled_constraints.py",
     "tests/test_compiled_manipulability.py",
     "tests/test_constraints.py",
@@ -109,8 +113,6 @@ TESTS = (
     "tests/test_disturbances.py",
     "tests/test_disturbed_loop.py",
     "tests/test_dynamics.py",
-    "tests/test_experiment_numbers_by_hand.py",
-    "tests/test_first_claims_by_hand.py",
     "tests/test_formulas.py",
     "tests/test_geometry.py",
     "tests/test_goal_governor.py",
@@ -130,9 +132,7 @@ TESTS = (
     "tests/test_measurement_by_hand.py",
     "tests/test_metrics.py",
     "tests/test_model.py",
-    "tests/test_more_claims_by_hand.py",
     "tests/test_motion_by_hand.py",
-    "tests/test_moving_claims_by_hand.py",
     "tests/test_observer.py",
     "tests/test_own_formulas.py",
     "tests/test_performance_funnel.py",
@@ -145,18 +145,22 @@ TESTS = (
     "tests/test_rest.py",
     "tests/test_samples_by_hand.py",
     "tests/test_saturation.py",
-    "tests/test_scene_claims_by_hand.py",
     "tests/test_scores_by_hand.py",
     "tests/test_simulation.py",
     "tests/test_statistics.py",
     "tests/test_statistics_tables.py",
-    "tests/test_studied_claims_by_hand.py",
     "tests/test_tracking.py",
     "tests/test_workspace.py",
 )
 
 QUICK = 1.0
 """Time limit of a test without the compiler [s]; longer ones are left out."""
+
+RUNS = "tests/test_reproduction.py"
+"""Test file that simulates many runs; as a script it keeps them, and then its tests are quick.
+
+Slow tests of other files are left out.
+"""
 
 COMPARED = "real"
 """Fixture that simulates a whole comparison in other processes, without the mistake.

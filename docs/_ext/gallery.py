@@ -15,9 +15,9 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from vsconstraints.controllers import make_controller
-from vsconstraints.reports.preview import FIGURE, Preview
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
+from vsconstraints.view.preview import FIGURE, Preview
 
 LAWS = ("tracking", "sliding-mode")
 """Laws in a replay."""
@@ -58,7 +58,7 @@ class Gallery(SphinxDirective):
 
 def write_replay(scenario: Scenario, path: Path) -> None:
     """Simulate a scenario with the laws, and write the replay for a browser."""
-    from vsconstraints.reports.replay import ReplayRun, write_replay
+    from vsconstraints.view.replay import ReplayRun, write_replay
 
     setup = scenario.setup()
     write_replay(

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
-import numpy as np
-
 MAX_VALUE_LENGTH = 200  #: Characters of a value that a message shows.
 MAX_LISTED = 10  #: Number of similar problems that a message names.
 MAX_REASON_LENGTH = 2000  #: Characters of a reason that are kept.
@@ -81,6 +79,8 @@ def unknown_name(what: str, name: object, candidates: Iterable[str]) -> Configur
 
 def format_value(value: object) -> str:
     """Format a value for messages: 0.0 instead of np.float64(0.0), and cut if it is long."""
+    import numpy as np  # takes longer than the rest of `vsconstraints --help`
+
     with np.printoptions(legacy="1.25"):
         text = repr(value)
     return (

@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 from processes import left_over, marked, needs_proc
-from vsconstraints.comparisons.evidence import (
+from vsconstraints.bench.evidence import (
     Campaign,
     Evidence,
     Part,
@@ -28,8 +28,8 @@ from vsconstraints.comparisons.evidence import (
     collect,
     scored,
 )
-from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.work import plan_batches
+from vsconstraints.bench.evidence.cluster import cluster
+from vsconstraints.bench.evidence.work import plan_batches
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.errors import WorkersLost
 

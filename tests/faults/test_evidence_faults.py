@@ -19,7 +19,7 @@ from commands import end
 
 from campaigns import assert_same, campaign, tables
 from processes import MAIN, marked, needs_proc, with_mark
-from vsconstraints.comparisons.evidence import Evidence, Plan, collect, processes
+from vsconstraints.bench.evidence import Evidence, Plan, collect, processes
 
 pytestmark = [pytest.mark.faults, needs_proc]
 

@@ -15,7 +15,6 @@ from ..errors import ConfigurationError, described, format_value
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
-from ..simulation.image_sensor import ImageSensor
 from ..vision.measurement import Measurement
 
 ImageSource = Callable[[float, Array], Measurement | None]
@@ -58,15 +57,16 @@ class SimulatedImages:
         self._sensor = setup.sensor()
         self._sample = 0
         self._world = setup.world()
-        self.renders = isinstance(self._sensor, ImageSensor)
+        self.renders = self._sensor.renders
 
     def __call__(self, t: float, q: Array) -> Measurement | None:
         """Return pixels and time of the newest image; a lost image leaves the previous one."""
         scene = self._setup.scene
         k = self._sample
         self._sample += 1
-        if isinstance(self._sensor, ImageSensor):
+        if self.renders:
             seen = self._sensor.measured(k, q, np.zeros_like(q))
+            assert seen is not None
             assert seen.pixels is not None
             pixels = scene.camera.distort(seen.pixels)
             return (

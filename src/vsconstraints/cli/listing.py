@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import starmap
 
 from rich.table import Table
 
-from ..arms.drivers import DRIVERS, driver_class
 from ..comparisons.metrics import METRICS, Metric
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from ..controllers.demand import USES as USED_BY_DEMANDS
 from ..controllers.resolver import USES as USED_BY_RESOLVERS
 from ..errors import ConfigurationError, unknown_name
+from ..plugins.registry import Listing, in_order, load, registered
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE
 from ..scenarios import CONSTRAINTS, Scenario, shipped_scenarios
-from ..scenarios.families import Family, families
 from ..vision.features import FEATURES
 from .terminal import console
 
@@ -27,19 +26,19 @@ from .terminal import console
 Entry = tuple[str, ...]
 
 
-def _described(name: str, thing: object) -> Entry:
+def described_entry(name: str, thing: object) -> Entry:
     """Return a name with the first line of a docstring, without markup of references and code."""
     line = (inspect.getdoc(thing) or "").partition("\n")[0]
     return name, re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
 
 
-def _part(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
+def part_entry(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
     """Return the entry of a law, a demand or a resolver: options and required information."""
     options = (
         str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values()
     )
     details = (("options", ", ".join(options)), ("requires", ", ".join(required)))
-    return (*_described(name, part), *(f"{what}: {text}" for what, text in details if text))
+    return (*described_entry(name, part), *(f"{what}: {text}" for what, text in details if text))
 
 
 def _solver(name: str) -> Entry:
@@ -64,25 +63,65 @@ def _metric(metric: Metric) -> Entry:
     )
 
 
-#: Functions that return the entries of each kind.
-KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
-    "scenarios": lambda: (_scenario(Scenario.load(name)) for name in shipped_scenarios()),
-    "families": lambda: ((name, Family.load(name).title) for name in families()),
-    "laws": lambda: (_part(name, law, law().uses) for name, law in CONTROLLERS.items()),
-    "demands": lambda: (
-        _part(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses)) for part in DEMANDS
-    ),
-    "resolvers": lambda: (
-        _part(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses)) for part in RESOLVERS
-    ),
-    "solvers": lambda: map(_solver, solver_names()),
-    "robots": lambda: starmap(_described, READY_MADE.items()),
-    "arms": lambda: (_described(f"{scheme}://", driver_class(scheme)) for scheme in DRIVERS),
-    "constraints": lambda: starmap(_described, CONSTRAINTS.items()),
-    "features": lambda: starmap(_described, FEATURES.items()),
-    "shapes": lambda: starmap(_described, SHAPES.items()),
-    "metrics": lambda: (_metric(metric) for metric in METRICS if metric.value is not None),
-}
+def scenarios() -> Iterator[Entry]:
+    """Return the shipped scenarios with title and description."""
+    for name in shipped_scenarios():
+        yield _scenario(Scenario.load(name))
+
+
+def laws() -> Iterator[Entry]:
+    """Return the registered laws."""
+    for name, law in CONTROLLERS.items():
+        yield part_entry(name, law, law().uses)
+
+
+def demands() -> Iterator[Entry]:
+    """Return the demands of which laws are made."""
+    for part in DEMANDS:
+        yield part_entry(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses))
+
+
+def resolvers() -> Iterator[Entry]:
+    """Return the resolvers of which laws are made."""
+    for part in RESOLVERS:
+        yield part_entry(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses))
+
+
+def solvers() -> Iterator[Entry]:
+    """Return the QP solvers, and whether each is installed."""
+    return map(_solver, solver_names())
+
+
+def robots() -> Iterator[Entry]:
+    """Return the robots that scenarios can name."""
+    return starmap(described_entry, READY_MADE.items())
+
+
+def constraints() -> Iterator[Entry]:
+    """Return the types of constraints."""
+    return starmap(described_entry, CONSTRAINTS.items())
+
+
+def features() -> Iterator[Entry]:
+    """Return the features of visual tasks."""
+    return starmap(described_entry, FEATURES.items())
+
+
+def shapes() -> Iterator[Entry]:
+    """Return the shapes of curves in the image."""
+    return starmap(described_entry, SHAPES.items())
+
+
+def metrics() -> Iterator[Entry]:
+    """Return the columns of results.csv that are scores."""
+    return (_metric(metric) for metric in METRICS if metric.value is not None)
+
+
+def kinds() -> dict[str, Callable[[], Iterable[Entry]]]:
+    """Return functions that return the entries of each kind."""
+    found: dict[str, Listing] = registered("listings")
+    ordered = in_order(found, {name: listing.before for name, listing in found.items()})
+    return {name: load(listing.function) for name, listing in ordered.items()}
 
 
 def print_listing(words: Sequence[str]) -> None:
@@ -90,21 +129,22 @@ def print_listing(words: Sequence[str]) -> None:
 
     Raises ConfigurationError for an unknown word.
     """
+    known = kinds()
     if not words:
         _print_table(
-            (kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items()
+            (kind, ", ".join(name for name, *_ in entries())) for kind, entries in known.items()
         )
         console.print("\nDetails: vsconstraints list KIND, for example list laws, or list NAME")
     for word in words:
         kind = "laws" if word == "controllers" else word
-        if kind in KINDS:
-            _print_table((name, text) for name, text, *_ in KINDS[kind]())
+        if kind in known:
+            _print_table((name, text) for name, text, *_ in known[kind]())
             continue
-        everything = [(kind, *entry) for kind, entries in KINDS.items() for entry in entries()]
+        everything = [(kind, *entry) for kind, entries in known.items() for entry in entries()]
         named = [entry for entry in everything if entry[1] == word]
         if not named:
             raise unknown_name(
-                "kind or name", word, [*KINDS, *(name for _, name, *_ in everything)]
+                "kind or name", word, [*known, *(name for _, name, *_ in everything)]
             )
         for kind, name, *texts in named:
             _print_table([(f"{name} ({kind})", "\n".join(filter(None, texts)))])

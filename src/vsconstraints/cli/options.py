@@ -1,20 +1,22 @@
-"""Parameters of commands as described in ``options.toml``, and completion of names in a shell."""
+"""Parameters of commands as described in TOML files, and completion of names in a shell."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from collections.abc import Callable
+from functools import cache
 from glob import glob
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-OPTIONS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
-)
+from ..plugins.registry import load
+
+SCENARIOS = "vsconstraints.scenarios:shipped_scenarios"
+LAWS = "vsconstraints.controllers:CONTROLLERS"
+SHARED = Path(__file__).with_suffix(".toml")  #: Options of the core, which parts share.
 
 Names = list[str] | None
 
@@ -23,9 +25,27 @@ Names = list[str] | None
 METAVARS: dict[str, str] = {"path": "PATH", "str": "NAME", "int": "N", "float": "X", "bool": ""}
 
 
-def described(name: str, command: Callable[..., None]) -> Callable[..., None]:
-    """Annotate the parameters of a command's function with the entries of :data:`OPTIONS`."""
-    known = OPTIONS["shared"] | OPTIONS.get(name, {})
+def known_options(name: str, file: Path | None) -> dict[str, Any]:
+    """Return the options that a command may have: shared ones, its part's, and its own.
+
+    ``file`` describes the options of the command's part.
+    """
+    known = dict(_read(SHARED)["shared"])
+    own = {} if file is None else _read(file)
+    return known | own.get("shared", {}) | own.get(name, {})
+
+
+@cache
+def _read(file: Path) -> dict[str, dict[str, Any]]:
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def described(name: str, command: Callable[..., None], file: Path | None) -> Callable[..., None]:
+    """Annotate the parameters of a command's function with their descriptions.
+
+    See :func:`known_options` for ``file``.
+    """
+    known = known_options(name, file)
     for parameter, kind in get_type_hints(command).items():
         if parameter not in ("context", "return"):
             table = dict(known[parameter])
@@ -59,16 +79,15 @@ def literal(text: str) -> str:
 
 
 def completed(source: str, ending: str = "", files: str = "") -> Callable[[str], list[str]]:
-    """Return a completer for the names in ``module:attribute`` of this package.
+    """Return a completer for the names in ``module:attribute``.
 
     Each name gets ``ending``. Files that end in ``files`` are offered too. The module is imported
     only when the user presses Tab. The attribute is a collection, a function that returns one, or a
     Literal.
     """
-    module, _, attribute = source.partition(":")
 
     def complete(incomplete: str) -> list[str]:
-        names = getattr(import_module(f"vsconstraints.{module}"), attribute)
+        names = load(source)
         names = get_args(names) or (names() if callable(names) else names)
         found = [f"{name}{ending}" for name in names if f"{name}{ending}".startswith(incomplete)]
         return found + sorted(glob(f"{incomplete}*{files}") if files else ())
@@ -84,11 +103,11 @@ def run_names(incomplete: str) -> list[str]:
     """
     scenario, colon, controller = incomplete.partition(":")
     scenarios = (
-        [scenario] if colon else completed("scenarios:shipped_scenarios", files=".toml")(incomplete)
+        [scenario]
+        if colon
+        else completed("vsconstraints.scenarios:shipped_scenarios", files=".toml")(incomplete)
     )
     files = sorted(glob(f"{incomplete}*.npz"))
     if len(scenarios) == 1 and not files:
-        return [
-            f"{scenarios[0]}:{name}" for name in completed("controllers:CONTROLLERS")(controller)
-        ]
+        return [f"{scenarios[0]}:{name}" for name in completed(LAWS)(controller)]
     return [*(f"{name}:" for name in scenarios), *files]

@@ -1,4 +1,4 @@
-"""Commands ``compare``, ``report``, ``diff`` and ``verify``, and reports of all commands."""
+"""Commands ``compare``, ``list``, ``report`` and ``verify``, and reports of all commands."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from ..errors import ConfigurationError, format_value
+from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from ..plugins.processes import INTERRUPTS, signal_of
-from ..reports.plots import formats_of
+from ..plugins.registry import load, registered
+from ..reports.formats import formats_of
 from .options import Names
 from .terminal import (
     NOTHING_DONE,
+    Show,
     console,
     errors,
     note,
@@ -56,39 +58,47 @@ class ReportOptions:
             demand("replay")
 
 
+@dataclass(frozen=True)
+class ResultsKind:
+    """What commands do with one kind of stored results."""
+
+    #: Write the report of a folder, with its options, the folder of a tuning, and a function that
+    #: shows progress; return the report's path.
+    write_report: Callable[[Path, ReportOptions, Path | None, Show], Path]
+    #: Return a summary of a folder's contents, its files, and sentences on missing parts. Raises
+    #: ConfigurationError if it cannot be loaded.
+    contents: Callable[[Path], tuple[str, list[Path], list[str]]]
+
+
+def kind_in(folder: Path) -> ResultsKind:
+    """Return the kind of results in a folder: that of a part, or else a comparison."""
+    from ..comparisons.runs.folder import kind_of
+
+    reference = registered("results").get(kind_of(folder) or "")
+    kind: ResultsKind = COMPARISON if reference is None else load(reference)
+    return kind
+
+
 def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None) -> str:
-    """Write the report of a comparison or a campaign with a progress bar.
+    """Write the report of stored results with a progress bar.
 
     Return a text that names its file.
     """
-    from ..comparisons.runs.folder import kind_of
-    from ..reports import write_report as write_comparison
     from ..reports.latex import write_tables
     from ..reports.page import where
 
-    formats = formats_of(wanted.formats or ())
-    campaign = kind_of(folder) == "evidence"
-    if campaign and wanted.replays:
-        raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
-    write: Callable[..., Path]
     with progress() as show:
-        if campaign:
-            from ..reports.evidence import write_evidence_report  # needs an extra
-
-            write = partial(
-                write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report")
-            )
-        else:
-            write = partial(
-                write_comparison, all_figures=wanted.all_figures, replays=wanted.replays
-            )
-            write = partial(write, on_drawn=partial(show, "drawing figures"))
-        report = write(
-            folder, figures=wanted.figures, formats=formats, trust=wanted.trust, on_remark=note
-        )
+        report = kind_in(folder).write_report(folder, wanted, tuning, show)
     if wanted.latex:
         console.print(f"Tables for LaTeX: {write_tables(report)}")
     return where(report)
+
+
+def list_(what: Names = None) -> None:
+    """List the contents of the package, or describe a kind or a name."""
+    from .listing import print_listing
+
+    print_listing(what or ())
 
 
 def compare(
@@ -206,42 +216,6 @@ def report(
     )
 
 
-def diff(
-    a: Path,
-    b: Path,
-    metric: Names = None,
-    out: Path | None = None,
-    rename: Names = None,
-    tolerance: float | None = None,
-    strict: bool | None = None,
-) -> None:
-    """Report changes between two comparisons.
-
-    Exit code 1 if something got worse, 2 if they are not comparable.
-    """
-    demand("evidence", "a difference of two folders")
-    from ..comparisons.difference import TOLERANCE, difference
-    from ..reports.difference import page, verdict
-
-    names = dict(text.partition("=")[::2] for text in rename or ())
-    for text in rename or ():
-        if not all(text.partition("=")):
-            raise ConfigurationError(f"--rename needs OLD=NEW, not {format_value(text)}")
-    share = TOLERANCE if tolerance is None else tolerance
-    changes = difference(a, b, metrics=metric or (), strict=strict, tolerance=share, renamed=names)
-    note(*changes.a.remarks, *changes.b.remarks)
-    if out is None:
-        console.print(page(changes), end="")
-    else:
-        try:
-            out.write_text(page(changes), encoding="utf-8", errors="backslashreplace")
-        except OSError as error:
-            raise ConfigurationError(f"{out} cannot be written: {error}") from error
-        console.print(f"{verdict(changes)}\nPage: {out}")
-    if changes.worse:
-        raise typer.Exit(1)  # something got worse
-
-
 def verify(folder: Path) -> None:
     """Check that stored results are complete and unchanged.
 
@@ -256,7 +230,7 @@ def verify(folder: Path) -> None:
     if kind is None or kind == "a tuning":
         raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     try:
-        contents, files, problems = _campaign(folder) if kind == "evidence" else _comparison(folder)
+        contents, files, problems = kind_in(folder).contents(folder)
         wrong, remark = check_sums(folder, files)
         problems = [*wrong, *([remark] if remark and not wrong else []), *problems]
     except ConfigurationError as error:
@@ -267,6 +241,22 @@ def verify(folder: Path) -> None:
     if problems:
         raise typer.Exit(NOTHING_DONE)
     console.print(f"{folder} is whole: {contents}.")
+
+
+def _write_comparison(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:
+    """Write the report of a comparison."""
+    from ..reports.report import write_report as write
+
+    return write(
+        folder,
+        figures=wanted.figures,
+        all_figures=wanted.all_figures,
+        formats=formats_of(wanted.formats or ()),
+        replays=wanted.replays,
+        trust=wanted.trust,
+        on_drawn=partial(show, "drawing figures"),
+        on_remark=note,
+    )
 
 
 def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
@@ -296,25 +286,7 @@ def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
     )
 
 
-def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
-    """Return a summary of a campaign, its files, and missing parts.
-
-    Raises ConfigurationError if it cannot be loaded.
-    """
-    demand("evidence", "a campaign")
-    from ..comparisons.evidence import Evidence, Shard
-    from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
-
-    evidence = Evidence.load(folder, trust=True)  # no part of it is built
-    configuration = evidence.manifest["configuration"]
-    shard = Shard(*evidence.manifest.get("shard", (1, 1)))
-    facts = [each.facts for each in shards(folder)]
-    lost = missing_scenes(configuration, facts, shard.scenes(configuration["scenes"]))
-    contents = (
-        f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of "
-        f"{len(evidence.families)} families"
-    )
-    return contents, stored_files(folder), [f"scenes {lost} are not there"] if lost else []
+COMPARISON = ResultsKind(_write_comparison, _comparison)
 
 
 def print_laws(folder: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,17 +27,12 @@ USAGE_ERROR = 2
 Show = Callable[..., None]
 
 
-TEXTS: dict[str, str] = tomllib.loads(
-    Path(__file__).with_name("texts.toml").read_text(encoding="utf-8")
-)
-
-
-def say(text: str, **values: Any) -> None:
-    """Print a template of ``texts.toml`` with values."""
+def say(template: str, **values: Any) -> None:
+    """Print a template with values."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    print_paragraph(environment.from_string(TEXTS[text]).render(values).strip("\n"))
+    print_paragraph(environment.from_string(template).render(values).strip("\n"))
 
 
 def print_columns(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from ..controllers import CONTROLLERS, controller_class
+from ..controllers import CONTROLLERS, controller_class, unknown_controller
 from ..errors import ConfigurationError, format_value, unknown_name
 from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
@@ -139,18 +139,18 @@ def entries_of(tables: Table, where: str, folder: Path) -> Entries:
 def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     """Select controllers by name; without names, return all controllers of the file.
 
-    A name is that of a controller of the file, of a registered law, or ``module:Class``. Raises
-    ConfigurationError for an unknown name.
+    A name is that of a controller of the file, of a registered law, ``module:Class`` or
+    ``FILE.py:Class``. Raises ConfigurationError for an unknown name.
     """
     by_name = {entry.name: entry for entry in entries}
     for name in names:
         if name not in by_name and name not in CONTROLLERS and ":" not in name:
             others = (
-                "a suite can name others, as comparisons/laws.toml does, and module:Class is "
-                "one of your own"
+                "a suite can name others, as comparisons/laws.toml does, and module:Class or "
+                "FILE.py:Class is one of your own"
             )
             raise ConfigurationError(
-                f"{unknown_name('controller', name, {*by_name, *CONTROLLERS})}; {others}"
+                f"{unknown_controller(name, {*by_name, *CONTROLLERS})}; {others}"
             )
     chosen = tuple(
         by_name.get(name) or ControllerSpec.called(name, folder=Path())

@@ -276,9 +276,9 @@ class Metric:
 
     ``value`` computes the value of a run or, in constraints.csv, of each of its rows; None for the
     ratio ``column / over``. ``better`` is None for facts and noise. A ``kind`` of ``time`` is a
-    number that differs between runs on the same machine. Columns are ordered by ``added``: a new
-    column gets a greater number than all others. Tables of earlier versions can be read without a
-    column if it is a number.
+    number that differs between runs on the same machine. Columns are ordered by ``column_order``: a
+    new column gets a greater number than all others. Tables of earlier versions can be read without
+    a column if it is a number.
 
     In reports, ``header`` (with unit; hidden if empty) is the heading in the table ``group`` of a
     scenario, and ``overall`` in the tables over all scenarios. There, runs are ``condensed`` to the
@@ -303,7 +303,7 @@ class Metric:
     overall: str = ""
     condensed: Literal["median", "worst"] = "median"
     finding: tuple[str, str] = ("", "")
-    added: int = 0
+    column_order: int = 0
 
 
 _NUMBERS = {
@@ -352,7 +352,7 @@ METRICS = _described("run", (
     Metric("phi_band", None, "band / bound", judged="sliding", over="phi_band_bound",
            overall="worst φ band / bound", condensed="worst"),
     Metric("sliding_lost_s", MetricInputs.sliding_lost, "sliding lost [s]", judged="sliding",
-           added=3),
+           column_order=3),
     Metric("switching_rate_hz", lambda m: m.per_second(m.switches), "switching rate [Hz]",
            overall="switching rate [Hz]"),
     Metric("acceleration_variation", lambda m: m.per_second(m.command_changes),
@@ -371,14 +371,14 @@ METRICS = _described("run", (
            "rows and task, median [µs]", None, kind="time", group="time"),
     Metric("missed_periods", MetricInputs.missed_periods, "missed periods", None, kind="time",
            group="time", style="count"),
-    Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1),
-    Metric("within_band", lambda m: m.named(m.within_band), kind="text", added=2),
-    Metric("held_time_s", lambda m: float(m.held.sum() * m.Ts), added=4),
-    Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5),
-    Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), added=6),
-    Metric("violated_tolerant", kind="text", added=7,
+    Metric("compiled", lambda m: m.run.compiled, kind="flag", column_order=1),
+    Metric("within_band", lambda m: m.named(m.within_band), kind="text", column_order=2),
+    Metric("held_time_s", lambda m: float(m.held.sum() * m.Ts), column_order=4),
+    Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), column_order=5),
+    Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), column_order=6),
+    Metric("violated_tolerant", kind="text", column_order=7,
            value=lambda m: m.named(m.fraction - TOLERANT)),
-    Metric("acceleration_max", MetricInputs.largest_acceleration, added=8),
+    Metric("acceleration_max", MetricInputs.largest_acceleration, column_order=8),
 ))  # fmt: skip
 #: Metrics of each row of a run.
 ROW_METRICS = _described("row", (
@@ -409,7 +409,8 @@ ROW_METRICS = _described("row", (
 RUN = ("suite", "scenario", "controller", "trial")
 STORED = tuple(
     sorted(
-        (metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added
+        (metric for metric in METRICS if metric.value is not None),
+        key=lambda metric: metric.column_order,
     )
 )
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
@@ -417,7 +418,7 @@ CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
 #: Columns that tables of earlier versions may lack; they are then read as empty. Only numbers are
 #: permitted, because an empty text has a meaning.
 LATER_COLUMNS = tuple(
-    each.column for each in STORED if each.added and each.kind in ("number", "time")
+    each.column for each in STORED if each.column_order and each.kind in ("number", "time")
 )
 #: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")

@@ -169,24 +169,28 @@ class Run:
 
 
 def perform(
-    spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False
+    spec: RunSpec,
+    *,
+    by_public_call: bool = False,
+    to_the_goal: bool = False,
+    in_own_process: bool = False,
 ) -> Run:
     """Execute a run; raises the errors of the scenario, the controller and the simulation.
 
     ``by_public_call`` is passed to :func:`.simulate`. With ``to_the_goal`` the run continues, see
-    :func:`.until_settled`. With ``apart`` the controller runs in a separate process, see
+    :func:`.until_settled`. With ``in_own_process`` the controller runs in a separate process, see
     :func:`.simulate_apart`, which also documents the errors raised.
     """
     scenario = spec.load()
     # custom parts may change the working directory, and import neighbouring modules at any time
-    with chdir("."), beside(scenario.folder, spec.controller.folder):
+    with chdir("."), beside(scenario.folder, spec.controller.folder_of_neighbours):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
         law_run = LawRun(
             scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call
         )
         setup = spec.controller.run.of(setup)
-        if apart:
+        if in_own_process:
             trajectory = simulate_apart(law_run, setup)
         else:
             trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)

@@ -144,9 +144,9 @@ def compare(
         baselines = {
             (run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE
         }
-        here = {key for key, run in runs.items() if workers == 0 or run.here}
+        in_main = {key for key, run in runs.items() if workers == 0 or run.main_process_only}
         calls = {
-            key: (run, folder, fresh, baselines[run.name, run.trial], key not in here)
+            key: (run, folder, fresh, baselines[run.name, run.trial], key not in in_main)
             for key, run in runs.items()
         }
         batches = (
@@ -155,7 +155,9 @@ def compare(
         )
         limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
         try:
-            run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
+            run_all(
+                run_stored, *batches, workers=workers, limits=limits, here=in_main, on_answer=done
+            )
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         # in the order of the suite, not in the order of completion
@@ -183,11 +185,12 @@ def run_stored(
     folder: Path,
     fresh: bool = False,
     baseline: RunSpec | None = None,
-    apart: bool = False,
+    in_own_process: bool = False,
 ) -> tuple[Score, bool]:
     """Execute a run, or load it from the folder, and score it against its baseline.
 
-    Any error turns into a failed run. With ``apart`` a custom law runs in a separate process.
+    Any error turns into a failed run. With ``in_own_process`` a custom law runs in a separate
+    process.
     """
 
     def scored(record: RunRecord) -> Score:
@@ -209,7 +212,7 @@ def run_stored(
     try:
         # an older trajectory is removed even if this run fails
         path.unlink(missing_ok=True)
-        record = _simulated(spec, apart and spec.controller.apart)
+        record = _simulated(spec, in_own_process and spec.controller.in_own_process)
         result = scored(record)
         if record.fingerprint != NOT_STORED:
             record.save(path)
@@ -218,13 +221,15 @@ def run_stored(
     return result, False
 
 
-def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
+def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
     files: Files = {}
     # custom parts may change the working directory
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
         try:
             files = digests(spec.files)
-            record = perform(spec, by_public_call=True, to_the_goal=True, apart=apart).record
+            record = perform(
+                spec, by_public_call=True, to_the_goal=True, in_own_process=in_own_process
+            ).record
         except LawProcessLostError as lost:
             return RunRecord.failed(str(lost), NOT_STORED)
         except LawFailedError as failure:
@@ -235,7 +240,7 @@ def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
             record = RunRecord.failed(described(error), spec.fingerprint)
     # the first reading of a file counts: its content before an edit must not be mistaken for the
     # content after it; the process of a law may have read some files earlier
-    found = {**files, **read} if apart else {**read, **files}
+    found = {**files, **read} if in_own_process else {**read, **files}
     return replace(record, files={**found, **(imported() if spec.has_own_parts else {})})
 
 

@@ -666,6 +666,26 @@ def soften(
 
 
 @in_place
+def with_unknowns(space: Space, p: int) -> Space:
+    """Return a workspace in the same arrays, of a search with p unknowns."""
+    return Space(
+        p,
+        space.u,
+        space.x,
+        space.moved,
+        space.work,
+        space.normals,
+        space.F,
+        space.T,
+        space.active,
+        space.held,
+        space.slack,
+        space.gives,
+        space.adjoint,
+    )
+
+
+@in_place
 def plan_best(
     cost: Cost, factor: Factor, limits: Limits, space: Space, weights: Array
 ) -> tuple[int, int]:
@@ -673,21 +693,7 @@ def plan_best(
 
     Return the code and the number of active rows.
     """
-    hard = Space(
-        limits.low.size,
-        space.u,
-        space.x,
-        space.moved,
-        space.work,
-        space.normals,
-        space.F,
-        space.T,
-        space.active,
-        space.held,
-        space.slack,
-        space.gives,
-        space.adjoint,
-    )
+    hard = with_unknowns(space, limits.low.size)
     if not factorise(cost, factor):
         return RANK_LOSS, 0
     hard.work[POINT] = 0.0
@@ -695,21 +701,7 @@ def plan_best(
     q = resume(cost, factor, limits, hard)
     code, q = search(cost, factor, limits, hard, q, 1.0, MET)
     space.held[0] = q if code == SOLVED else 0
-    soft = Space(
-        space.p,
-        space.u,
-        space.x,
-        space.moved,
-        space.work,
-        space.normals,
-        space.F,
-        space.T,
-        space.active,
-        space.held,
-        space.slack,
-        space.gives,
-        space.adjoint,
-    )
+    soft = with_unknowns(space, space.p)
     for strength in (STRONG, WEAK):
         if code in (INCOMPATIBLE, FAILED):
             q, penalty = soften(cost, factor, limits, soft, weights, strength)

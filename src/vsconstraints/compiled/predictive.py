@@ -304,31 +304,63 @@ def predict(plans: PlanArrays) -> int:
 def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) -> None:
     """Write value and gradient of the rows along the plan.
 
-    The current difference between the rows and their prediction is assumed to persist. With
-    ``fading``, that of σ̇ decays.
+    A row with K > 0 is linearised as σ(q), with ∂σ/∂q = L_gφ/K; a row on φ itself (``by_speed``) as
+    φ(q̇), with ∂φ/∂q̇ = L_gφ. The plan so far has moved q or q̇ by ``space.moved`` at the instant t,
+    and the row there is predicted to be x_t. With another plan, which moves it by Δ, the row is
+    x_t + gradient_t (Δ − moved_t). Hence value_t = x_t − gradient_t moved_t: the row without a
+    plan.
+
+    The current difference between a row and its prediction is assumed to persist. With ``fading``
+    τ, the current difference d of σ̇ decays: after t it has changed σ by d τ (1 − e^(−t/τ)).
     """
     m, n = plans.gradient.shape[1:]
     for i in range(m):
         on_phi = plans.by_speed[i] != 0
-        first = plans.seen[0, plans.at[PHI if on_phi else SIGMA] + i]
-        now = rows.phi[i] if on_phi else first + rows.phi[i] - plans.seen[0, plans.at[PHI] + i]
-        if rows.sigma.size and not on_phi:
-            now = rows.sigma[i]
-        now += plans.margin * rows.scale[i]
-        by = 1.0 if on_phi else 1.0 / plans.K[i]
-        drift = 0.0
-        if plans.fading > 0.0 and not on_phi and rows.sigma_dot.size:
-            drift = plans.fading * (
-                rows.sigma_dot[i] - by * (plans.seen[0, plans.at[PHI] + i] - first)
-            )
+        per_speed = 1.0 if on_phi else 1.0 / plans.K[i]
+        quantity = plans.at[PHI if on_phi else SIGMA] + i
+        moved = plans.space.moved[1 if on_phi else 0]
+        first = plans.seen[0, quantity]
+        difference = current_value(plans, rows, i) - first
+        drift = drift_while_fading(plans, rows, i, per_speed)
         for t in range(count):
-            value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)
+            value = plans.seen[t, quantity] + difference
             if drift != 0.0:
                 value -= drift * math.expm1(-plans.times[t] / plans.fading)
             for j in range(n):
-                plans.gradient[t, i, j] = by * plans.seen[t, plans.at[GRADIENT] + i * n + j]
-                value -= plans.gradient[t, i, j] * plans.space.moved[1 if on_phi else 0, t, j]
+                slope = per_speed * plans.seen[t, plans.at[GRADIENT] + i * n + j]
+                plans.gradient[t, i, j] = slope
+                value -= slope * moved[t, j]
             plans.value[t, i] = value
+
+
+@in_place
+def current_value(plans: PlanArrays, rows: RowArrays, i: int) -> float:
+    """Return σ of row i now, or φ for a row on φ itself, with the margin.
+
+    Where the rows do not give σ, it differs from its prediction as φ does.
+    """
+    if plans.by_speed[i] != 0:
+        value = rows.phi[i]
+    elif rows.sigma.size:
+        value = rows.sigma[i]
+    else:
+        predicted_sigma = plans.seen[0, plans.at[SIGMA] + i]
+        value = predicted_sigma + rows.phi[i] - plans.seen[0, plans.at[PHI] + i]
+    return float(value + plans.margin * rows.scale[i])
+
+
+@in_place
+def drift_while_fading(plans: PlanArrays, rows: RowArrays, i: int, per_speed: float) -> float:
+    """Return d τ of row i: how far the drift d of σ̇ moves σ while it fades; 0 without one.
+
+    The model predicts σ̇ = (φ − σ)/K.
+    """
+    if plans.by_speed[i] != 0 or plans.fading <= 0.0 or rows.sigma_dot.size == 0:
+        return 0.0
+    predicted_phi = plans.seen[0, plans.at[PHI] + i]
+    predicted_sigma = plans.seen[0, plans.at[SIGMA] + i]
+    predicted_rate = per_speed * (predicted_phi - predicted_sigma)
+    return float(plans.fading * (rows.sigma_dot[i] - predicted_rate))
 
 
 @in_place
@@ -360,12 +392,15 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
 
 
 @in_place
-def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
-    """Write the cost of the blocks that begin where the task is predicted; return λ."""
-    H, n = plans.plan.shape
-    k = task.b.size
-    seen = plans.seen
-    at = plans.at
+def write_cost(plans: PlanArrays, count: int, task: TaskArrays) -> float:
+    """Write the cost of the blocks that begin where the task is predicted; return λ.
+
+    The residual of block k is J u − b with b as tracking with feedback demands it: another plan,
+    which moves q by Δq and q̇ by Δq̇, has b − J (K_p Δq + K_v Δq̇), where b is the one without a plan.
+    The prediction b_t includes the feedback of the plan so far, which ``space.moved`` removes. The
+    cost holds ``square`` = JᵀJ and ``pull`` = Jᵀb, and :class:`.Cost` adds feedback by ``gains``.
+    """
+    H = plans.plan.shape[0]
     total = 0.0
     blocks = 0
     for block in range(H):
@@ -378,40 +413,73 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
         if t >= count:
             continue
         blocks += 1
-        squared = 0.0
-        for r in range(k):
-            squared += seen[t, at[ERROR] + r] ** 2
-        Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
-        plans.gains[block, 0] = Kp
-        plans.gains[block, 1] = Kv
-        for r in range(k):
-            b = seen[t, at[B] + r] + (task.b[r] - seen[0, at[B] + r])
-            for i in range(n):
-                Ji = task.J[r, i] if t == 0 else seen[t, at[JACOBIAN] + r * n + i]
-                total += Ji * Ji
-                plans.pull[block, i] += Ji * b
-                for j in range(n):
-                    plans.square[block, i, j] += Ji * (
-                        task.J[r, j] if t == 0 else seen[t, at[JACOBIAN] + r * n + j]
-                    )
-        for i in range(n):
-            for j in range(n):
-                # b was predicted along the plan so far
-                own = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
-                plans.pull[block, i] += plans.square[block, i, j] * own
+        total = add_residual(plans, task, block, t, total)
+        add_feedback(plans, task, block, t)
         if task.rest.size:
-            damping = plans.tracking[3]
-            stiffness = plans.tracking[4]
-            plans.rest[block, 0] = stiffness
-            plans.rest[block, 1] = damping
-            for j in range(n):
-                free = task.rest[j]
-                if at[REST] >= 0:
-                    free += seen[t, at[REST] + j] - seen[0, at[REST] + j]
-                own = stiffness * plans.space.moved[0, t, j] + damping * plans.space.moved[1, t, j]
-                plans.free[block, j] = free + own
+            add_rest(plans, task, block, t)
     size = total / blocks
     return plans.damping * (size if size > 0.0 else 1.0)
+
+
+@in_place
+def jacobian_entry(plans: PlanArrays, task: TaskArrays, t: int, row: int, joint: int) -> float:
+    """Return an entry of J at the instant t: that of the task now, and predicted ones later."""
+    if t == 0:
+        return float(task.J[row, joint])
+    n = plans.plan.shape[1]
+    return float(plans.seen[t, plans.at[JACOBIAN] + row * n + joint])
+
+
+@in_place
+def add_residual(plans: PlanArrays, task: TaskArrays, block: int, t: int, total: float) -> float:
+    """Add JᵀJ and Jᵀb_t of a block that begins at t; return the total of all ‖J‖².
+
+    The current difference of b from its prediction is assumed to persist.
+    """
+    n = plans.plan.shape[1]
+    seen = plans.seen
+    at_b = plans.at[B]
+    for r in range(task.b.size):
+        b = seen[t, at_b + r] + (task.b[r] - seen[0, at_b + r])
+        for i in range(n):
+            Ji = jacobian_entry(plans, task, t, r, i)
+            total += Ji * Ji
+            plans.pull[block, i] += Ji * b
+            for j in range(n):
+                plans.square[block, i, j] += Ji * jacobian_entry(plans, task, t, r, j)
+    return total
+
+
+@in_place
+def add_feedback(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> None:
+    """Write K_p and K_v of a block, and remove their feedback of the plan so far from Jᵀb."""
+    n = plans.plan.shape[1]
+    squared = 0.0
+    for r in range(task.b.size):
+        squared += plans.seen[t, plans.at[ERROR] + r] ** 2
+    Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
+    plans.gains[block, 0] = Kp
+    plans.gains[block, 1] = Kv
+    for i in range(n):
+        for j in range(n):
+            feedback = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
+            plans.pull[block, i] += plans.square[block, i, j] * feedback
+
+
+@in_place
+def add_rest(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> None:
+    """Write q̈₀ of a block without a plan, with its stiffness and damping."""
+    damping = plans.tracking[3]
+    stiffness = plans.tracking[4]
+    plans.rest[block, 0] = stiffness
+    plans.rest[block, 1] = damping
+    at_rest = plans.at[REST]
+    for j in range(plans.plan.shape[1]):
+        free = task.rest[j]
+        if at_rest >= 0:
+            free += plans.seen[t, at_rest + j] - plans.seen[0, at_rest + j]
+        feedback = stiffness * plans.space.moved[0, t, j] + damping * plans.space.moved[1, t, j]
+        plans.free[block, j] = free + feedback
 
 
 @in_place
@@ -423,7 +491,7 @@ def begin_of(plans: PlanArrays, block: int) -> int:
 
 
 @in_place
-def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
+def mark_active(plans: PlanArrays, answer: Answer, active: int) -> None:
     """Mark the active rows of the plan, and report the number of active rows and bounds."""
     work = plans.space.work
     rows = plans.left.size
@@ -442,7 +510,7 @@ def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
 
 
 @in_place
-def settle(plans: PlanArrays) -> None:
+def store_plan(plans: PlanArrays) -> None:
     """Store the time of the plan and the acceleration after it."""
     stop = stopping_time(plans)
     plans.made[0] = plans.now[0]
@@ -470,7 +538,7 @@ def decide(
         return FAILED
     linearise(plans, count, rows, task)
     limit(plans, count, rows.scale)
-    damping = weigh(plans, count, task)
+    damping = write_cost(plans, count, task)
     cost = Cost(
         plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free
     )
@@ -483,11 +551,11 @@ def decide(
         for k in range(plans.low.shape[0]):
             for j in range(plans.low.shape[1]):
                 plans.plan[k, j] = min(max(plans.space.u[k, j], plans.low[k, j]), plans.high[k, j])
-    settle(plans)
+    store_plan(plans)
     copy_vector(qdd, plans.plan[0])
     if not planned:
         return FAILED
-    hold(plans, answer, active)
+    mark_active(plans, answer, active)
     unmet = 0.0
     for i in range(m):
         answer.slack[i] = plans.space.slack[i]

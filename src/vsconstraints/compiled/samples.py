@@ -119,7 +119,8 @@ class Loop(NamedTuple):
 
     ``clock`` is (0,) if the duration of steps is not measured. ``rows``, ``task`` and ``answer``
     are those of the law; its q̈ is the plant's command. ``alone`` is q̈ of the unconstrained
-    baseline. The fields from ``true`` to ``camera_t`` contain true values.
+    baseline. The fields from ``true`` to ``own_error`` contain true values. ``own_error`` is the
+    error [px] of a feature that itself decides whether a goal is reached, NaN for other features.
     """
 
     parts: Annotated[IntArray, I8, 9]
@@ -134,6 +135,7 @@ class Loop(NamedTuple):
     points: Annotated[Array, F8, "P", 3]
     camera_R: Annotated[Array, F8, 3, 3]
     camera_t: Annotated[Array, F8, 3]
+    own_error: Annotated[Array, F8, 1]
     goals: Goals
     plant: PlantArrays
     kept: Kept
@@ -291,7 +293,9 @@ def finish(loop: Loop, k: int) -> None:
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
     distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
-    away = feature_error(loop.pixels, goals.pixels[goal])
+    away = loop.own_error[0]
+    if math.isnan(away):
+        away = feature_error(loop.pixels, goals.pixels[goal])
     kept.camera_error[camera, 0] = distance
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away

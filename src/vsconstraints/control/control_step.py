@@ -22,7 +22,7 @@ from ..rows import Array, Command
 from ..vision.camera import Camera
 from ..vision.tracking import VisualTask
 from .evaluator import CompiledStep, CurrentState, Evaluation, Evaluator
-from .gradients import own_constraints, require_gradients
+from .gradients import own_constraints, require_gradients, require_interaction
 
 if TYPE_CHECKING:
     from ..controllers.base import Controller
@@ -197,8 +197,9 @@ class ControlStep(Evaluator):
     def evaluate(self, t: float, q: Array, qd: Array, **measured: Any) -> Evaluation:
         """Evaluate rows and task, see :meth:`.Evaluator.evaluate`.
 
-        The first call checks the gradients of custom constraints. It raises ConfigurationError,
-        which names the row and the coordinate, if one is not the derivative of its σ.
+        The first call checks the gradients of custom constraints and the interaction matrices of
+        custom features. It raises ConfigurationError, which names the row or the component and the
+        coordinate, if one is not the derivative of its σ or of its value.
         """
         evaluation = super().evaluate(t, q, qd, **measured)
         if not self._gradients_checked:
@@ -209,6 +210,8 @@ class ControlStep(Evaluator):
         require_gradients(
             self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd))
         )
+        if self.packed.own_feature:
+            require_interaction(self.visual_task, self._state())
         self._gradients_checked = True
 
     def command(

@@ -1,4 +1,4 @@
-"""Check of constraint gradients against difference quotients, once before they are used."""
+"""Check of gradients and interaction matrices against difference quotients, before their use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from ..constraints import Constraint, ConstraintSet, ImageConstraint, PointConstraint
 from ..errors import ConfigurationError
 from ..rows import Array, IntArray
-from ..vision.scene import Scene
+from ..vision.features import View, ViewFeature
+from ..vision.scene import Scene, State
 from ..vision.tracking import VisualTask
 from .evaluator import Evaluator
 
@@ -20,17 +21,20 @@ PIXELS = 1e3  #: Factor of steps in the image [px].
 TOLERANCE = 1e-3
 SMALLEST = 1e-9  #: Entries below this count as 0, relative to σ over the step.
 
+#: Coordinates of the camera's twist in its own frame.
+TWIST = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")
+
 Function = Callable[[Array], Array]
 
 
 def own_constraints(constraints: ConstraintSet) -> list[Constraint]:
     """Return the constraints of classes outside this package."""
+    return [each for each in constraints.constraints if _is_custom(each)]
+
+
+def _is_custom(part: object) -> bool:
     package = __name__.partition(".")[0]
-    return [
-        each
-        for each in constraints.constraints
-        if type(each).__module__.partition(".")[0] != package
-    ]
+    return type(part).__module__.partition(".")[0] != package
 
 
 def require_gradients(
@@ -54,6 +58,34 @@ def require_gradients(
     evaluator = Evaluator(scene, constraints, task, known=True)
     for wrong in _wrong(evaluator, checked, *state):
         raise ConfigurationError(wrong)
+
+
+def require_interaction(task: VisualTask, state: State) -> None:
+    """Raise ConfigurationError if a custom feature's matrix is not the derivative of its value.
+
+    The error names the feature, the component, the coordinate of the camera's twist, the given
+    derivative and the difference quotient.
+    """
+    goal = task.goals[task.goal_at(state.t)]
+    for feature in task.feature.parts:
+        if isinstance(feature, ViewFeature) and not feature.derived and _is_custom(feature):
+            view = feature.seen(View.of_state(state))
+            wanted = feature.seen(View.of_goal(goal))
+            _require_matrix(feature, view, wanted)
+
+
+def _require_matrix(feature: ViewFeature, view: View, goal: View) -> None:
+    given = np.asarray(feature.interaction_matrix(view, goal), dtype=np.float64)
+    for column, twist in enumerate(np.eye(6)):
+        quotients = _quotients(feature.along(view, goal, twist))
+        for row in _differing(given, column, quotients):
+            right = 0.5 * (quotients[0][0][row] + quotients[0][1][row])
+            wrong = given[row, column]
+            raise ConfigurationError(
+                f"the interaction matrix of the feature {feature.name} is not the derivative of "
+                f"its value at the start: component {row + 1} by {TWIST[column]} is {right:.4g} by "
+                f"differences, but {wrong:.4g} as given{_wrong_sign(wrong, right)}"
+            )
 
 
 def _wrong(
@@ -188,9 +220,14 @@ def _sentence(
     constraint: Constraint, label: str, by: str, given: float, expected: Sequence[float]
 ) -> str:
     right = 0.5 * (expected[0] + expected[1])
-    sign = "; its sign is wrong" if np.isclose(given, -right, rtol=1e-2) and right != 0.0 else ""
+    sign = _wrong_sign(given, right)
     return (
         f"{label}: the gradient of {type(constraint).__name__} is not the derivative of its σ at "
         f"the start: {by} is "
         f"{right:.4g} by differences, but {given:.4g} as given{sign}"
     )
+
+
+def _wrong_sign(given: float, right: float) -> str:
+    opposite = right != 0.0 and np.isclose(given, -right, rtol=1e-2)
+    return "; its sign is wrong" if opposite else ""

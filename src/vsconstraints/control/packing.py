@@ -14,13 +14,12 @@ from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
 from ..vision.camera import Camera
-from ..vision.features import CameraPose, FeatureMotion, ImagePoints
+from ..vision.features import CameraPose, Feature, FeatureMotion, ImagePoints
+from ..vision.features.image_points import SHARES
 from ..vision.measurement import Measurement
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import Rest, TrackingGains, VisualTask
-
-SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's interaction matrix.
 
 
 class StepArrays:
@@ -28,7 +27,7 @@ class StepArrays:
 
     ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are the
     constraints without a compiled form, with their rows and their robot points; the step omits
-    these rows. ``own_feature`` is true if the feature is a custom one, evaluated in NumPy. Raises
+    these rows. ``own_feature`` is true if the feature is evaluated in NumPy. Raises
     ConfigurationError if the robot is no serial chain, or if the scene or the task has parts of
     custom classes that control does not support.
     """
@@ -51,7 +50,7 @@ class StepArrays:
         feature = task.feature
         M = len(scene.markers)
         n = scene.robot.n
-        self.own_feature = type(feature) not in (CameraPose, ImagePoints)
+        self.own_feature = _compiled_kind(feature) == OWN
         k = feature.size(M)
         rest = task.rest_of(n, k)
         self.others: list[tuple[Constraint, slice, slice]] = []
@@ -144,7 +143,7 @@ class StepArrays:
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def insert_feature(self, motion: FeatureMotion) -> None:
-        """Write a custom feature; raise InvalidInput if it is of the wrong shape."""
+        """Write a feature in NumPy; raise InvalidInput if it is of the wrong shape."""
         step = self.step
         k = self.size.k
         n = self.size.n
@@ -180,6 +179,14 @@ def _demand(part: object, kind: type) -> None:
         raise ConfigurationError(
             f"control takes a {kind.__name__}, not the subclass {type(part).__name__}"
         )
+
+
+def _compiled_kind(feature: Feature) -> int:
+    """Return the compiled form of a feature; OWN if it is evaluated in NumPy."""
+    if type(feature) is CameraPose:
+        return CAMERA_POSE
+    every_marker = type(feature) is ImagePoints and feature.markers is None
+    return IMAGE_POINTS if every_marker else OWN
 
 
 def _write(record: Any, **values: Any) -> None:
@@ -240,7 +247,7 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
     _write(
         step.options[0],
-        feature={CameraPose: CAMERA_POSE, ImagePoints: IMAGE_POINTS}.get(type(feature), OWN),
+        feature=_compiled_kind(feature),
         share=share,
         drift_by_differences=task.drift == "differences",
         velocity_by_differences=task.velocity == "differences",

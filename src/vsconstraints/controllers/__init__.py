@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import chdir
 from itertools import chain
 from pathlib import Path
@@ -17,11 +17,9 @@ from .base import Controller, Wrapper, innermost
 from .delay import DelayCompensated
 from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
-from .goal_governor import BarrierGovernor, GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import Observed
-from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
@@ -53,7 +51,6 @@ __all__ = [
     "VELOCITY_LAWS",
     "Additive",
     "Barrier",
-    "BarrierGovernor",
     "BoundaryLayer",
     "Choices",
     "Controller",
@@ -61,14 +58,12 @@ __all__ = [
     "Demand",
     "Filter",
     "Firas",
-    "GoalGovernor",
     "HierarchicalQP",
     "Hierarchy",
     "ImplicitSwitch",
     "Law",
     "Observed",
     "Pair",
-    "PathIntegralControl",
     "PotentialField",
     "PredictiveControl",
     "Priority",
@@ -104,14 +99,17 @@ LAWS: tuple[type[Controller], ...] = (
     Pair,
     PredictiveControl,
     RobustPredictive,
-    GoalGovernor,
-    BarrierGovernor,
-    PathIntegralControl,
     *VELOCITY_LAWS,
 )
 
 #: Controllers by their name in files and on the command line.
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
+#: Laws that were part of the package, by their former name: the file and class in the repository.
+MOVED: dict[str, str] = {
+    "goal-governor": "controllers/goal_governor.py:GoalGovernor",
+    "barrier-governor": "controllers/goal_governor.py:BarrierGovernor",
+    "mppi": "controllers/mppi.py:PathIntegralControl",
+}
 #: Wrappers of laws, the innermost first, and the options that add them, valid for every law.
 WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
     Observed: ("observer", "dead_time"),
@@ -120,15 +118,27 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
-    """Return the controller of a registered name, or of a module such as ``"my_laws:Cautious"``.
+    """Return the controller of a registered name, or a custom one.
 
-    The module may also be in ``folder``. Raises ConfigurationError if the name is unknown.
+    Custom controllers are named as ``"my_laws:Cautious"`` or as a file,
+    ``"controllers/cautious.py:Cautious"``, which are first searched for in ``folder``, see
+    :func:`.imported_class`. Raises ConfigurationError if the name is unknown.
     """
     if ":" in name:
         return imported_class(name, Controller, folder)
     if name not in CONTROLLERS:
-        raise unknown_name("controller", name, [*CONTROLLERS, "module:Class"])
+        raise unknown_controller(name, [*CONTROLLERS, "module:Class", "FILE.py:Class"])
     return CONTROLLERS[name]
+
+
+def unknown_controller(name: str, candidates: Collection[str]) -> ConfigurationError:
+    """Return the error for a name that is none of the candidates."""
+    if name in MOVED:
+        return ConfigurationError(
+            f"{name!r} is no longer part of the package: it is {MOVED[name]}, in the repository's "
+            f"folder controllers (docs/controllers.md)"
+        )
+    return unknown_name("controller", name, candidates)
 
 
 def make_controller(

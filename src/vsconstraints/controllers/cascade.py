@@ -61,10 +61,11 @@ class Target(NamedTuple):
         The residual is relevant if level 2 alone does not have it, and if it exceeds the
         tolerances.
         """
-        away = self.directions.T @ (x - self.center)
-        allowed = limit.STRICT * float(np.linalg.norm(away)) + limit.MET * float(np.linalg.norm(x))
+        offset = self.directions.T @ (x - self.center)
+        distance = float(np.linalg.norm(offset))
+        allowed = limit.STRICT * distance + limit.MET * float(np.linalg.norm(x))
         redundant = self.strict and bool((self.gains == 0.0).any())
-        return redundant and bool(np.linalg.norm(self.gains * away) > allowed)
+        return redundant and bool(np.linalg.norm(self.gains * offset) > allowed)
 
     def cut(self) -> float:
         """Return the relative gain below which level 2 alone leaves directions unused."""
@@ -95,7 +96,7 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     tracking = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest)
     n = task.J.shape[1]
     box = resolver.box(rows, n)
-    center, acted = resolver.center(rows, tracking.qdd, c, box)
+    center, active = resolver.center(rows, tracking.qdd, c, box)
     cost = Target.of(
         tracking, resolver.damping, resolver.rank_tolerance, resolver.aim == codes.STRICT
     )
@@ -113,20 +114,28 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     except InvalidInput as error:
         raise SolverError(f"beyond the range of floating point: {error}") from error
     slack = np.zeros(len(rows.labels))
-    acted[free] |= best.holding
-    slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
-    status: Literal["ok", "relaxed", "suboptimal"] = "suboptimal" if best.shortfall else "ok"
-    return Command(
+    active[free] |= best.holding
+    slack[free] = best.violation
+    slack[stuck] = np.maximum(-c[stuck], 0.0)
+    status: Literal["ok", "relaxed", "suboptimal"] = "ok"
+    if slack.any():
+        status = "relaxed"
+    elif best.shortfall:
+        status = "suboptimal"
+    reasons = unmet(rows.labels, slack, stuck), best.shortfall
+    command = Command(
         best.x,
-        "relaxed" if slack.any() else status,
-        acted,
+        status,
+        active,
         rows.labels,
-        reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
+        reason="; ".join(filter(None, reasons)),
         slack=slack,
-        solver=best.verified.solver if best.verified else "",
-        iterations=best.verified.answer.iterations if best.verified else 0,
         fallback=best.fallback,
     )
+    if best.verified:
+        command.solver = best.verified.solver
+        command.iterations = best.verified.answer.iterations
+    return command
 
 
 def descend(
@@ -140,25 +149,70 @@ def descend(
     the least violation is computed at once. Rows that rounding makes incompatible are relaxed by
     just that rounding. Raises SolverError if the least violation is not found.
     """
-    n = cost.center.size
-    m = c.size
-    ends = np.concatenate((box[1], -box[0]))
-    bounded = np.isfinite(ends)
-    walls = np.vstack((A, np.vstack((np.eye(n), -np.eye(n)))[bounded]))
-    sides = np.concatenate((c, ends[bounded]))
-    T: Array = cost.directions / cost.stiffness
+    walls, sides = _with_box(A, c, box)
     if solvers.preferred.recognises_infeasibility:
         try:
-            found = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
+            return _with_hard_rows(len(c), cost, walls, sides, box, solvers)
         except SolverError:
             pass  # the rows are incompatible, or the solver failed: the least violation decides
-        else:
-            if cost.damped(found.x):
-                found = _strictly(found, cost, np.empty((0, n)), walls, sides, solvers)
-            return found._replace(
-                x=np.clip(found.x, *box), violation=np.zeros(m), holding=found.holding[:m]
-            )
 
+    least = _least_violation(A, c, weights, cost, box)
+    # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
+    sides = _with_room(walls, sides, least.x, limit.RELAXED)
+    equal, free = _split(np.vstack((A[least.violated], np.eye(len(least.x))[least.pinned])))
+    # rows within the span of the violated ones are determined by the equalities
+    others = _seen(walls, free)
+    others[: len(c)] &= ~least.violated
+    found = _within_equalities(least.x, equal, free, cost, walls[others], sides[others], solvers)
+    x = np.clip(found.x, *box)
+    holding = np.zeros(len(walls), dtype=np.bool_)
+    holding[others] = found.holding
+    violation = np.where(least.violated, np.maximum(A @ x - c, 0.0), 0.0)
+    return found._replace(x=x, violation=violation, holding=least.violated | holding[: len(c)])
+
+
+def _with_box(A: Array, c: Array, box: Array) -> tuple[Array, Array]:
+    """Return walls (w, n) and sides (w,): the rows A x ≤ c, then the finite ends of the box."""
+    n = A.shape[1]
+    ends = np.concatenate((box[1], -box[0]))
+    bounded = np.isfinite(ends)
+    faces = np.vstack((np.eye(n), -np.eye(n)))
+    return np.vstack((A, faces[bounded])), np.concatenate((c, ends[bounded]))
+
+
+def _with_hard_rows(
+    m: int, cost: Target, walls: Array, sides: Array, box: Array, solvers: SolverChain
+) -> Optimum:
+    """Minimise the cost within the walls, of which the first m are rows, and all can be met.
+
+    The QP is  min ½‖u‖²  in x = center + T u: with the stiffness K and the directions V, T = V K⁻¹
+    makes ‖K Vᵀ(x − center)‖ the norm of u. Raises SolverError if there is no answer.
+    """
+    T: Array = cost.directions / cost.stiffness
+    found = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
+    if cost.damped(found.x):
+        found = _strictly(found, cost, np.empty((0, cost.center.size)), walls, sides, solvers)
+    x = np.clip(found.x, *box)
+    return found._replace(x=x, violation=np.zeros(m), holding=found.holding[:m])
+
+
+class LeastViolation(NamedTuple):
+    """Point x (n,) of least violation: violated rows (m,), coordinates (n,) pinned to the box."""
+
+    x: Array
+    violated: BoolArray
+    pinned: BoolArray
+
+
+def _least_violation(
+    A: Array, c: Array, weights: Array, cost: Target, box: Array
+) -> LeastViolation:
+    """Find a point of least violation in the box; raises SolverError if it is not found.
+
+    A coordinate is pinned where the violations pull it against the box: it is at that bound in
+    every point of least violation. The pull is the gradient Σ wᵢ² eᵢ Aᵢ of ½‖W max(0, Ax − c)‖²
+    with the excess e.
+    """
     x = np.clip(cost.center, *box)
     if load("level_by_level").violate_least(*_contiguous(A, c, weights, box), x) != 0:
         raise SolverError(
@@ -166,40 +220,57 @@ def descend(
         )
     excess = A @ x - c
     violated = excess > limit.SIGNIFICANT * _terms(A, c, x)
-    # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
-    sides = _with_room(walls, sides, x, limit.RELAXED)
-    # where the violations pull a coordinate against the box, it is at that bound in every point of
-    # least violation
     forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
-    pinned = np.abs(forces.sum(axis=0)) > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
+    pull = np.abs(forces.sum(axis=0))
+    pinned = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
     pinned &= (x <= box[0]) | (x >= box[1])
-    equal, Z = _split(np.vstack((A[violated], np.eye(n)[pinned])))
-    # rows within the span of the violated ones are determined by the equalities
-    others = _seen(walls, Z)
-    others[:m] &= ~violated
-    found = Optimum(x, np.empty(0), np.zeros(int(others.sum()), dtype=np.bool_), None)
-    if Z.shape[1]:
-        center = cost.center
-        reduced = T
-        if len(equal):
-            # in x + Z y the cost is ½‖E y + e‖²: take its minimiser as center, and its metric
-            E = cost.stiffness[:, None] * (cost.directions.T @ Z)
-            Q, R = np.linalg.qr(E)
-            reduced = Z @ np.linalg.inv(R)
-            center = x - reduced @ (
-                Q.T @ (cost.stiffness * (cost.directions.T @ (x - cost.center)))
-            )
-        try:
-            found = _nearest(center, reduced, walls[others], sides[others], solvers)
-        except SolverError as error:
-            found = found._replace(shortfall=str(error), fallback=str(error))
-        if found.shortfall or cost.damped(found.x):
-            found = _strictly(found, cost, equal, walls[others], sides[others], solvers)
-    x = np.clip(found.x, *box)
-    holding = np.zeros(len(walls), dtype=np.bool_)
-    holding[others] = found.holding
-    violation = np.where(violated, np.maximum(A @ x - c, 0.0), 0.0)
-    return found._replace(x=x, violation=violation, holding=violated | holding[:m])
+    return LeastViolation(x, violated, pinned)
+
+
+def _within_equalities(
+    x: Array,
+    equal: Array,
+    free: Array,
+    cost: Target,
+    walls: Array,
+    sides: Array,
+    solvers: SolverChain,
+) -> Optimum:
+    """Minimise the cost from x along the columns of ``free`` (n, p), within the walls.
+
+    ``equal`` (n − p, n) spans the other directions. Without a choice, x is the answer; if the
+    solvers fail, it is the answer with a shortfall.
+    """
+    found = Optimum(x, np.empty(0), np.zeros(len(walls), dtype=np.bool_), None)
+    if not free.shape[1]:
+        return found
+    center = cost.center
+    metric: Array = cost.directions / cost.stiffness
+    if len(equal):
+        center, metric = _restricted(cost, x, free)
+    try:
+        found = _nearest(center, metric, walls, sides, solvers)
+    except SolverError as error:
+        found = found._replace(shortfall=str(error), fallback=str(error))
+    if found.shortfall or cost.damped(found.x):
+        found = _strictly(found, cost, equal, walls, sides, solvers)
+    return found
+
+
+def _restricted(cost: Target, x: Array, free: Array) -> tuple[Array, Array]:
+    """Return the minimiser (n,) of the cost in x + Z y, Z = ``free``, and its metric T (n, p).
+
+    With the stiffness K and the directions V, the cost is ½‖E y + e‖² with E = K VᵀZ and e = K
+    Vᵀ(x − center). With E = QR it is ½‖R y + Qᵀe‖² and a constant. The minimiser is y_min =
+    −R⁻¹Qᵀe, and ½‖u‖² with u = R (y − y_min) is the rest. Hence T = Z R⁻¹, and x + Z y_min = x −
+    T Qᵀe.
+    """
+    E = cost.stiffness[:, None] * (cost.directions.T @ free)
+    Q, R = np.linalg.qr(E)
+    T: Array = free @ np.linalg.inv(R)
+    e = cost.stiffness * (cost.directions.T @ (x - cost.center))
+    center: Array = x - T @ (Q.T @ e)
+    return center, T
 
 
 def _nearest(

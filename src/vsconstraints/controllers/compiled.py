@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import fields
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,20 @@ NO_MEMORY = np.empty((0, 0))
 #: Scratch of a law for 32 rows, in floats: enough for 30 joints and eight features. Larger
 #: problems allocate their arrays.
 SCRATCH = 32768
+
+
+class CompiledAnswer(NamedTuple):
+    """Output of a compiled law.
+
+    ``code`` is one of :mod:`vsconstraints.compiled.workspace`. ``qdd`` is (n,), ``active`` (m,),
+    and ``slack`` (m,), or (0,) for laws that do not measure it.
+    """
+
+    code: int
+    qdd: Array
+    active: BoolArray
+    slack: Array
+    iterations: int
 
 
 def arrays_of(rows: Rows) -> RowArrays:
@@ -58,6 +73,12 @@ def tracking_of(task: Any, n: int, k: int) -> Array:
     gains = task.gains
     rest = task.rest_of(n, k)
     return np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness])
+
+
+def _function(place: tuple[str, str]) -> Any:
+    """Return a compiled function by its module and name."""
+    module, name = place
+    return getattr(load(module), name)
 
 
 class CompiledLaw:
@@ -100,14 +121,18 @@ class CompiledLaw:
             demand.everywhere,
             demand.ahead,
         )
-        asks = laws.demand(type(demand).formula, *form)
-        self.complete = resolver.compiles and asks is not None
-        kernels = [resolver.kernel, resolver.otherwise if resolver.compiles else None]
+        compiled_demand = laws.demand(type(demand).formula, *form)
+        self.complete = resolver.compiles and compiled_demand is not None
         m = len(labels)
-        kernel, otherwise = [each and getattr(load(each[0]), each[1]) for each in kernels]
+        kernel = _function(resolver.kernel)
+        otherwise = None
+        if resolver.compiles and resolver.otherwise is not None:
+            otherwise = _function(resolver.otherwise)
         self.arrays = LawArrays(
             parts.address(kernel),
-            parts.address(asks or laws.require_part(type(demand).formula, *map(int, form))),
+            parts.address(
+                compiled_demand or laws.require_part(type(demand).formula, *map(int, form))
+            ),
             parts.address(load("task_priority").track),
             parts.address(otherwise) if otherwise else 0,
             int(resolver.tracks(demand)),
@@ -147,22 +172,27 @@ class CompiledLaw:
         of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
         return load("laws").follow, self.workspace, of_rows, task.J, task.b
 
-    def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
-        """Return the code, q̈ (n,), active rows (m,), slack (m,) or (0,), and iterations."""
+    def __call__(self, rows: Rows, task: Task) -> CompiledAnswer:
+        """Compute the answer for these rows and this task."""
         J = task.J
         m = len(rows.labels)
         qdd = EMPTY(J.shape[1])
-        acted = EMPTY(m, BOOL)
-        slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
+        active = EMPTY(m, BOOL)
+        slack = NO_SLACK
+        count = NO_COUNT
+        if self.measures:
+            slack = EMPTY(m)
+            count = EMPTY(1, COUNT)
         if self._whole or (
             rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
         ):
             _, _, *arguments = self.call(rows, task)
-            code = self._follow[1](*arguments, qdd, acted, slack, count)
+            code = self._follow[1](*arguments, qdd, active, slack, count)
         else:  # the same as in call(), inlined because a call takes longer
             of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
-            code = self._follow[0](of_rows, J, task.b, qdd, acted, slack, count)
-        return code, qdd, acted, slack, count.item() if self.measures else 0
+            code = self._follow[0](of_rows, J, task.b, qdd, active, slack, count)
+        iterations = count.item() if self.measures else 0
+        return CompiledAnswer(code, qdd, active, slack, iterations)
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
         """Return the bounds c (m,) of the rows by the formula of the demand.
@@ -199,8 +229,11 @@ class Wrapped:
         self.own = own
         self._inner = inner
         self._workspace = Workspace(own)
-        at = {"resolver": load("parts").address(function), "demand": self._workspace.address}
-        self.arrays: LawArrays = inner.arrays._replace(**at, **changed)
+        addresses = {
+            "resolver": load("parts").address(function),
+            "demand": self._workspace.address,
+        }
+        self.arrays: LawArrays = inner.arrays._replace(**addresses, **changed)
         self.workspace = Workspace(self.arrays)
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
@@ -215,36 +248,31 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
-    arrays = [
-        rows.phi,
-        rows.Lg,
-        rows.Lf,
-        rows.switching_gain,
-        rows.scale,
-        rows.sigma,
-        rows.sigma_dot,
-        rows.K,
-    ]
-    arrays += [rows.qdd_min, rows.qdd_max, task.J, task.b, task.error, task.error_rate, task.rest]
+    of_rows = {
+        each.name: getattr(rows, each.name) for each in fields(rows) if each.name != "labels"
+    }
+    of_task = {each.name: getattr(task, each.name) for each in fields(task)}
+    arrays = [*of_rows.values(), *of_task.values()]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
     if all(type(array) is np.ndarray and array.flags.carray for array in arrays):
         return None
-    phi, Lg, Lf, gain, *others = (np.array(array, order="C") for array in arrays)
-    return Rows(phi, Lg, Lf, gain, rows.labels, *others[:6]), Task(*others[6:])
+    copied_rows = {name: np.array(array, order="C") for name, array in of_rows.items()}
+    copied_task = {name: np.array(array, order="C") for name, array in of_task.items()}
+    return Rows(labels=rows.labels, **copied_rows), Task(**copied_task)
 
 
 class BoundLaw:
     """Compiled law on fixed arrays, for loops: every call overwrites the previous answer.
 
-    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,). It returns 0 if they hold the answer;
+    ``solve()`` writes ``active`` (m,) and ``qdd`` (n,). It returns 0 if they hold the answer;
     otherwise call the ``command`` of the controller. ``arrays`` are those of the law, in its
     ``workspace``. ``slack`` is (m,) or (0,), and ``count`` (1,) is the number of iterations.
     ``answer`` is the workspace of the outputs, see :mod:`vsconstraints.compiled.workspace`.
     """
 
     def __init__(
-        self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array
+        self, resolver: Any, law: Any, rows: Rows, task: Task, active: BoolArray, qdd: Array
     ):
         self.resolver = resolver
         self.law = law
@@ -252,11 +280,11 @@ class BoundLaw:
         self._code = 0
         self.arrays = law.arrays
         self.workspace = law.workspace
-        self.acted = acted
+        self.active = active
         self.qdd = qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
-        outputs = (qdd, acted, self.slack, self.count)
+        outputs = (qdd, active, self.slack, self.count)
         self.answer = Workspace(Answer(*outputs, NO_SLACK))
         function, workspace, *arguments = law.call(rows, task)
         bound = function.bind(workspace)
@@ -275,11 +303,14 @@ class BoundLaw:
         ``solve()``.
         """
         law = self.law
-        qdd = self.qdd.copy()
-        acted = self.acted.copy()
-        slack, count = (self.slack.copy(), self.count.item()) if law.measures else (NO_SLACK, 0)
+        slack = NO_SLACK
+        iterations = 0
+        if law.measures:
+            slack = self.slack.copy()
+            iterations = self.count.item()
         code = self._code if code is None else code
-        command: Command | None = self.resolver.command(code, qdd, acted, law.labels, slack, count)
+        answer = CompiledAnswer(code, self.qdd.copy(), self.active.copy(), slack, iterations)
+        command: Command | None = self.resolver.command(answer, law.labels)
         if command is not None and self._rows.qdd_max is not UNKNOWN:
             keep_box(self._rows, command)
         if law.remark and command is not None:

@@ -180,8 +180,8 @@ class Law(Controller):
                 law = self._compile(rows)
             if not law.complete:
                 return None
-            code, qdd, acted, slack, iterations = law(rows, task)
-            command = self.resolver.command(code, qdd, acted, labels, slack, iterations)
+            answer = law(rows, task)
+            command = self.resolver.command(answer, labels)
         # numba may raise anything for other array types or layouts, and for invalid labels
         except Exception:
             usual = in_usual_layout(rows, task)
@@ -192,12 +192,12 @@ class Law(Controller):
             if law.remark:
                 command.remark = law.remark
             return command
-        if code in (NEEDS_PYTHON, RANK_LOSS) or self.solvers is None:
+        if answer.code in (NEEDS_PYTHON, RANK_LOSS) or self.solvers is None:
             return None
         self.solvers.failures[COMPILED] += 1
-        answer = self.define(rows, task)
+        command = self.define(rows, task)
         reason = f"the {COMPILED} solver has no answer that passes the check"
-        return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
+        return replace(command, fallback="; ".join(filter(None, (reason, command.fallback))))
 
     def _compile(self, rows: Rows) -> CompiledLaw:
         """Return the compiled law for these rows, with arrays for the memory of its demand."""
@@ -221,7 +221,7 @@ class Law(Controller):
         law.complete &= type(self).solve is Law.solve
         return law
 
-    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if (
             type(self).command is not Law.command
@@ -230,4 +230,4 @@ class Law(Controller):
         ):
             return None
         law = self._compile(rows)
-        return BoundLaw(self.resolver, law, rows, task, acted, qdd) if law.complete else None
+        return BoundLaw(self.resolver, law, rows, task, active, qdd) if law.complete else None

@@ -12,9 +12,9 @@ import numpy as np
 from ..compiled import load
 from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED
 from ..errors import InvalidInput, SolverError, format_value
-from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
+from ..rows import Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .base import Controller, fault_of, require_known, require_model
-from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
+from .compiled import COUNT, BoundLaw, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
 from .ranges import GAINS, ROWS, Range, option, positive_number, share
@@ -148,7 +148,7 @@ class PredictiveControl(Controller):
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
 
-    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if (
             type(self).command is not PredictiveControl.command
@@ -156,7 +156,7 @@ class PredictiveControl(Controller):
         ):
             return None
         planner = self._ready(rows, task)
-        return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
+        return BoundLaw(planner, planner, rows, task, active, qdd) if planner.compiled else None
 
     def _ready(self, rows: Rows, task: Task) -> Any:
         """Return the planner for these rows.
@@ -195,49 +195,37 @@ class Planner(Wrapped):
         m = len(model.labels)
         H = law.horizon
         T = law.block * period
-        times = T * np.arange(H + 1)
-        if not np.isclose(period, T):
-            times = np.sort(np.append(times, period))
-        block = np.maximum(np.ceil(times / T - 1e-9).astype(np.int64) - 1, 0)
-        times = np.append(times, np.nan)
-        block = np.append(block, H)
+        times, block = instants(H, T, period)
         N = len(times)
         step: Any = getattr(model, "step", None)
         loop: Any = getattr(model, "loop", None)
         self.compiled = step is not None and loop is not None
-        sizes = {"phi": m, "sigma": m, "Lg": m * n, "J": k * n, "b": k, "error": k, "rest": n}
-        if self.compiled:
-            where = {name: step.packed.parts[name][0] for name in PREDICTED}
-            begins = [part.start if part.stop > part.start else -1 for part in where.values()]
-            out = step.out
-        else:
-            begins = [0, *np.cumsum([*sizes.values()])[:-1].tolist()]
-            out = np.empty(sum(sizes.values()))
-        own = np.inf if law.max_acceleration is None else law.max_acceleration
+        begins, out = self._layout(step if self.compiled else None, (m, n, k))
+        most = np.inf if law.max_acceleration is None else law.max_acceleration
         self.model = model
         self.shape = shape
         self._begins = begins
         self.plans = kernels.PlanArrays(
-            loop.packed.workspace.address if self.compiled else 0,
-            step.packed.workspace.address if self.compiled else 0,
-            int(self.compiled and model.frozen),
-            law.fading,
-            period,
-            T,
-            law.approach * T,
-            law.damping,
-            law.margin,
-            tracking_of(model.task, n, k),
-            np.minimum(own, model.acceleration),
-            np.array(model.K, dtype=np.float64),
-            row_weights(model.labels, law.weights or {}) * np.ones(m),
-            np.zeros(1 + 2 * n),
-            np.array(begins),
-            np.empty((N, out.size)),
-            out,
-            times,
-            block,
-            np.clip(times - T * block, 0.0, T),
+            loop=loop.packed.workspace.address if self.compiled else 0,
+            step=step.packed.workspace.address if self.compiled else 0,
+            frozen=int(self.compiled and model.frozen),
+            fading=law.fading,
+            period=period,
+            length=T,
+            approach=law.approach * T,
+            damping=law.damping,
+            margin=law.margin,
+            tracking=tracking_of(model.task, n, k),
+            most=np.minimum(most, model.acceleration),
+            K=np.array(model.K, dtype=np.float64),
+            weights=row_weights(model.labels, law.weights or {}) * np.ones(m),
+            now=np.zeros(1 + 2 * n),
+            at=np.array(begins),
+            seen=np.empty((N, out.size)),
+            out=out,
+            times=times,
+            block=block,
+            since=np.clip(times - T * block, 0.0, T),
             by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
             **kernels.plan_space(H, N, n, m),
         )
@@ -248,15 +236,29 @@ class Planner(Wrapped):
         self.remark = law.remark(model.labels)
         self.measures = True
 
+    @staticmethod
+    def _layout(step: Any, sizes: tuple[int, int, int]) -> tuple[list[int], Array]:
+        """Return the first entries of the parts of a prediction, and the array of one prediction.
+
+        It is the output of the compiled ``step``, in which absent parts begin at −1. If Python
+        predicts, the parts follow each other; ``sizes`` are the numbers m, n and k of rows, joints
+        and features.
+        """
+        if step is not None:
+            parts = [step.packed.parts[name][0] for name in PREDICTED]
+            return [part.start if part.stop > part.start else -1 for part in parts], step.out
+        m, n, k = sizes
+        # in the order of PREDICTED: φ, σ, L_gφ, J, b, e and q̈₀
+        ends = np.cumsum([m, m, m * n, k * n, k, k, n])
+        return [0, *ends[:-1].tolist()], np.empty(int(ends[-1]))
+
     @property
     def plan(self) -> Plan | None:
         """The last plan; None if there is none."""
         plans = self.plans
-        return (
-            None
-            if np.isnan(plans.made[0])
-            else Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
-        )
+        if np.isnan(plans.made[0]):
+            return None
+        return Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """Compute the command.
@@ -267,14 +269,14 @@ class Planner(Wrapped):
         kernels = load("predictive")
         plans = self.plans
         m = len(self.labels)
-        acted = np.zeros(m, dtype=np.bool_)
+        active = np.zeros(m, dtype=np.bool_)
         qdd = np.zeros(self.shape[1])
         slack = np.zeros(m)
-        follow, *arguments = self.call(rows, task)
+        solve, *arguments = self.call(rows, task)
 
         def ask(stage: int) -> int:
             self.arrays.options[1] = stage
-            code: int = follow(*arguments, qdd, acted, slack, np.zeros(1, COUNT))
+            code: int = solve(*arguments, qdd, active, slack, np.zeros(1, COUNT))
             self.arrays.options[1] = kernels.ALL
             return code
 
@@ -288,7 +290,7 @@ class Planner(Wrapped):
                 ask(kernels.BRAKE)
                 self._predict()
             code = ask(kernels.CONCLUDE) if code == SOLVED else code
-        command = self.command(code, qdd, acted, self.labels, slack, 0)
+        command = self.command(CompiledAnswer(code, qdd, active, slack, 0), self.labels)
         if command is not None:
             return command
         predicted, asked, _, outcome = plans.outcome.tolist()
@@ -300,20 +302,19 @@ class Planner(Wrapped):
             )
         short = ""
         if predicted < asked:
-            ahead = plans.times[predicted]
             short = (
-                f"no more than {ahead:.3g} s are predicted, since a marker is then not in "
-                f"front of the camera"
+                f"no more than {plans.times[predicted]:.3g} s are predicted, since a marker is "
+                f"then not in front of the camera"
             )
         if predicted >= 2 and outcome != FAILED:
-            command = self._answer(qdd, acted, slack)
+            command = self._answer(qdd, active, slack)
         else:
             why = (
                 f"braking: {short}"
                 if predicted < 2
                 else "the plan goes on as it was: no better one passes the check"
             )
-            command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
+            command = Command(qdd, "suboptimal", active, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
         return command
 
@@ -331,35 +332,41 @@ class Planner(Wrapped):
         plans.outcome[0] = len(seen)
         return len(seen)
 
-    def command(
-        self,
-        code: int,
-        qdd: Array,
-        acted: BoolArray,
-        labels: tuple[str, ...],
-        slack: Array,
-        iterations: int,
-    ) -> Command | None:
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :meth:`.Resolver.command`.
 
         None also if the command needs a reason other than slack.
         """
-        if code not in self.answers:
+        if answer.code not in self.answers:
             return None
-        command = self._answer(qdd, acted, slack)
+        command = self._answer(answer.qdd, answer.active, answer.slack)
         command.remark = self.remark
         return command
 
-    def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
+    def _answer(self, qdd: Array, active: BoolArray, slack: Array) -> Command:
         """Return the command of a plan.
 
         Its reason names the rows that no plan satisfies, with their violation.
         """
         if not slack.any():
-            return Command(qdd, "ok", acted, self.labels)
+            return Command(qdd, "ok", active, self.labels)
         amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
         reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
-        return Command(qdd, "relaxed", acted, self.labels, reason=reason)
+        return Command(qdd, "relaxed", active, self.labels, reason=reason)
+
+
+def instants(H: int, T: float, period: float) -> tuple[Array, IntArray]:
+    """Return the instants (N,) [s] at which rows are predicted, and their blocks (N,).
+
+    They are the ends of the H blocks of T seconds, and the end of the first sampling period. The
+    last instant is the end of the brake after the plan, which is not known yet.
+    """
+    times = T * np.arange(H + 1)
+    if not np.isclose(period, T):
+        times = np.sort(np.append(times, period))
+    # an instant at the end of a block belongs to it, up to rounding
+    block = np.maximum(np.ceil(times / T - 1e-9).astype(np.int64) - 1, 0)
+    return np.append(times, np.nan), np.append(block, H)
 
 
 def whole_number(name: str, value: object, most: int) -> int:

@@ -19,9 +19,9 @@ from ..errors import SolverError
 from ..formulas import formula
 from ..formulas.row import BOUND, EQUAL, PUSH, Row
 from ..qp import SolverChain
-from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows import Array, Command, IntArray, Rows, Task
 from ..rows.checks import beyond_rounding
-from .compiled import NO_SLACK, CompiledLaw, in_usual_layout
+from .compiled import NO_SLACK, CompiledAnswer, CompiledLaw, in_usual_layout
 from .demand import Demand
 from .least_norm import RANK_TOLERANCE, rank_loss
 from .ranges import Part, option, rank_tolerance
@@ -89,18 +89,19 @@ class Resolver(Part, ABC):
         demand = (KnownPush if self.purpose == PUSH else Known)()
         memory = np.array(c[:, None], dtype=np.float64)
         qdd = np.full(task.J.shape[1], np.nan)
-        acted = np.zeros(len(c), dtype=np.bool_)
+        active = np.zeros(len(c), dtype=np.bool_)
         slack = np.zeros(len(c) if self.measures else 0)
         count = np.zeros(1, dtype=np.int64)
         law = CompiledLaw(demand, self, rows.labels, memory=memory)
         function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
-        code = function(*arguments, qdd, acted, slack, count)
+        code = function(*arguments, qdd, active, slack, count)
         if code == RANK_LOSS:
-            return rank_loss(rows, Command(qdd, "ok", acted, rows.labels), self.options[0])
+            return rank_loss(rows, Command(qdd, "ok", active, rows.labels), self.options[0])
         # the caller's check refuses an answer beyond rounding, and names the rows
         if code == NEEDS_PYTHON and np.isfinite(qdd).all() and beyond_rounding(rows, qdd):
-            return Command(qdd, "ok", acted, rows.labels)
-        return self.command(code, qdd, acted, rows.labels, slack, int(count[0]))
+            return Command(qdd, "ok", active, rows.labels)
+        answer = CompiledAnswer(code, qdd, active, slack, int(count[0]))
+        return self.command(answer, rows.labels)
 
     def tracks(self, demand: Demand) -> bool:
         """True if the bounds used of this demand depend on the tracking command."""
@@ -128,17 +129,11 @@ class Resolver(Part, ABC):
         """
         return ""
 
-    def command(
-        self,
-        code: int,
-        qdd: Array,
-        acted: BoolArray,
-        labels: tuple[str, ...],
-        slack: Array,
-        iterations: int,
-    ) -> Command | None:
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """Return the command for the output of the compiled form; None if it has no answer."""
-        return Command(qdd, "ok", acted, labels) if code in self.answers else None
+        if answer.code not in self.answers:
+            return None
+        return Command(answer.qdd, "ok", answer.active, labels)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
 from .cascade import by_solvers
-from .compiled import NO_SLACK
+from .compiled import NO_SLACK, CompiledAnswer
 from .demand import Demand
 from .least_norm import RANK_TOLERANCE
 from .ranges import Choices, Fixed, Range, one_of, option, positive_number, rank_tolerance
@@ -112,17 +112,17 @@ class Hierarchy(Resolver):
     kernel = ("hierarchical_qp", "descend")
     measures = True
     answers = codes.SOLVED, *RELAXED, codes.SHORT
-    #: Code of the levels below the rows, see :mod:`vsconstraints.compiled.workspace`, and half
-    #: the width of the box.
+    #: Code of the levels below the rows, see :mod:`vsconstraints.compiled.workspace`.
     aim: ClassVar[int] = codes.STRICT
-    bound: ClassVar[float] = math.inf
+    #: Half the width of the box |q̈| ≤ q̈_max: ``max_acceleration``, or infinite.
+    half_width: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
-        for name in (
-            "damping",
-            *(("max_acceleration",) if self.max_acceleration is not None else ()),
-        ):
-            object.__setattr__(self, name, positive_number(name, getattr(self, name)))
+        object.__setattr__(self, "damping", positive_number("damping", self.damping))
+        if self.max_acceleration is not None:
+            most = positive_number("max_acceleration", self.max_acceleration)
+            object.__setattr__(self, "max_acceleration", most)
+            object.__setattr__(self, "half_width", most)
         if self.weights is not None:
             weights: object = self.weights
             if not (
@@ -135,14 +135,11 @@ class Hierarchy(Resolver):
             object.__setattr__(self, "weights", fixed)
         object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
         object.__setattr__(self, "compiles", self.solver == AUTO)
-        object.__setattr__(
-            self, "bound", math.inf if self.max_acceleration is None else self.max_acceleration
-        )
 
     @property
     def options(self) -> Array:
         """See :class:`.Resolver`."""
-        return np.array([self.rank_tolerance, self.bound, self.damping, float(self.aim)])
+        return np.array([self.rank_tolerance, self.half_width, self.damping, float(self.aim)])
 
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
@@ -162,25 +159,19 @@ class Hierarchy(Resolver):
         ]
         return f"weights that begin no row's label: {', '.join(idle)}" if idle and labels else ""
 
-    def command(
-        self,
-        code: int,
-        qdd: Array,
-        acted: BoolArray,
-        labels: tuple[str, ...],
-        slack: Array,
-        iterations: int,
-    ) -> Command | None:
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :class:`.Resolver`."""
+        code, qdd, active, slack, iterations = answer
         if code not in self.answers:
             return None
-        command = Command(
-            qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations
-        )
+        solver = COMPILED if iterations else ""
+        command = Command(qdd, "ok", active, labels, "", slack, solver, iterations)
         if code:
             command.status = "relaxed" if code in RELAXED else "suboptimal"
-            why = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
-            command.reason = "; ".join(filter(None, (why, UNPROVED if code in SHORT else "")))
+            # an unmet row that is not active has no influence of q̈
+            fixed = np.flatnonzero(~active & (slack > 0.0))
+            reasons = unmet(labels, slack, fixed), UNPROVED if code in SHORT else ""
+            command.reason = "; ".join(filter(None, reasons))
         return command
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
@@ -200,7 +191,7 @@ class Hierarchy(Resolver):
 
         If the two boxes do not intersect, it is the nearest end of the box of the rows.
         """
-        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
+        box: Array = np.array([[-self.half_width], [self.half_width]]) * np.ones(n)
         return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:

@@ -1,13 +1,40 @@
 """Claims of the paper: its sentences, measurements of each, and counterparts of its figures."""
 
-from .report import Reproduction as Reproduction
-from .runner import check as check
-from .runner import chosen_claims as chosen_claims
-from .runner import chosen_figures as chosen_figures
-from .runner import redraw as redraw
-from .runner import reproduce as reproduce
-from .verdicts import CLAIMS as CLAIMS
-from .verdicts import Claim as Claim
-from .verdicts import Finding as Finding
-from .verdicts import Verdict as Verdict
-from .verdicts import all_claims as all_claims
+from typing import TYPE_CHECKING
+
+from ..plugins.lazy import exported
+
+if TYPE_CHECKING:
+    from .report import Reproduction
+    from .runner import check, chosen_claims, chosen_figures, redraw, reproduce
+    from .verdicts import CLAIMS, Claim, Finding, Verdict, all_claims
+
+__all__ = [
+    "CLAIMS",
+    "Claim",
+    "Finding",
+    "Reproduction",
+    "Verdict",
+    "all_claims",
+    "check",
+    "chosen_claims",
+    "chosen_figures",
+    "redraw",
+    "reproduce",
+]
+__getattr__ = exported(
+    __name__,
+    {
+        "Reproduction": "report",
+        "check": "runner",
+        "chosen_claims": "runner",
+        "chosen_figures": "runner",
+        "redraw": "runner",
+        "reproduce": "runner",
+        "CLAIMS": "verdicts",
+        "Claim": "verdicts",
+        "Finding": "verdicts",
+        "Verdict": "verdicts",
+        "all_claims": "verdicts",
+    },
+)

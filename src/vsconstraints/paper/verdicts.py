@@ -1,46 +1,20 @@
-"""Claims, verdicts on them, and their sentences as Jinja templates with numbers filled in."""
+"""Claims of the paper, findings about them, and the decorator that registers a measurement."""
 
 from __future__ import annotations
 
-import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, SupportsFloat
 
-from jinja2 import Environment, StrictUndefined
+import numpy as np
 
 from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
-from ..reports.numbers import number, percent
-from ..rows.readable import amount, counted
-from ..scenarios.reading import require_known
+from ..rows.readable import counted
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
-KEYS = (
-    "where",
-    "sentence",
-    "rule",
-    "figure",
-    "measured",
-    "runs",
-    "shown",
-    "values",
-    "holds",
-    "partly",
-    "measure",
-)
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
-
-#: Contents of ``claims.toml``: by key the paper's words, the rule, and the wording of the
-#: measurement; ``shared``, the parts that several rules contain; ``measures``, the wording of
-#: measures that several claims share.
-TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
-)
 
 
 def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
@@ -48,30 +22,9 @@ def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
     return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
 
 
-ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-#: Filters of templates: a value or a multiple of it in a format of Python; amounts and numbers as
-#: reports print them; shares in per cent; intervals; samples.
-ENVIRONMENT.filters |= {
-    "fmt": lambda value, spec, factor=1: format(factor * value, spec),
-    "amount": amount,
-    "number": number,
-    "percent": percent,
-    "intervals": shown_intervals,
-    "samples": lambda samples: counted(samples, "sample"),
-}
-ENVIRONMENT.tests["finite"] = math.isfinite
-template = cache(ENVIRONMENT.from_string)
-expression = cache(partial(ENVIRONMENT.compile_expression, undefined_to_none=False))
-
-
-def filled(text: str, **values: Any) -> str:
-    """Fill values into a template."""
-    return template(text).render(values)
-
-
-def calculated(formula: str, known: Mapping[str, Any]) -> Any:
-    """Evaluate an expression of a template on named values."""
-    return expression(formula)(known)
+def shown_samples(count: float) -> str:
+    """Format a number of samples: ``1 sample``, ``4 samples``."""
+    return counted(int(count), "sample")
 
 
 @dataclass(frozen=True)
@@ -145,26 +98,18 @@ def all_claims() -> list[Claim]:
 
 
 def claim(
-    key: str, *needs: RunSpec | str
+    key: str, *needs: RunSpec | str, where: str, sentence: str, rule: str, figure: str = ""
 ) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
-    """Register a function as the measurement of a claim in :data:`TEXTS`.
+    """Register a function as the measurement of a sentence of the paper.
 
-    For ``needs`` see :class:`Claim`.
+    ``key`` is the number of the claim and the letter of its sentence. The other arguments are those
+    of :class:`Claim`. Raises ValueError if there is a claim with this key.
     """
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
             raise ValueError(f"there are two claims {key}")
-        shared: dict[str, str] = {}
-        for name, part in TEXTS["shared"].items():  # a part may contain earlier ones
-            shared[name] = part.format(**shared)
-        text = TEXTS[key]
-        require_known(text, KEYS, f"claims.toml, {key}")
-        rule = text["rule"].format(**shared)
-        figure = text.get("figure", "")
-        CLAIMS[key] = Claim(
-            int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure
-        )
+        CLAIMS[key] = Claim(int(key[:-1]), key[-1], where, sentence, rule, figure, needs, measure)
         return measure
 
     return register
@@ -176,55 +121,8 @@ def judged(good: bool, part: bool = False) -> Verdict:
 
 
 def finding(
-    key: str,
-    good: bool,
-    part: bool = False,
-    shown: Mapping[str, Any] | None = None,
-    /,
-    **values: Any,
+    text: str, *, holds: bool | np.bool, partly: bool | np.bool = False, **values: SupportsFloat
 ) -> Finding:
-    """Return the finding of a claim or shared measure, in the words of :data:`TEXTS`.
-
-    For ``good`` and ``part`` see :func:`judged`. The text may contain ``shown`` and the finding's
-    values.
-    """
-    return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
-
-
-def worded(key: str, /, **values: Any) -> str:
-    """Fill values into the sentence of :data:`TEXTS` for a measurement, on one line."""
-    template = TEXTS[key]["measured"] if key in TEXTS else TEXTS["measures"][key]
-    return " ".join(filled(template, **values).split())
-
-
-def register_formulas(names: Mapping[str, Any]) -> None:
-    """Register the claims that :data:`TEXTS` measures by formulas.
-
-    Claims whose runs are not all in ``names`` are skipped.
-    """
-    for key, text in TEXTS.items():
-        needs = text.get("runs", "").split()
-        if needs and names.keys() >= {*needs}:
-            claim(key, *(names[need] for need in needs))(partial(by_formulas, key, names))
-
-
-def by_formulas(key: str, names: Mapping[str, Any], *results: Any) -> Finding:
-    """Return the finding of a claim, by applying its formulas in :data:`TEXTS` to results."""
-    text = TEXTS[key]
-    known = {**names, **dict(zip(text["runs"].lower().split(), results, strict=True))}
-    if "measure" in text:
-        measured: Finding = calculated(text["measure"], known)
-        return measured
-    values: dict[str, Any] = {}
-    for name, formula in text.get("shown", {}).items():
-        known[name] = calculated(formula, known)
-        if isinstance(known[name], Finding):
-            values |= known[name].values
-            known |= known[name].values
-    given = text.get("values", {})
-    for name, formula in given.items() if isinstance(given, dict) else ():
-        known[name] = values[name] = calculated(formula, known)
-    values |= calculated(given, known) if isinstance(given, str) else {}
-    known["partly"] = bool(calculated(text.get("partly", "false"), known))
-    verdict = judged(bool(calculated(text["holds"], known)), known["partly"])
-    return Finding(verdict, worded(key, **known), values)
+    """Return a finding with this text and these values; see :func:`judged` for its verdict."""
+    numbers = {name: float(value) for name, value in values.items()}
+    return Finding(judged(bool(holds), bool(partly)), text, numbers)

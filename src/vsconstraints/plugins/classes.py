@@ -1,4 +1,4 @@
-"""Custom controllers and constraints, named in files as ``module:Class``."""
+"""Custom controllers, constraints and features: ``module:Class`` or ``FOLDER/FILE.py:Class``."""
 
 from __future__ import annotations
 
@@ -23,13 +23,18 @@ IN_SESSION = "__main__"
 
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
-    """Import the class that ``"my_laws:Cautious"`` names, which must be derived from ``base``.
+    """Import the class that a name denotes, which must be derived from ``base``.
 
-    ``my_laws.py`` is first searched for in ``folder``. Raises ConfigurationError if the module
-    cannot be imported, or does not contain such a class.
+    The name is ``"my_laws:Cautious"``, whose ``my_laws.py`` is first searched for in ``folder``, or
+    the path of a file with the class, ``"controllers/cautious.py:Cautious"``. Relative paths begin
+    in ``folder``, without one in the working directory. Raises ConfigurationError if the file does
+    not exist, if the module cannot be imported, or if it does not contain such a class.
     """
-    module_name, class_name = _parts(name)
+    where, class_name = _parts(name)
+    module_name = module_of(name)
     file = plugin_file(name, folder)
+    if file is None and _is_path(where):
+        raise ConfigurationError(f"{name!r}: there is no file {_path_of(where, folder).absolute()}")
     try:
         with chdir("."), noted_import(module_name):
             module = importlib.import_module(module_name) if file is None else _module_from(file)
@@ -67,13 +72,37 @@ def beside(*folders: Path | None) -> Iterator[None]:
 
 
 def plugin_file(name: str, folder: Path | None) -> Path | None:
-    """Return the file in ``folder`` that ``module:Class`` names; None for an installed module."""
-    file = None if folder is None else folder / f"{_parts(name)[0].replace('.', '/')}.py"
-    return file if file is not None and file.is_file() else None
+    """Return the file that a name denotes, see :func:`imported_class`.
+
+    None for an installed module, and for a file that does not exist.
+    """
+    where = _parts(name)[0]
+    if _is_path(where):
+        file = _path_of(where, folder)
+    elif folder is not None:
+        file = folder / f"{where.replace('.', '/')}.py"
+    else:
+        return None
+    return file if file.is_file() else None
+
+
+def module_of(name: str) -> str:
+    """Return the name of the module that a name denotes, for messages and for names of files."""
+    where = _parts(name)[0]
+    return Path(where).stem if _is_path(where) else where
+
+
+def folder_of_neighbours(name: str, folder: Path | None) -> Path | None:
+    """Return the folder from which the code of a class imports other custom modules.
+
+    It is that of the file for a path, and ``folder`` for ``module:Class`` and registered names.
+    """
+    where = name.rpartition(":")[0]
+    return _path_of(where, folder).parent if _is_path(where) else folder
 
 
 def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
-    """Return the files of the modules that are named as ``module:Class``.
+    """Return the files of the modules of classes, see :func:`imported_class`.
 
     Modules without a file are left out.
     """
@@ -107,10 +136,10 @@ def _spec_of(module: str) -> ModuleSpec | None:
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
-    """Yield every ``module:Class`` that is named as a ``type`` in nested tables."""
+    """Yield every custom class that is named as a type or a feature in nested tables."""
     if isinstance(tables, Mapping):
         for key, inner in tables.items():
-            yield from code_named(inner, typed or key == "type")
+            yield from code_named(inner, typed or key in ("type", "feature", "features"))
     elif isinstance(tables, list | tuple):
         for inner in tables:
             yield from code_named(inner, typed)
@@ -126,10 +155,24 @@ def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
     )
 
 
-def _parts(name: str) -> list[str]:
-    if not re.fullmatch(r"\w+(\.\w+)*:\w+", name):
-        raise ConfigurationError(f"{name!r} must be module:Class, for example my_laws:Cautious")
-    return name.split(":")
+def _parts(name: str) -> tuple[str, str]:
+    """Split a name into its module or path and its class; ConfigurationError if it has none."""
+    where, _, class_name = name.rpartition(":")
+    is_module = re.fullmatch(r"\w+(\.\w+)*", where) is not None
+    if not ((is_module or _is_path(where)) and re.fullmatch(r"\w+", class_name)):
+        raise ConfigurationError(
+            f"{name!r} must be module:Class or FILE.py:Class, for example my_laws:Cautious or "
+            f"controllers/cautious.py:Cautious"
+        )
+    return where, class_name
+
+
+def _is_path(where: str) -> bool:
+    return where.endswith(".py") and "\0" not in where
+
+
+def _path_of(where: str, folder: Path | None) -> Path:
+    return Path() / where if folder is None else folder / where
 
 
 def _module_from(file: Path) -> ModuleType:

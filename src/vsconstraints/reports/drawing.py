@@ -1,4 +1,4 @@
-"""Selection of the scenarios and runs that a report shows, and their figures and replays.
+"""Selection of the scenarios and runs that a report shows, and their figures and sections.
 
 An error in one figure leaves out only that figure.
 """
@@ -19,21 +19,19 @@ from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples
 from ..comparisons.runs.pool import Failure, run_all
-from ..comparisons.suite import BASELINE
 from ..errors import described
+from ..plugins.registry import figures as figures_of_parts
+from ..plugins.registry import load, registered
 from ..scenarios import Scenario
-from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
+from .figures import FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
 from .groups import Group
-from .markdown import code
 from .plots import FORMATS, PNG, Figure, Formats
-from .replay import write_replay
-from .replay.runs import run_of
 from .results import Results, RowsShown, clean
 
 # Up to this many scenarios are drawn in this process: starting others takes about as long.
 IN_PROCESS = 2
-REPLAYS = "replays"  # folder below that of the comparison
+REPLAY = "replay"  #: Section of a report that is made on request only.
 #: A suite with more than MAX_FIGURES figures shows only MAX_SCENARIOS scenarios.
 MAX_FIGURES = 48
 MAX_SCENARIOS = 3
@@ -58,35 +56,6 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
         return results.scenarios
     chosen = set(sorted(results.scenarios, key=weight, reverse=True)[:MAX_SCENARIOS])
     return tuple(name for name in results.scenarios if name in chosen)
-
-
-def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
-    """Return the controllers that the replay of a scenario shows.
-
-    These are the controller with the deepest violation, or the unconstrained baseline if none
-    violates a row, and the controller with the greatest utilization among the clean ones.
-    """
-    lines = {
-        name: line
-        for name in results.controllers
-        for line in results.runs(scenario, name)
-        if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0
-    }
-    depths = {
-        name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines
-    }
-    used = {
-        name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0))
-        for name in depths
-        if clean(lines[name])
-    }
-    worst = max(
-        (name for name in depths if depths[name] > 0.0),
-        key=lambda name: depths[name],
-        default=BASELINE,
-    )
-    best = max(used, key=lambda name: used[name], default=worst)
-    return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
 
 
 @dataclass(frozen=True)
@@ -119,14 +88,14 @@ class Drawn:
 
     ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them. ``problems``
     are sentences on what is missing. ``first_outside`` is the time at which a controller first
-    violates a row [s], by controller and row. ``replay`` is a link.
+    violates a row [s], by controller and row. ``sections`` are Markdown of parts.
     """
 
     files: list[str] = field(default_factory=list)
     pictures: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
-    replay: str = ""
+    sections: list[str] = field(default_factory=list)
 
 
 def picture(
@@ -229,7 +198,7 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     views = {
         group: View(setup, runs, group.controllers, job.rows.phi) for group in job.groups if runs
     }
-    for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
+    for figure, (group, view) in product((*FIGURES, *figures_of_parts()), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
         view = replace(
@@ -308,7 +277,7 @@ def remove_stale(
     Without ``figures`` the figures of scenarios are removed.
     """
     starts = [figure.name for figure in figures] or [
-        f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)
+        f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())
     ]
     but = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
     for start, end in product(starts, (".*", "--*")):
@@ -317,17 +286,18 @@ def remove_stale(
                 path.unlink(missing_ok=True)
 
 
-def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:
-    """Write and link a replay page for each of these scenarios; an error costs only that page."""
-    for name in scenarios:
-        controllers = replayed_runs(results, name)
+def add_sections(
+    results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn], replays: bool
+) -> None:
+    """Add the sections that parts register to these scenarios; an error costs only its section.
+
+    That of replays is added only with ``replays``, because it takes long.
+    """
+    sections = registered("report_sections")
+    if not replays:
+        sections.pop(REPLAY, None)
+    for (what, reference), name in product(sections.items(), scenarios):
         try:
-            runs = [
-                run_of(results.stored, name, controller, TRIAL_SHOWN) for controller in controllers
-            ]
-            if runs:
-                write_replay(runs, results.stored.folder / REPLAYS / f"{name}.html")
-                link = f"[Replay in a browser]({REPLAYS}/{quote(name)}.html)"
-                drawn[name].replay = f"{link}: {' and '.join(map(code, controllers))}."
+            drawn[name].sections.append(load(reference)(results, name))
         except Exception as error:  # one bad run or page must not cost the report
-            drawn[name].problems.append(f"Its replay could not be made: {described(error)}.")
+            drawn[name].problems.append(f"Its {what} could not be made: {described(error)}.")

@@ -37,8 +37,8 @@ DETAILS = re.compile(
 MIN_SECTIONS = 4  #: Least number of sections for which a page lists its sections.
 
 
-def render(template: str, **context: Any) -> str:
-    """Render a Markdown template.
+def render(template: Path, **context: Any) -> str:
+    """Render a Markdown template, which may include those beside it and those of this package.
 
     Nothing is escaped: values from elsewhere must be passed through ``plain`` or ``code``.
     """
@@ -48,7 +48,9 @@ def render(template: str, **context: Any) -> str:
         "lstrip_blocks": True,
     }
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options
+        loader=FileSystemLoader([template.parent, TEMPLATES]),
+        extensions=["jinja2.ext.do"],
+        **options,
     )
     environment.filters |= {
         one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)
@@ -58,7 +60,7 @@ def render(template: str, **context: Any) -> str:
         one.__name__: one for one in (counted, first_names, median, of_length, over_trials, percent)
     }
     environment.globals["dash"] = DASH
-    text = environment.get_template(template).render(context)
+    text = environment.get_template(template.name).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
 
@@ -70,23 +72,29 @@ def _table(text: str, text_columns: int = 1) -> str:
     return f"{Table(header, lines, text_columns)}\n" if lines else ""
 
 
-def render_html(template: str, **context: Any) -> str:
+def render_html(template: Path, **context: Any) -> str:
     """Render an HTML template; values are escaped."""
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+        loader=FileSystemLoader(template.parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     inline = parser(html=False).renderInline  # escapes HTML
     environment.filters |= {"percentage": percentage, "markdown": lambda text: Markup(inline(text))}
-    return environment.get_template(template).render(context)
+    return environment.get_template(template.name).render(context)
 
 
 def write_pages(
-    report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})
+    report: Path,
+    text: str,
+    interactive: Mapping[str, str] = MappingProxyType({}),
+    script: str = "",
 ) -> None:
     """Write a report without its details, the details to :func:`details_of` it, and its page.
 
     ``interactive`` maps summaries of details to HTML. On the page this HTML replaces the details
-    of that summary and is not folded. Raises OSError.
+    of that summary and is not folded; ``script`` is the script that it needs. Raises OSError.
     """
     title = text.partition("\n")[0]
     short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
@@ -96,7 +104,7 @@ def write_pages(
     for path, content in (
         (report, short),
         (details_of(report), details),
-        (page_of(report), html_page(text, interactive)),
+        (page_of(report), html_page(text, interactive, script)),
     ):
         if content:
             with replaced(path) as part:
@@ -123,7 +131,9 @@ def parser(html: bool = True) -> MarkdownIt:
     return MarkdownIt("commonmark", {"html": html, "xhtmlOut": False}).enable("table")
 
 
-def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
+def html_page(
+    text: str, interactive: Mapping[str, str] = MappingProxyType({}), script: str = ""
+) -> str:
     """Return a report in Markdown as one HTML file that needs no network.
 
     The only script is that of the ``interactive`` parts, which are HTML and not escaped; see
@@ -161,9 +171,8 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
         for half in halves
     )
     listed = [one for one in headings if one["tag"] in ("h2", "h3")]
-    script = (TEMPLATES / "heat-map.js").read_text(encoding="utf-8") if interactive else ""
     return render_html(
-        "page.html",
+        TEMPLATES / "page.html",
         title=next((one["text"] for one in headings), "Report"),
         style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
         before=before,

@@ -12,11 +12,11 @@ from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
 from . import scenario, summary
-from .drawing import Drawn, add_replays, draw_all, remove_stale, shown_scenarios
+from .drawing import Drawn, add_sections, draw_all, remove_stale, shown_scenarios
 from .figures import FIGURES
 from .groups import controller_cells
 from .numbers import of_length
-from .page import render, write_pages
+from .page import TEMPLATES, render, write_pages
 from .plots import PNG, Formats
 from .results import DIVERGED, Results, violated
 
@@ -61,8 +61,7 @@ def write_report(
                 place.mkdir(exist_ok=True)
                 overview, drawn = draw_all(results, chosen, formats, on_drawn)
                 remove_stale(place, (file for one in drawn.values() for file in one.files), formats)
-            if replays:
-                add_replays(results, chosen, drawn)
+            add_sections(results, chosen, drawn, replays)
             write_pages(folder / "report.md", report_text(results, drawn, overview))
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error
@@ -76,7 +75,7 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))
     ]
     return render(
-        "comparison.md",
+        TEMPLATES / "comparison.md",
         results=results,
         manifest=results.stored.manifest,
         configuration=results.stored.manifest["configuration"],

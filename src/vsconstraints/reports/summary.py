@@ -61,7 +61,7 @@ def law_table(results: Results) -> Table:
         if results.trials == 1:
             return f"{count} of {of}"
         # The import takes longer than all other imports of a report.
-        from ..comparisons.statistics import rate_of, rate_text
+        from ..comparisons.rates import rate_of, rate_text
 
         return rate_text(rate_of(count, of))
 

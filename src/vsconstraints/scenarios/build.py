@@ -13,6 +13,7 @@ import numpy as np
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import require_positive
 from ..errors import ConfigurationError, unknown_name
+from ..plugins.registry import load, scenario_types
 from ..robots.catalogue import ready_made
 from ..robots.geometry import Pose, Vector3
 from ..robots.limits import NO_LIMITS, ActuatorLimits
@@ -20,17 +21,15 @@ from ..robots.robot import Robot
 from ..rows import Array
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
-from ..simulation.dynamics import PLANTS
 from ..simulation.follower import ACCELERATIONS, ArmInput
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
-from ..vision.features import FEATURES
-from ..vision.images.settings import SENSORS
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
+from .feature_types import feature_named, make_feature
 from .reading import Table, checked, chosen, from_table, require_table, split
 from .views import make_camera, make_goal
 
@@ -85,7 +84,8 @@ def build(
     if deviation is not None:
         q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
     disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
-    task = _task(file.task, f"{where}.task", bare, believed_camera(camera, disturbances))
+    believed = believed_camera(camera, disturbances)
+    task = _task(file.task, f"{where}.task", bare, believed, folder)
     constraints = [
         make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder, task.goals)
         for i, table in enumerate(file.constraints)
@@ -105,11 +105,11 @@ def build(
         file.actuation,
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
-        _by_type(file.plant, PLANTS, f"{where}.plant"),
+        _by_type(file.plant, "plant", where),
         _by_type(
             {"type": file.sensor} if isinstance(file.sensor, str) else file.sensor,
-            SENSORS,
-            f"{where}.sensor",
+            "sensor",
+            where,
         ),
         arm=file.arm,
     )
@@ -141,13 +141,14 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
     return robot.limits
 
 
-def _by_type(table: Table | None, candidates: Any, where: str) -> Any:
-    values = dict(table or {})
-    return (
-        None
-        if table is None
-        else from_table(chosen(values, "type", candidates, where), values, where)
-    )
+def _by_type(table: Table | None, key: str, scenario: str) -> Any:
+    """Return the settings of the table ``key`` by the class that a part registers for its type."""
+    if table is None:
+        return None
+    where = f"{scenario}.{key}"
+    values = dict(table)
+    kind = load(chosen(values, "type", scenario_types(key), where))
+    return from_table(kind, values, where)
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:
@@ -208,15 +209,15 @@ def _square_target(square: Square) -> Array:
     return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
 
 
-def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
+def _task(table: Table, where: str, scene: Scene, camera: Camera, folder: Path) -> VisualTask:
     values = dict(table)
-    feature = chosen(values, "feature", FEATURES, where)
+    feature = feature_named(values, where, folder)
     of_feature, of_gains, of_task = split(
         values, where, feature, TrackingGains, VisualTask, without=["feature", "gains"]
     )
     goals = checked(of_task.pop("goals", []), list[Any], where, "goals")
     context = {
-        "feature": from_table(feature, of_feature, where),
+        "feature": make_feature(feature, of_feature, where, folder),
         "goals": [
             make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)
         ],

@@ -18,7 +18,7 @@ from ..simulation.occluders import LinesOfSight
 from ..vision.features import Goal
 from ..vision.measurement import estimated_pose
 from ..vision.scene import MINIMUM_DEPTH, Scene
-from .families.placements import inverse_kinematics, tip_of
+from .inverse_kinematics import inverse_kinematics, tip_of
 
 ROUNDING = 1e-9  # largest σ, relative to the row's scale, that counts as zero
 #: Number of random configurations from which inverse kinematics starts, after the near ones; and

@@ -6,7 +6,7 @@ import copy
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -20,6 +20,7 @@ from ..plugins.classes import IN_SESSION, beside, code_named, module_files, untr
 from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
 from .build import build
+from .feature_types import without_replaced_feature
 from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
@@ -65,7 +66,7 @@ class Described:
 class Scenario(Described):
     """A scenario with its overrides applied."""
 
-    why_here: ClassVar[str] = "a constraint of it is defined in this session"
+    why_here: ClassVar[str] = "a constraint or feature of it is defined in this session"
     """Reason why a scenario with :attr:`in_session` can run in this process only."""
 
     def __repr__(self) -> str:
@@ -80,8 +81,8 @@ class Scenario(Described):
         Paths in both files are relative to the extending file. Raises ConfigurationError if no
         scenario has that name or if the file cannot be read.
         """
-        path = file_named("scenario", str(name_or_path), SHIPPED, shipped_scenarios(), base)
-        return cls(path.stem, _extended(path), path.parent)
+        path = scenario_file(str(name_or_path), base)
+        return cls(path.stem, extended_tables(path), path.parent)
 
     def with_override(self, key: str, value: object, base: Path | None = None) -> Scenario:
         """Return the scenario with a dotted key such as ``task.Kp0`` set to another value.
@@ -90,6 +91,8 @@ class Scenario(Described):
         """
         tables = copy.deepcopy(self.tables)
         value = value if base is None else _from_base(key.rpartition(".")[2], value, base)
+        if key.startswith("task.feature") and isinstance(tables.get("task"), dict):
+            tables["task"] = without_replaced_feature(tables["task"], {key[5:]: value})
         override(tables, key, value, self.name)
         return replace(self, tables=tables)
 
@@ -100,14 +103,18 @@ class Scenario(Described):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """Custom constraints, as ``module:Class``."""
+        """Custom constraints and features, as ``module:Class``."""
         constraints = self.tables.get("constraints", [])
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
-        return tuple(kind for kind in kinds if ":" in kind)
+        task = self.tables.get("task")
+        features = {}
+        if isinstance(task, dict):
+            features = {key: task[key] for key in ("feature", "features") if key in task}
+        return (*(kind for kind in kinds if ":" in kind), *code_named(features))
 
     @property
     def in_session(self) -> bool:
-        """True if a custom constraint is defined in this process only, such as in a notebook."""
+        """True if a custom part is defined in this process only, such as in a notebook."""
         return any(part.startswith(f"{IN_SESSION}:") for part in self.own_parts)
 
     @property
@@ -193,8 +200,19 @@ def _from_base(key: str, value: object, base: Path) -> object:
     return [_from_base(key, inner, base) for inner in value] if isinstance(value, list) else value
 
 
-def _extended(path: Path) -> dict[str, Any]:
-    """Return the tables of a file, merged over those of the files that it extends."""
+def scenario_file(name: str, base: Path | None) -> Path:
+    """Return the path of a scenario by its name, or by a path relative to ``base``."""
+    return file_named("scenario", name, SHIPPED, shipped_scenarios(), base)
+
+
+def extended_tables(
+    path: Path, file_of: Callable[[str, Path], Path] = scenario_file
+) -> dict[str, Any]:
+    """Return the tables of a file, merged over those of the files that it extends.
+
+    ``file_of`` returns the path of an extended file from what ``extends`` says and the folder of
+    the extending file.
+    """
     files = [path]
     parts = [read_toml(path)]
     while "extends" in parts[-1]:
@@ -205,7 +223,7 @@ def _extended(path: Path) -> dict[str, Any]:
                 f"{last}: extends must be the name or the path of a scenario, not "
                 f"{format_value(name)}"
             )
-        files.append(file_named("scenario", name, SHIPPED, shipped_scenarios(), last.parent))
+        files.append(file_of(name, last.parent))
         parts.append(read_toml(files[-1]))
         if any(files[-1].samefile(other) for other in files[:-1]):
             raise ConfigurationError(
@@ -219,6 +237,8 @@ def _extended(path: Path) -> dict[str, Any]:
     for over in reversed(parts):
         if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
             tables["camera"] = without_replaced(tables["camera"], over["camera"])
+        if isinstance(tables.get("task"), dict) and isinstance(over.get("task"), dict):
+            tables["task"] = without_replaced_feature(tables["task"], over["task"])
         tables = merged(tables, over)
     return tables
 

@@ -24,7 +24,6 @@ from ..rows import Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
 from .follower import ACCELERATIONS
-from .image_sensor import ImageSensor
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
@@ -231,11 +230,13 @@ class Run:
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
             if (
                 stage == STEP
-                and isinstance(self.sensor, ImageSensor)
+                and self.sensor.renders
                 and self.bound is not None
                 and self.loop.parts[0]
             ):
-                self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
+                seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
+                assert seen is not None
+                self.bound.packed.measure(seen)
                 # without a usable image no law is called and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
@@ -298,7 +299,7 @@ class Run:
         # True if Python moves the robot. In that case, and if images are rendered, samples run one
         # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
-        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
+        self.at_once = 1 if self.pushes or self.sensor.renders else CHUNK
         self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
@@ -348,6 +349,11 @@ class Run:
         loop.points[:] = true.points
         loop.camera_R[:] = true.camera_R
         loop.camera_t[:] = true.camera_t
+        if self.setup.task.feature.reached_by == "feature":
+            # normalised coordinates, angles and logarithms of 1 are as many pixels as the focal
+            # length; the error is without the reference trajectory
+            error = self.prepared.world.packed.step.last_error[: len(step.error)]
+            loop.own_error[0] = np.abs(error).max() * max(self.setup.scene.camera.focal)
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
@@ -357,7 +363,7 @@ class Run:
 
         A reported loss of rank counts only if the rows show it.
         """
-        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+        if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
         times = self.loop.kept.step_time

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import Literal
 
 import coal
 import numpy as np
@@ -13,8 +14,9 @@ from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
 from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
 from ..rows import Array
-from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
+
+OpaqueName = Literal["links", "bodies", "regions"]  #: Kinds of solids that hide markers.
 
 THIN = 1e-6  #: Radius of a line of sight [m].
 GLANCES = 100  #: Number of instants of a run at which lines of sight are checked.

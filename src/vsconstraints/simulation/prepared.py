@@ -114,6 +114,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         points=true.points,
         camera_R=true.camera_R,
         camera_t=true.camera_t,
+        own_error=np.full(1, np.nan),
         goals=goals,
         plant=plant.arrays(N, believed.last_command),
         kept=zeros(Kept, lengths),

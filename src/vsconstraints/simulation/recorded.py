@@ -14,7 +14,6 @@ import numpy as np
 
 from ..controllers import Controller, Tracking
 from ..rows import Array, Rows, Task
-from .image_sensor import ImageSensor
 from .loop import Run, trajectory_of
 from .outcome import Ended
 from .prepared import RunWorkspace
@@ -161,7 +160,7 @@ class _Replay(Run):
             raise _NoCommandError(
                 "the law's process gave no further commands, though the run is not over"
             )
-        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+        if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
         else:
             self.loop.answer.qdd[:] = self._recorded.qdd[k]

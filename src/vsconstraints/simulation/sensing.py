@@ -26,6 +26,8 @@ from ..vision.measurement import Measurement, estimated_pose
 from ..vision.scene import Scene
 from .disturbances import VISIBILITY, Disturbances
 
+STOPPING = 0.1  #: Time constant with which an arm without usable images is braked [s].
+
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
     """Return the camera model that the controller uses.
@@ -97,6 +99,8 @@ class Sensor:
     ConfigurationError if the image period is not a multiple of the sampling time.
     """
 
+    #: True if images are rendered: then a sample is measured in Python, before its step.
+    renders = False
     blind = False  #: True if no usable image exists, so that the arm must brake.
 
     def __init__(
@@ -193,6 +197,13 @@ class Sensor:
         write_camera(step, self.camera)
         step.markers[:] = self.believed.markers
         step.camera["depth_factor"] = self.disturbances.depth_factor
+
+    def braking(self, qd: Array) -> Array:
+        """Return q̈ (n,) that stops the arm when there is no usable image.
+
+        The actuators execute as much of it as they can.
+        """
+        return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,21 +24,20 @@ from ..errors import (
 )
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
+from ..plugins.registry import load
 from ..robots.geometry import require_sign
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import amount, counted, in_one_line
 from ..vision.features import CameraPose
-from ..vision.images.settings import ImageSettings
 from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
-from .dynamics import ArmDynamics, DynamicPlant
 from .follower import ACCELERATIONS, ArmInput, FollowingPlant, LowLevelLoop
-from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
+from .settings import PlantSettings, SensorSettings
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
 from .units import unit_warnings
 
@@ -92,9 +92,9 @@ class Setup:
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
     #: Masses, joint controller and friction of the robot; eq. (6) is used if None.
-    dynamics: ArmDynamics | None = None
+    dynamics: PlantSettings | None = None
     #: Settings of rendered images; if None, the controller knows where the markers are.
-    images: ImageSettings | None = None
+    images: SensorSettings | None = None
     #: Time until which a run that is not at rest at the end of its duration continues [s], see
     #: :func:`.until_settled`. None: runs end with their duration.
     time_limit: float | None = None
@@ -175,10 +175,13 @@ class Setup:
                     f"controller, friction "
                     "and gears (plant.dead_time delays torques)"
                 )
-        plant = DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
+        # a DynamicPlant, whose module the core does not import
+        make: Callable[..., Any] = load(self.dynamics.made_by)
+        plant = make(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
         if self.arm.streams:
             plant.follow_loop(LowLevelLoop(self.arm, self.q0, self.qd0, self.Ts, actuators))
-        return plant
+        following: Plant = plant
+        return following
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
         """Return the control step that precedes the law, with the law's factors on the rows."""
@@ -194,21 +197,20 @@ class Setup:
     def sensor(self) -> Sensor:
         """Return the sensor that turns true states into measurements for the controller."""
         if self.images is not None:
-            return ImageSensor(
-                self.scene, self.disturbances, self.images, self.photographer(), self.Ts
-            )
+            make: Callable[..., Sensor] = load(self.images.made_by)
+            return make(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
         return Sensor(
             self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene)
         )
 
-    def photographer(self) -> SceneRenderer:
+    def photographer(self) -> Any:
         """Return the renderer of the images that the controller receives.
 
         Raises ConfigurationError if the setup has no image sensor.
         """
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        return SceneRenderer(
+        return load(self.images.rendered_by)(
             self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed
         )
 
@@ -317,9 +319,10 @@ class Setup:
     def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
         """Return (N,) flags: the current goal is reached, with the joints at rest.
 
-        The camera's pose decides if it is the task's feature; otherwise the markers decide. The
-        arguments are times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N,
-        2), largest distances of a marker from its goal (N,) [px], and joint speeds (N, n).
+        The camera's pose decides if it is the task's feature; otherwise the markers or the feature
+        decide, see :attr:`.Feature.reached_by`. The arguments are times (N,) [s], distances [m] and
+        angles [rad] of the camera from the goal (N, 2), errors of the image (N,) [px], see
+        :class:`.Trajectory`, and joint speeds (N, n).
         """
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
@@ -385,7 +388,7 @@ class Setup:
                 f"{', '.join(listed(unseen, 'markers'))} "
                 f"from its centre{''.join(f'; {doubt}' for doubt in self.doubts)}"
             )
-        remarks = list(self.doubts)
+        remarks = [*self.doubts, *self.task.feature.remarks]
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
         rows = start.rows
         sigma = start.sigma

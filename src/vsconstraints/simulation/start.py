@@ -85,7 +85,7 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
     marker, markers that coincide or lie on a line, and a circle through the camera's centre. A task
     of the camera's pose is concerned only if the pose is ``estimated`` from images.
     """
-    by_image = isinstance(task.feature, ImagePoints)
+    by_image = isinstance(task.feature, ImagePoints) and task.feature.markers is None
     if not by_image and not (estimated and isinstance(task.feature, CameraPose)):
         return []
     remarks = []

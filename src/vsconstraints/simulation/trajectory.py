@@ -35,7 +35,8 @@ class Trajectory:
     error: Array  #: (N, k) feature error according to the controller.
     #: (N, 2) distance [m] and angle [rad] of the camera from the goal's pose; NaN if it has none.
     camera_error: Array
-    #: (N,) largest distance of a marker from its goal [px].
+    #: (N,) largest distance of a marker from its goal [px]; the largest error of the feature times
+    #: the focal length, if the feature decides whether the goal is reached.
     feature_error_px: Array
     #: (N, 3) in the target's frame [m]; this is the base frame if the target stands still.
     camera_position: Array

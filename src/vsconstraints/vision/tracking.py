@@ -12,7 +12,7 @@ from ..errors import ConfigurationError, InvalidInput, format_value, unknown_nam
 from ..formulas.tracking import gains, goal_at
 from ..rows import Array
 from ..rows.readable import amount, counted, in_one_line
-from .features import CameraPose, Feature, Goal, ImagePoints
+from .features import Feature, Goal
 
 DERIVATIVES = ("exact", "differences")
 Derivative = Literal["exact", "differences"]
@@ -117,11 +117,8 @@ class VisualTask:
             raise ConfigurationError(
                 f"goals must be in the order of their times; from_time is {format_value(times)}"
             )
-        if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
-            raise ConfigurationError("a camera-pose task needs goals with a camera pose")
-        if isinstance(feature, ImagePoints) and feature.interaction_matrix != "current":
-            for goal in goals:
-                _ = goal.interaction
+        for goal in goals:
+            feature.check_goal(goal)
         self.feature = feature
         self.goals = tuple(goals)
         self.gains = gains

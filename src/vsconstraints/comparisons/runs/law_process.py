@@ -1,8 +1,8 @@
 """Runs of custom laws, each law in a separate process that only returns the law's commands.
 
-The calling process simulates, judges and scores the motion that follows from these commands. It
-never loads the law's code. The law therefore cannot affect the runs of other laws or its own scores
-by changing its process.
+All settings of a law share its process. The calling process simulates, judges and scores the motion
+that follows from these commands. It never loads the law's code. The law therefore cannot affect the
+runs of other laws or its own scores by changing its process.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ...scenarios import Scenario
 from ...simulation import RunWorkspace, Setup, Trajectory
 from ...simulation.recorded import Recorded, replay
 from .pool import Failure, Pool
-from .spec import ControllerSpec
+from .spec import AS_THE_SCENE, ControllerSpec
 
 #: Maximum number of law processes kept for further runs; the one unused for longest ends first.
 MAX_PROCESSES = 8
@@ -153,7 +153,7 @@ def record(run: LawRun) -> dict[str, Any]:
     said: dict[str, Any] = {}
     with chdir("."), own_parts_noted() as files:
         try:
-            with beside(run.scenario.folder, run.law.folder):
+            with beside(run.scenario.folder, run.law.folder_of_neighbours):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
                 recorded = Recorded.of(
                     run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call
@@ -170,7 +170,10 @@ def ask_law(run: LawRun) -> dict[str, Any] | Failure:
     if not _finalizers:
         _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
     try:
-        law = hashlib.sha256(pickle.dumps(run.law)).hexdigest()
+        pickle.dumps(run.law.options)
+        # one process serves all settings of a law, such as those that a tuning tries
+        law_alone = replace(run.law, name="", options={}, run=AS_THE_SCENE)
+        law = hashlib.sha256(pickle.dumps(law_alone)).hexdigest()
     # options and instances of custom laws can raise any error when they are pickled
     except Exception as error:
         return Failure.of(error, "it cannot be sent to a process: ")

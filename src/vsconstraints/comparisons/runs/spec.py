@@ -14,7 +14,7 @@ from ...compiled import prepare
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
-from ...plugins.classes import module_files
+from ...plugins.classes import folder_of_neighbours, module_files
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
@@ -86,8 +86,9 @@ AS_THE_SCENE = RunTiming()
 class ControllerSpec:
     """A controller under the name that it has in results.
 
-    Its law is a registered name or ``module:Class``; if empty, it equals ``name``. The module of a
-    custom controller is first searched for in ``folder``. ``run`` is the timing of its runs.
+    Its law is a registered name, ``module:Class`` or ``FILE.py:Class``; if empty, it equals
+    ``name``. The module or file of a custom controller is first searched for in ``folder``. ``run``
+    is the timing of its runs.
     """
 
     name: str
@@ -132,7 +133,7 @@ class ControllerSpec:
 
     @classmethod
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
-        """Return a controller by its registered name or ``module:Class``.
+        """Return a controller by its registered name, ``module:Class`` or ``FILE.py:Class``.
 
         If ``name`` is empty, it gets the name of its class or its registered name.
         """
@@ -142,14 +143,19 @@ class ControllerSpec:
         return cls(name or own, law, folder=folder if ":" in law else None)
 
     @property
-    def here(self) -> bool:
+    def main_process_only(self) -> bool:
         """True if only the main process can create it."""
         return False
 
     @property
-    def apart(self) -> bool:
+    def in_own_process(self) -> bool:
         """True for a custom law that another process can create: it runs in a separate process."""
-        return ":" in self.law and not self.here
+        return ":" in self.law and not self.main_process_only
+
+    @property
+    def folder_of_neighbours(self) -> Path | None:
+        """Folder of the modules that a custom controller may import at any time."""
+        return folder_of_neighbours(self.law, self.folder)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -249,9 +255,9 @@ class RunSpec:
         return (*self.load().files, *self.controller.files)
 
     @property
-    def here(self) -> bool:
+    def main_process_only(self) -> bool:
         """True if only the main process can execute the run."""
-        return self.controller.here or self.load().in_session
+        return self.controller.main_process_only or self.load().in_session
 
     @property
     def fingerprint(self) -> str:

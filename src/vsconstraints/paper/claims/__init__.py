@@ -1,5 +1,23 @@
-"""Claims of the paper, one function or formula for each sentence; importing registers them."""
+"""Claims of the paper, one function for each sentence; importing registers them."""
 
-from . import experiments, general, simulations
+from . import (
+    appendices,
+    section_3_invariance,
+    section_4_approach,
+    section_5_remarks,
+    section_6_advantages,
+    section_8_first_example,
+    section_9_case_study,
+    section_10_experiments,
+)
 
-__all__ = ["experiments", "general", "simulations"]
+__all__ = [
+    "appendices",
+    "section_3_invariance",
+    "section_4_approach",
+    "section_5_remarks",
+    "section_6_advantages",
+    "section_8_first_example",
+    "section_9_case_study",
+    "section_10_experiments",
+]

@@ -9,9 +9,24 @@ from typing import NamedTuple
 import numpy as np
 
 from ...comparisons.run import Run
+from ...rows import Array
+from ...rows.readable import amount
+from ..case_study import Intervals
 from ..studies import StudyResult
-from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
-from ..verdicts import Finding, NotMeasured, finding
+from ..studies.pareto import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..verdicts import Finding, NotMeasured, finding, shown_samples
+
+#: Rule of claims that constraints are fulfilled, see :func:`phi_never_positive`.
+FULFILLED = (
+    "max φ ≤ 0; partly if max σ ≤ 0, also between samples, over the rows that have a σ of their "
+    "own, max φ ≤ 2 T_s u⁺ and φ ≥ 0 for two samples in a row at most: no more than sampling "
+    "explains"
+)
+#: Rule of claims that a boundary is reached smoothly, see :func:`smoothly`.
+SMOOTHLY = (
+    "the speed normal to the boundary never rises once the row acts, and at most 10 % of it is "
+    "left 3 K later"
+)
 
 VANISHED = 0.01  #: Share of the greatest error that may remain where the paper says zero.
 #: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts
@@ -20,6 +35,16 @@ FULLY = 0.01
 #: Share of the normal speed that may remain after 3 K; an exponential approach leaves exp(−3) =
 #: 0.05.
 SHARE_LEFT = 0.1
+
+
+def position(run: Run) -> Array:
+    """Distance (N,) between camera and goal [m]."""
+    return run.trajectory.camera_error[:, 0]
+
+
+def angle(run: Run) -> Array:
+    """Angle (N,) between camera and goal [rad]."""
+    return run.trajectory.camera_error[:, 1]
 
 
 def excess(run: Run, label: str) -> float:
@@ -59,36 +84,43 @@ def fulfilled(run: Run, label: str) -> Finding:
         and phi <= bound
         and samples <= MAX_POSITIVE_SAMPLES
     )
+    text = (
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)} (T_s u⁺ = {bound:g}), "
+        f"positive for {shown_samples(samples)} in a row"
+    )
     return finding(
-        "fulfilled", good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples
+        text, holds=good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples
     )
 
 
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     """Finding that φ ≤ 0 wherever the paper says that a constraint is fulfilled.
 
-    claims.toml calls this ``fulfilled``.
+    The rule is :data:`FULFILLED`.
     """
     own = with_sigma(labels)
     phi = greatest_phi(run, labels)
     sigma = greatest_sigma(run, *own)
-    worst, longest = (
-        max(labels, key=lambda label: excess(run, label)),
-        max(labels, key=run.positive_samples),
-    )
+    worst = max(labels, key=lambda label: excess(run, label))
+    longest = max(labels, key=run.positive_samples)
     most = excess(run, worst)
     samples = run.positive_samples(longest)
-    at = run.index(longest)
     part = (
         sigma <= 0.0
         and clear(run, *own) >= 0.0
         and most <= MAX_EXCESS
         and samples <= MAX_POSITIVE_SAMPLES
     )
-    shown = {"rows": labels, "worst": worst, "row": longest, "needed": run.drift[:, at].max()}
-    shown["gain"] = run.record.switching_gain[at]
+    at = run.index(longest)
+    which = f" ({longest})" if len(labels) > 1 else ""
+    text = (
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)}, up to {most:.2f} T_s u⁺ ({worst}), "
+        f"at or above zero for {shown_samples(samples)} in a row{which}; "
+        f"(12) asks for u⁺ > {run.drift[:, at].max():.3g} there, "
+        f"where u⁺ = {run.record.switching_gain[at]:g}"
+    )
     values = {"phi_max": phi, "sigma_max": sigma, "excess": most, "longest": samples}
-    return finding("phi_never_positive", phi <= 0.0, part, shown, **values)
+    return finding(text, holds=phi <= 0.0, partly=part, **values)
 
 
 def unused(run: Run, label: str) -> float:
@@ -103,22 +135,24 @@ def fully_used(run: Run, *labels: str) -> Finding:
     """
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
-    rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
-    return finding("fully_used", all(used), any(used), {"rows": rows}, **shares)
+    texts = [
+        f"{label} comes within {clear(run, label):.2g} {run.unit(label)} of its boundary "
+        f"({100 * share:.2g} % of L)"
+        for label, share in shares.items()
+    ]
+    return finding("; ".join(texts), holds=all(used), partly=any(used), **shares)
 
 
-def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
+def ends_of(intervals: Intervals) -> dict[str, float]:
     """Ends of intervals as ``from_0``, ``to_0``, ``from_1`` and so on."""
-    return {
-        f"{side}_{k}": pair[i]
-        for k, pair in enumerate(intervals)
-        for i, side in enumerate(("from", "to"))
-    }
+    ends = {}
+    for k, (first, last) in enumerate(intervals):
+        ends[f"from_{k}"] = first
+        ends[f"to_{k}"] = last
+    return ends
 
 
-def rounds_to(
-    intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]
-) -> bool:
+def rounds_to(intervals: Intervals, printed: Intervals) -> bool:
     """True if the intervals agree with the printed ones in number, and in their ends to 0.5 s."""
     ends = zip(ends_of(intervals).values(), ends_of(printed).values(), strict=False)
     return len(intervals) == len(printed) and all(abs(a - b) <= 0.5 for a, b in ends)
@@ -171,12 +205,17 @@ def smoothly(run: Run, *labels: str) -> Finding:
     by_row = {label: approaches(run, label) for label in labels}
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
-        return finding("never_approached", False, bool(every), {"rows": missing})
+        text = f"no approach lasts 3 K: {', '.join(missing)}"
+        return finding(text, holds=False, partly=bool(every))
     smooth = [one.smooth for one in every]
     left = max(one.share for one in every)
-    return finding(
-        "smoothly", all(smooth), any(smooth), {"run": run, "rows": by_row}, share_left=left
-    )
+    texts = []
+    for label, own in by_row.items():
+        unit = run.unit(label)
+        speeds = [f"{one.first:.3g} → {one.later:.2g} {unit}/s" for one in own]
+        texts.append(f"{label} {', '.join(speeds)}")
+    text = f"normal speed, at first and 3 K later: {'; '.join(texts)}"
+    return finding(text, holds=all(smooth), partly=any(smooth), share_left=left)
 
 
 def number(study: StudyResult, *key: str | float) -> float:

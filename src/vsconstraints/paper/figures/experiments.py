@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ...comparisons.run import Run
@@ -30,41 +32,51 @@ def draw_signals(run: Run) -> Sheet:
     """Draw Figs. 14 and 17: errors, control action and visibility constraint functions."""
     image = is_image_based(run)
     sheet = Sheet(paper.LEFT)
-    *errors, action, phi = sheet.panels(
-        3 if image else 4, height=1.4, above=0.4, labels=("time [s]", "")
-    )
+    count = 3 if image else 4
+    *errors, action, phi = sheet.panels(count, height=1.4, above=0.4, labels=("time [s]", ""))
     if image:
-        for k, values in enumerate(image_errors(run).T):
-            marker, vertical = divmod(k, 2)
-            look = {
-                "color": paper.COLOURS[marker],
-                "linestyle": "--" if vertical else "-",
-                "linewidth": 1.3,
-            }
-            signal(
-                errors[0], run.t, values, **look, label=f"${'v' if vertical else 'u'}_{marker + 1}$"
-            )
-        paper.over_time(errors[0], run, "image\nerrors [px]")
-        above_legend(errors[0], 8)
+        _draw_image_errors(errors[0], run)
     else:
         paper.pose_errors(errors, run, legend=above_legend)
     qdd = run.trajectory.qdd_command
-    rows = [*run.labels("fov"), *run.labels("occlusion")]
     names = [rf"$\ddot{{q}}_{{c{k + 1}}}$" for k in range(qdd.shape[1])]
     paper.signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
     above_legend(action, len(names))
+    _draw_phi(phi, run)
+    return sheet
+
+
+def _draw_image_errors(ax: Any, run: Run) -> None:
+    """Draw the errors of all markers' pixels, vertical ones dashed."""
+    for k, values in enumerate(image_errors(run).T):
+        marker, vertical = divmod(k, 2)
+        direction = "v" if vertical else "u"
+        signal(
+            ax,
+            run.t,
+            values,
+            color=paper.COLOURS[marker],
+            linestyle="--" if vertical else "-",
+            linewidth=1.3,
+            label=f"${direction}_{marker + 1}$",
+        )
+    paper.over_time(ax, run, "image\nerrors [px]")
+    above_legend(ax, 8)
+
+
+def _draw_phi(ax: Any, run: Run) -> None:
+    """Draw φ of the visibility rows; rows below the panel have no name in the legend."""
+    rows = [*run.labels("fov"), *run.labels("occlusion")]
     values = run.trajectory.phi[:, [run.index(row) for row in rows]]
     least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
-    # rows below the panel have no name above it; the others keep their colours
     seen = (values.max(axis=0) > least).tolist()
-    names = [
-        f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}"
-        for row, see in zip(rows, seen, strict=True)
-    ]
-    paper.signals(phi, run, values, names, "", linewidth=1.2)
-    paper.phi_axis(phi, run, (least, 0.25), "constraint\nfunctions $\\phi_V$")
-    above_legend(phi, max(sum(seen), 1))
-    return sheet
+    names = []
+    for row, see in zip(rows, seen, strict=True):
+        name = row.partition("[")[2].rstrip("]")
+        names.append(name if see else f"_{name}")  # matplotlib leaves out names with _
+    paper.signals(ax, run, values, names, "", linewidth=1.2)
+    paper.phi_axis(ax, run, (least, 0.25), "constraint\nfunctions $\\phi_V$")
+    above_legend(ax, max(sum(seen), 1))
 
 
 def draw_tracks(run: Run) -> Sheet:
@@ -72,12 +84,11 @@ def draw_tracks(run: Run) -> Sheet:
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views(paper.image_size(run, 3.75))
     entries = paper.draw_tracks(ax, run)
-    for name, corners, colour in (
-        ("start", run.trajectory.features_px[0], paper.GREEN),
-        ("goal", _goal(run), INK),
-    ):
+    start = run.trajectory.features_px[0]
+    for name, corners, colour in (("start", start, paper.GREEN), ("goal", _goal(run), INK)):
         look = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
-        ax.plot(*corners[[*range(len(corners)), 0]].T, **look, zorder=3.5)
+        outline = corners[[*range(len(corners)), 0]]
+        ax.plot(*outline.T, **look, zorder=3.5)
         entries.append(look)
     sheet.side_legend(entries)
     return sheet

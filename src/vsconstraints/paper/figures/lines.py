@@ -35,12 +35,13 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
 
     Symbols mark its start and the end of each phase.
     """
-    pixels = run.trajectory.features_px[:, marker]
-    mark = ("o", "*" if run.trajectory.features_px.shape[1] == 2 else "^", "s", "*")[marker]
+    tracks = run.trajectory.features_px
+    pixels = tracks[:, marker]
+    marks = "o*" if tracks.shape[1] == 2 else "o^s*"
+    mark = marks[marker]
     ax.plot(*pixels.T, **{"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look})
-    for k in [
-        int(np.searchsorted(run.t, goal.from_time - 1e-9)) for goal in run.setup.task.goals[1:]
-    ]:
+    for goal in run.setup.task.goals[1:]:
+        k = int(np.searchsorted(run.t, goal.from_time - 1e-9))
         ax.plot(*pixels[k], **symbol(mark, *SWITCH), zorder=5.9)
     ax.plot(*pixels[-1], **symbol(mark, *END), zorder=6)
     ax.plot(*pixels[0], **symbol(mark, *START), zorder=6.2)
@@ -69,13 +70,8 @@ def image_size(run: Run, height: float) -> tuple[float, float]:
 
 def over_time(ax: Any, run: Run, label: str = "") -> None:
     """Set the time axis from start to end of a run, with the changes of its goal."""
-    time_axis(
-        ax,
-        float(run.t[-1]),
-        [goal.from_time for goal in run.setup.task.goals[1:]],
-        label,
-        linewidth=1.8,
-    )
+    changes = [goal.from_time for goal in run.setup.task.goals[1:]]
+    time_axis(ax, float(run.t[-1]), changes, label, linewidth=1.8)
     ax.locator_params(axis="y", nbins=4, steps=[1, 2, 2.5, 5, 10])
 
 
@@ -84,12 +80,8 @@ def signals(
 ) -> None:
     """Draw signals (N, k) of a run over time, in the order of the colours."""
     for k, name in enumerate(names):
-        signal(
-            ax,
-            run.t,
-            values[:, k],
-            **{"color": COLOURS[k % len(COLOURS)], "label": name, "linewidth": 1.3, **look},
-        )
+        usual = {"color": COLOURS[k % len(COLOURS)], "label": name, "linewidth": 1.3}
+        signal(ax, run.t, values[:, k], **{**usual, **look})
     over_time(ax, run, label)
 
 
@@ -140,4 +132,5 @@ def limits_around(ax: Any, values: Array, share: float = 0.06) -> None:
     """Set vertical limits around values, with a margin."""
     low = float(values.min())
     high = float(values.max())
-    ax.set_ylim(low - share * (high - low), high + share * (high - low))
+    margin = share * (high - low)
+    ax.set_ylim(low - margin, high + margin)

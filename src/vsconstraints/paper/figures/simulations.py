@@ -11,21 +11,10 @@ from ...constraints import FieldOfView
 from ...reports import plots
 from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
 from ...reports.plots.image import Plane, square
+from ...rows import Array
 from ...vision.camera import Camera
-from ..claims import simulations as claims
-from ..claims.simulations import (
-    BORDERS,
-    BOWL_ROW,
-    HEART,
-    NOTCH,
-    OTHER_ROW,
-    RANGE,
-    SECOND,
-    SPEED,
-    SPHERE,
-    TIP,
-    phases,
-)
+from ..case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, active_spans, at_once, phases
+from ..scenes import BOWL_ROW, HEART, NOTCH, OTHER_ROW, SECOND, TIP
 from . import lines as paper
 
 VIEW = 3.7
@@ -45,9 +34,8 @@ def draw_hyperellipses() -> Sheet:
     square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
     entries = [line("image", INK) | {"linewidth": 2.6}]
     for n, colour, dash in zip((2, 4, 8, 16), paper.COLOURS, ("-", "--", "-.", "-"), strict=False):
-        for points in FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n).boundary(
-            size
-        ):
+        view = FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n)
+        for points in view.boundary(size):
             ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
         entries.append(line(f"$\\sigma_V$ = 0 for $n_V$ = {n}", colour, dash))
     ax.set_xlim(-0.53 * width, 0.53 * width)
@@ -65,9 +53,8 @@ def draw_fov(fov: Run) -> Sheet:
     sheet.side_legend(paper.draw_tracks(ax, fov, upwards=True))
     *errors, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
     paper.pose_errors(errors, fov, PLANAR)
-    paper.signals(
-        joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]"
-    )
+    names = [f"$q_{k}$" for k in (1, 2, 3)]
+    paper.signals(joints, fov, fov.trajectory.q, names, "joint positions\n[rad]")
     inside_legend(joints, 3)
     paper.phi_panel(phi, fov, {SECOND: line(r"$\phi_{V,2}$", paper.CYAN)}, (-1.1, 0.2))
     return sheet
@@ -82,13 +69,15 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
         ax.plot(*high.trajectory.features_px[:, i].T, **FASTER, linewidth=2.0, zorder=4.5)
     sheet.side_legend([*entries, line("both features, $u^+$ = 50", **FASTER)])
     whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
-    for ax, low, top, what in ((whole, -1.1, 0.3, ""), (near, -0.3, 0.2, ", near zero")):
-        for run, colour, name in (
-            (fast, paper.BLUE, "$u^+$ = 10"),
-            (high, FASTER["color"], "$u^+$ = 50"),
-        ):
-            signal(ax, run.t, run.phi(SECOND), color=colour, label=name, linewidth=1.4)
-        paper.phi_axis(ax, fast, (low, top), r"$\phi_{V,2}$" + what)
+    looks = (
+        (fast, {"color": paper.BLUE, "label": "$u^+$ = 10"}),
+        (high, {"color": FASTER["color"], "label": "$u^+$ = 50"}),
+    )
+    for ax in (whole, near):
+        for run, look in looks:
+            signal(ax, run.t, run.phi(SECOND), **look, linewidth=1.4)
+    paper.phi_axis(whole, fast, (-1.1, 0.3), r"$\phi_{V,2}$")
+    paper.phi_axis(near, fast, (-0.3, 0.2), r"$\phi_{V,2}$, near zero")
     bound = fast.bound(SECOND)
     band(near, -bound, bound, paper.BAND, label="$\\pm T_s u^+$ for $u^+$ = 10")
     near.set_xlim(0.0, 2.0)
@@ -132,10 +121,10 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
     detail.set_xlabel("u [px]", labelpad=1)
     paper.track(detail, run, 0)
-    outside = np.where(
-        (run.sigma(met.row) > 0.0)[:, None], run.trajectory.features_px[:, 0], np.nan
-    )
-    if np.isfinite(outside).any():
+    violated = run.sigma(met.row) > 0.0
+    if violated.any():
+        path = run.trajectory.features_px[:, 0]
+        outside = np.where(violated[:, None], path, np.nan)
         detail.plot(*outside.T, color=paper.RED, linewidth=2.6, zorder=5)
         entries.append(line(r"$\sigma$ > 0", paper.RED))
     sheet.side_legend(entries)
@@ -161,15 +150,16 @@ def frame_times(run: Run) -> list[float]:
     They lie in the middle of: three simultaneous events; sliding of the third feature; sliding of
     the second feature in the second phase; sliding at the sphere.
     """
-    count = claims.at_once(run)
+    count = at_once(run)
     three = run.t[count == count.max()]
     spans = [
-        (three[0], three[-1]),
-        *phases(run, BORDERS[2])[0][:1],
-        *phases(run, BORDERS[1])[1][:1],
+        [(three[0], three[-1])],
+        phases(run, BORDERS[2])[0],
+        phases(run, BORDERS[1])[1],
+        phases(run, SPHERE)[1],
     ]
-    spans += phases(run, SPHERE)[1][:1]
-    return [float(run.t[np.argmin(np.abs(run.t - 0.5 * (a + b)))]) for a, b in spans]
+    middles = [0.5 * (own[0][0] + own[0][1]) for own in spans if own]
+    return [float(run.t[np.argmin(np.abs(run.t - middle))]) for middle in middles]
 
 
 def draw_tracks(case: Run) -> Sheet:
@@ -185,57 +175,57 @@ def draw_signals(case: Run) -> Sheet:
     """Draw Fig. 11: joints, speeds, max φ, and the times at which each constraint is active."""
     sheet = Sheet(1.12)
     panels = sheet.panels(4, height=1.5, above=0.4, labels=("time [s]", ""))
-    for ax, values, label, name, limited in (
-        (panels[0], case.trajectory.q, "joint positions\n[rad]", "q", f"{RANGE}.upper"),
-        (panels[1], case.trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}", f"{SPEED}.upper"),
-    ):
-        paper.signals(
-            ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label
-        )
-        paper.limits_around(ax, values)
-        plots.above_legend(ax, 6)
-        # active limit: value of the row's joint plus its clearance
-        constraint: Any = case.constraint(limited)
-        joint = int(constraint.joints[0])
-        limit = float(
-            np.median(values[:, joint - 1] + case.trajectory.clearance[:, case.index(limited)])
-        )
-        ax.axhline(
-            limit,
-            **plots.REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4},
-            zorder=1.7,
-        )
-        plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
+    q = case.trajectory.q
+    qd = case.trajectory.qd
+    _joint_panel(panels[0], case, q, ("q", "joint positions\n[rad]"), RANGE)
+    _joint_panel(panels[1], case, qd, (r"\dot{q}", "joint speeds\n[rad/s]"), SPEED)
     signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
     paper.phi_axis(panels[2], case, (-0.2, 0.04), r"greatest $\phi_i$")
     _lanes(panels[3], case)
     for number, time in enumerate(frame_times(case), start=1):
         for ax in panels:
             ax.axvline(time, color="#666666", linestyle="--", linewidth=0.9, zorder=1.4)
-        place: dict[str, Any] = {
-            "xycoords": ("data", "axes fraction"),
-            "textcoords": "offset points",
-            "ha": "center",
-        }
         panels[3].annotate(
-            f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=plots.FAINT
+            f"frame {number}",
+            (time, 1.0),
+            (0, 2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=plots.FAINT,
         )
     return sheet
 
 
+def _joint_panel(ax: Any, run: Run, values: Array, texts: tuple[str, str], event: str) -> None:
+    """Draw a signal (N, n) of all joints, and the upper limit of the event's joint.
+
+    ``texts`` are the symbol of the signal and the label of the vertical axis.
+    """
+    symbol, label = texts
+    limited = f"{event}.upper"
+    names = [f"${symbol}_{k + 1}$" for k in range(values.shape[1])]
+    paper.signals(ax, run, values, names, label)
+    paper.limits_around(ax, values)
+    plots.above_legend(ax, 6)
+    constraint: Any = run.constraint(limited)
+    joint = int(constraint.joints[0])
+    # active limit: value of the row's joint plus its clearance
+    clearance = run.trajectory.clearance[:, run.index(limited)]
+    limit = float(np.median(values[:, joint - 1] + clearance))
+    look = {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}
+    ax.axhline(limit, **plots.REFERENCE | look, zorder=1.7)
+    plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
+
+
 def _lanes(ax: Any, run: Run) -> None:
     """Draw the active times of each event, and mark the events active at the times of Fig. 12."""
-    shown = [event for event in claims.EVENTS if any(phases(run, event))]
+    shown = [event for event in EVENTS if active_spans(run, event)]
     for lane, event in enumerate(shown):
-        for first, last in (span for phase in phases(run, event) for span in phase):
-            ax.plot(
-                [first, last],
-                [lane, lane],
-                color=INK,
-                linewidth=2.6,
-                solid_capstyle="butt",
-                zorder=3,
-            )
+        for first, last in active_spans(run, event):
+            bar = {"color": INK, "linewidth": 2.6, "solid_capstyle": "butt", "zorder": 3}
+            ax.plot([first, last], [lane, lane], **bar)
             inside = [time for time in frame_times(run) if first <= time <= last]
             ax.plot(inside, [lane] * len(inside), **plots.symbol("o", "white", size=7.0), zorder=4)
     paper.over_time(ax, run)

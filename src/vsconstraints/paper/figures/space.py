@@ -8,10 +8,10 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ...reports.plots import WIDTH, Sheet
-from ...reports.scene3d import Scene3D, Viewpoint, bars, tube
-from ...reports.setup_scene import add_robot, add_surroundings, setup_frames
 from ...robots.geometry import Pose
-from ..claims.simulations import phases
+from ...view.scene3d import Scene3D, Viewpoint, bars, tube
+from ...view.setup_scene import add_robot, add_surroundings, setup_frames
+from ..case_study import active_spans
 from . import lines as paper
 from .simulations import SHORT, frame_times
 
@@ -41,16 +41,22 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
     scene = scene_of(run, view)
     q = run.trajectory.q[0]
     goals = [goal.camera for goal in run.setup.task.goals if goal.camera is not None]
-    poses = {"F": Pose.identity(), "O": Pose(np.eye(3), run.setup.scene.markers.mean(axis=0))}
-    poses["C"] = run.setup.scene.camera_pose(q)
-    poses |= dict(zip(("C*",) if len(goals) == 1 else ("C*¹", "C*²"), goals, strict=True))
-    lengths = dict.fromkeys(poses, 0.2 * view.half) | {"F": 0.45 * view.half}
+    names = ("C*",) if len(goals) == 1 else ("C*¹", "C*²")
+    poses = {
+        "F": Pose.identity(),
+        "O": Pose(np.eye(3), run.setup.scene.markers.mean(axis=0)),
+        "C": run.setup.scene.camera_pose(q),
+        **dict(zip(names, goals, strict=True)),
+    }
+    lengths = dict.fromkeys(poses, 0.2 * view.half)
+    lengths["F"] = 0.45 * view.half
     for name, pose in poses.items():
         scene.axes(pose, lengths[name], 0.01 * view.half)
     ax = space(sheet, 0.6, -0.35, 6.2)
     scene.draw(ax, view, setup_frames(run.setup, q, 0.0), whole=False)
     for name, pose in poses.items():
-        beside = pose.act(-0.6 * lengths[name] * np.array([1.0, 1.0, 0.0]))
+        away = -0.6 * lengths[name]
+        beside = pose.act(np.array([away, away, 0.0]))
         ax.text(*beside, name, fontsize=11, fontweight="bold", ha="center", va="center", zorder=50)
     sheet.at = 5.3
     return sheet
@@ -66,19 +72,17 @@ def draw_frames(case: Run) -> Sheet:
         left = column * (WIDTH / 2) + 0.02
         top = 0.05 + row * 3.4
         k = int(np.argmin(np.abs(case.t - time)))
+        samples = np.unique(np.linspace(0, k, 160).astype(int))
         scene = scene_of(case, CUBE)
-        path = trail[: k + 1][np.unique(np.linspace(0, k, 160).astype(int))]
-        scene.add(tube(path, 0.0045, 6, caps=False), paper.RED)
+        scene.add(tube(trail[samples], 0.0045, 6, caps=False), paper.RED)
         frames = setup_frames(case.setup, case.trajectory.q[k], time)
         scene.draw(space(sheet, left, top - 0.35, 3.95), CUBE, frames, whole=False)
-        sheet.text(
-            left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top"
-        )
-        spans = {
-            event: [span for phase in phases(case, event) for span in phase] for event in SHORT
-        }
+        name = f"frame {number}"
+        sheet.text(left + 0.12, top + 0.1, name, fontsize=10, fontweight="bold", va="top")
         active = [
-            SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)
+            name
+            for event, name in SHORT.items()
+            if any(first <= time <= last for first, last in active_spans(case, event))
         ]
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")

@@ -19,24 +19,29 @@ from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
-from .gains import NON_STATIC, SAMPLING_TIME, SWITCHING_GAIN
-from .laws import GRADIENT_ERROR, PARETO, SHRINKING_REGION
+from .gradient_error import GradientError
+from .non_static import NonStatic
+from .pareto import Pareto
+from .sampling_time import SamplingTime
+from .shrinking_region import ShrinkingRegion
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
-from .unselected_experiments import UNSELECTED_EXPERIMENTS
+from .switching_gain import SwitchingGain
+from .unselected_experiments import UnselectedExperiments
 
 Progress = Callable[[int, int], None]  #: Called with the number of finished runs and their total.
 
 _SHIPPED: tuple[Study, ...] = (
-    SHRINKING_REGION,
-    SWITCHING_GAIN,
-    SAMPLING_TIME,
-    GRADIENT_ERROR,
-    PARETO,
-    NON_STATIC,
+    ShrinkingRegion(),
+    SwitchingGain(),
+    SamplingTime(),
+    GradientError(),
+    Pareto(),
+    NonStatic(),
+    UnselectedExperiments(),
 )
 #: Studies by their names in files and on the command line.
-STUDIES = {study.name: study for study in (*_SHIPPED, UNSELECTED_EXPERIMENTS)}
+STUDIES = {study.name: study for study in _SHIPPED}
 #: Campaigns of drawn scenes, each with a separate folder and report. They take long, and run only
 #: if named.
 CAMPAIGNS = ("real-world",)

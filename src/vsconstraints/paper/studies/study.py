@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import namedtuple
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import product
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import Figure, Sheet
-from ..verdicts import filled
-from .drawing import sweep_figure
+from .drawing import SweepFigure
 from .summary import RunSummary
-from .tables import TABLES, Numbers, Points, about
+from .tables import Numbers, Points
 
 #: Identifies a run of a study: a NamedTuple of varied values, None if one does not apply.
 Case = Hashable
@@ -87,76 +82,46 @@ class Study(ABC):
 
 
 class Sweep(Study):
-    """Study defined by the table of its name in ``studies.toml``: texts, varied values, columns.
+    """Study whose data have one or several lines for each run.
 
-    ``varied`` names the fields of a case, None if one does not apply. Each table of ``runs``
-    (``small`` for the small form) is a product. It gives values, or a list of them, for these
-    fields, the last one varied first, and may set keys of the scenario (``overrides``). ``columns``
-    are the columns of the data that follow the case. ``sentences`` is a template with one sentence
-    per line; its variables are the points, the table, the numbers :func:`.tables.about` a subject,
-    and the helpers. The figure is that of :func:`.drawing.sweep_figure`.
-
-    Parameters
-    ----------
-    spec
-        Returns the run of a case, without the table's overrides.
-    lines
-        Returns the study's own columns for the run of a case, as one or several lines of data. Its
-        last argument holds the other runs.
-    numbers
-        Returns the numbers of :class:`StudyResult`.
-    completed
-        Adds columns that depend on all points.
+    A line begins with the case, whose class is ``Case``, and continues with ``columns``. The figure
+    is that of ``layout``.
     """
 
-    def __init__(
-        self,
-        name: str,
-        spec: Callable[[Any], RunSpec],
-        lines: Callable[[Any, RunSummary, Results], list[dict[str, Any]]],
-        numbers: Callable[[Points], Found],
-        completed: Callable[[Points], Points] = lambda points: points,
-        helpers: Mapping[str, Any] = MappingProxyType({}),
-    ) -> None:
-        self.name = name
-        self.spec = spec
-        self.lines = lines
-        self.numbers = numbers
-        self.completed = completed
-        self.table = table = TABLES[name]
-        self.helpers = helpers
-        self.Case: Any = namedtuple("Case", table["varied"], defaults=[None] * len(table["varied"]))  # type: ignore[misc]
-        self.title = table["title"]
-        self.question = table["question"]
-        self.figure_caption = table["caption"]
-        self.claims = tuple(table["claims"])
-        self.drift_noted = table.get("drift", False)
+    Case: Any  #: NamedTuple of varied values.
+    columns: tuple[str, ...]  #: Columns of the data that follow the case.
+    layout: SweepFigure
 
-    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
-        """See :class:`Study`."""
-        runs = {}
-        for table in self.table["small" if small else "runs"]:
-            values = {
-                name: value if isinstance(value, list) else [value] for name, value in table.items()
-            }
-            (overrides,) = values.pop("overrides", [{}])
-            for chosen in product(*values.values()):
-                case = self.Case(**dict(zip(values, chosen, strict=True)))
-                spec = self.spec(case)
-                runs[case] = replace(spec, overrides={**spec.overrides, **overrides})
-        return runs
+    @abstractmethod
+    def lines(self, case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+        """Return the study's own columns for the run of a case, as one or several lines of data.
+
+        ``results`` holds the other runs.
+        """
+
+    @abstractmethod
+    def numbers(self, points: Points) -> Found:
+        """Return the numbers of :class:`StudyResult`."""
+
+    @abstractmethod
+    def sentences(self, points: Points, numbers: Numbers) -> list[str]:
+        """Return the sentences of :class:`StudyResult`."""
+
+    def completed(self, points: Points) -> Points:
+        """Return the points with columns that depend on all points."""
+        return points
 
     def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a line of data: the case, and the columns of the table.
+        """Return a line of data: the case, and the columns.
 
         Columns that are not the study's own are taken from the summary. ``violation`` is in % of L.
         A column that is neither known here nor a score of the run is NaN.
         """
+        varied = {
+            name: math.nan if value is None else value for name, value in case._asdict().items()
+        }
         known = {
-            **{
-                name: math.nan if varied is None else varied
-                for name, varied in case._asdict().items()
-            },
+            **varied,
             "status": run.status,
             "reason": run.reason,
             "violated": run.result.get("violated", ""),
@@ -167,36 +132,27 @@ class Sweep(Study):
             "bound_12": run.needed_gain,
             **own,
         }
-        names = (*case._fields, *self.table["columns"])
+        names = (*varied, *self.columns)
         return {name: known[name] if name in known else run.value(name) for name in names}
 
     def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
         """See :class:`Study`."""
         lines = (
-            (case, run, own)
+            self.point(case, run, own)
             for case, run in results.items()
             for own in self.lines(case, run, results)
         )
-        points = self.completed([self.point(*line) for line in lines])
-        found = self.numbers(points)
+        points = self.completed(list(lines))
         numbers = {
-            (*key, name): float(value) for key, own in found.items() for name, value in own.items()
+            (*key, name): float(value)
+            for key, found in self.numbers(points).items()
+            for name, value in found.items()
         }
-        context = {
-            "points": points,
-            "table": self.table,
-            "about": partial(about, numbers),
-            **self.helpers,
-        }
-        return (
-            points,
-            numbers,
-            list(filter(None, filled(self.table["sentences"], **context).splitlines())),
-        )
+        return points, numbers, self.sentences(points, numbers)
 
     def figure(self, result: StudyResult) -> Sheet:
         """See :class:`Study`."""
-        return sweep_figure(self.table, list(result.points), result.numbers)
+        return self.layout.draw(list(result.points), result.numbers)
 
 
 def _text(case: Case) -> str:

@@ -96,20 +96,26 @@ def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False
     coarse: dict[str, Any] = {
         name: _at(t, moved.t, values).astype(np.float32) for name, values in fine.items()
     }
-    gain_and_scale = zip(
-        record.switching_gain.tolist(), run.setup.constraints.scale.tolist(), strict=True
+    switching_gains = record.switching_gain.tolist()
+    scales = run.setup.constraints.scale.tolist()
+    rows = {}
+    longest = 0
+    for row, gain, scale in zip(scored.constraints, switching_gains, scales, strict=True):
+        rows[str(row["constraint"])] = {**row, "switching_gain": gain, "scale": scale}
+        longest = max(longest, round(row["longest_positive_run_s"] / record.Ts))
+    noted: dict[str, Any] = gains(run) if drift_noted else {}
+    return RunSummary(
+        moved.status,
+        moved.reason,
+        scored.result,
+        rows,
+        Ts=record.Ts,
+        t=t,
+        phi_max=float(moved.phi.max(initial=-np.inf)),
+        longest_run=longest,
+        **noted,
+        **coarse,
     )
-    rows = {
-        str(row["constraint"]): {**row, "switching_gain": gain, "scale": scale}
-        for row, (gain, scale) in zip(scored.constraints, gain_and_scale, strict=True)
-    }
-    longest = max(
-        (round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0
-    )
-    noted = gains(run) if drift_noted else {}
-    phi_max = float(moved.phi.max(initial=-np.inf))
-    numbers: dict[str, Any] = {"Ts": record.Ts, "phi_max": phi_max, "longest_run": longest, **noted}
-    return RunSummary(moved.status, moved.reason, scored.result, rows, t=t, **numbers, **coarse)
 
 
 def joint_distance(a: RunSummary, b: RunSummary) -> float:

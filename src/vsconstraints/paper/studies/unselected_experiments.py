@@ -15,16 +15,17 @@ import math
 from collections import Counter
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
 from ...simulation.disturbances import GRADIENT_SIGNS
+from .drawing import Distribution, Edge, Measure, SweepFigure
 from .study import Found, Results, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
-from .tables import TABLES, Points, grouped, where
+from .tables import Numbers, Points, about, grouped, sentence_start, where
 
 EXACT = "exact"
 SHIPPED = "shipped"
@@ -63,32 +64,163 @@ def rejected_by_run(points: Points) -> Counter[str]:
     return Counter(filter(None, scenes.values()))
 
 
-def _spec(case: Any) -> RunSpec:
-    scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]
-    error = {"disturbances": CASES[case.case]} if CASES[case.case] else {}
-    return RunSpec(case.scenario, overrides={**scene, **error})
-
-
-def _lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Reason why a scene differs from the experiment, and deviation from the errorless run."""
-    exact = results.get(case._replace(case=EXACT))
-    kind = KINDS[case.scenario]
-    reason = "no run without an error" if exact is None else why_not(kind, exact)
-    return [{"rejected": reason, **compared(kind, run, exact or NOT_RUN)}]
-
-
 #: Properties of a scene with an error.
 HOLDS = ("similar", "satisfactory", "little_speed", "applied")
 
 
-def _numbers(points: Points) -> Found:
-    """Numbers of scenes in which each error changes little, and the values in the shipped scene."""
-    accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
-    numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
-    names = (*HOLDS, "track_px", "speed_share", "clearance_share")
-    for point in where(accepted, scene=SHIPPED):
-        numbers[point["scenario"], point["case"], SHIPPED] = {name: point[name] for name in names}
-    return numbers
+class SceneCase(NamedTuple):
+    """Scenario; scene, ``shipped`` or the number of a kept one; case of :data:`CASES`."""
+
+    scenario: str
+    scene: str
+    case: str
+
+
+# the levels are those of the claims
+MEASURES = {
+    "track_px": Measure(
+        label="greatest difference\nof tracks [px]",
+        ticks=(0.1, 1.0, 10.0, 100.0, 1000.0),
+        level=32.0,
+        low=0.1,
+        top=1000.0,
+    ),
+    "speed_share": Measure(
+        label="greatest difference of joint\nspeeds [% of the greatest]",
+        ticks=(1.0, 10.0, 100.0, 1e3),
+        level=10.0,
+        low=1.0,
+        top=1000.0,
+    ),
+    "clearance_share": Measure(
+        label="least clearance\n[% of L]",
+        ticks=(-100.0, -10.0, -1.0, 0.0, 1.0, 10.0),
+        linear_below=1.0,
+        level=0.0,
+        low=-100.0,
+        top=10.0,
+    ),
+}
+LOOKS: dict[str, dict[str, Any]] = {
+    "plus": {"color": "#0072B2", "label": "signs of (49)"},
+    "minus": {"color": "#D55E00", "label": "signs reversed"},
+    "plus-action": {
+        "color": "#0072B2",
+        "linestyle": ":",
+        "label": "signs of (49), in L_gφ alone",
+    },
+}
+FIGURE = SweepFigure(
+    below="share of scenes with less",
+    limits=(-0.03, 1.03),
+    left=0.95,
+    height=1.7,
+    gap=0.75,
+    measures=MEASURES,
+    layers=(
+        Distribution(by="case", where={"rejected": ""}, without={"scene": SHIPPED}),
+        Edge(
+            by="case",
+            where={"rejected": "", "scene": SHIPPED},
+            look={"marker": "^", "linestyle": "none", "markersize": 6.0, "zorder": 4},
+        ),
+    ),
+    looks=LOOKS,
+)
+
+
+class UnselectedExperiments(Sweep):
+    """Both experiments, without and with the gradient error (49), in scenes drawn by geometry.
+
+    A scene counts if, without an error, the goal is reached and exactly one row is active, which is
+    a visibility row that is not violated, as in the experiments. Runs with an error do not take
+    part in this selection.
+    """
+
+    name = "unselected-experiments"
+    title = "The experiments in unselected scenes"
+    question = (
+        "Does an error of 30 % in the gradient change little in scenes that were not chosen for "
+        "that?"
+    )
+    claims = (6,)
+    columns = (
+        "rejected",
+        "status",
+        "reason",
+        "row",
+        "clearance_share",
+        "track_px",
+        "speed_share",
+        "speed_rms_share",
+        "satisfactory",
+        "similar",
+        "little_speed",
+        "applied",
+    )
+    figure_caption = (
+        "Share of the unselected scenes in which the run with the error differs by less than the "
+        "value at the left. Dotted: the error in L_gφ alone. Triangles: the scenes of Figs. 16 and "
+        "19. Dashed: what the claims ask for."
+    )
+    Case = SceneCase
+    layout = FIGURE
+
+    def runs(self, *, small: bool = False) -> dict[SceneCase, RunSpec]:
+        """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
+        most_scenes, most_cases = (3, 3) if small else (None, None)
+        runs = {}
+        for scenario, kept in kept_scenes().items():
+            scenes = {SHIPPED: {}} | {str(k): keys for k, keys in enumerate(kept["scenes"])}
+            for scene in list(scenes)[:most_scenes]:
+                for case in list(CASES)[:most_cases]:
+                    overrides = dict(scenes[scene])
+                    if CASES[case]:
+                        overrides["disturbances"] = CASES[case]
+                    runs[SceneCase(scenario, scene, case)] = RunSpec(scenario, overrides=overrides)
+        return runs
+
+    def lines(self, case: SceneCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+        """Reason why a scene differs from the experiment, and deviation from the errorless run."""
+        exact = results.get(case._replace(case=EXACT))
+        kind = KINDS[case.scenario]
+        reason = "no run without an error" if exact is None else why_not(kind, exact)
+        return [{"rejected": reason, **compared(kind, run, exact or NOT_RUN)}]
+
+    def numbers(self, points: Points) -> Found:
+        """Numbers of scenes in which each error changes little; values in the shipped scene."""
+        accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
+        numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
+        names = (*HOLDS, "track_px", "speed_share", "clearance_share")
+        for point in where(accepted, scene=SHIPPED):
+            key = (point["scenario"], point["case"], SHIPPED)
+            numbers[key] = {name: point[name] for name in names}
+        return numbers
+
+    def sentences(self, points: Points, numbers: Numbers) -> list[str]:
+        """Return the sentences of the result."""
+        sentences = []
+        for scenario, own in grouped(points, "scenario").items():
+            start = sentence_start(scenario)
+            by_geometry = kept_scenes()[scenario]["rejected"]
+            reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
+            by_run = rejected_by_run(own).items()
+            runs = ", ".join(f"{count} ({reason})" for reason, count in by_run) or "none"
+            sentences.append(
+                f"{start}: rejected by geometry, {sum(by_geometry.values())} draws ({reasons}); "
+                f"by the run without an error, {runs}."
+            )
+            for case, look in LOOKS.items():
+                if of := about(numbers, scenario, case):
+                    sentences.append(
+                        f"{start}, error of 30 %, {look['label']}: of {int(of['scenes'])} scenes "
+                        f"very similar in {int(of['similar'])}, satisfactory in "
+                        f"{int(of['satisfactory'])}, little difference of joint speeds in "
+                        f"{int(of['little_speed'])}; medians: tracks "
+                        f"{of['median_track_px']:.2g} px, joint speeds "
+                        f"{of['median_speed_share']:.2g} % of the greatest."
+                    )
+        return sentences
 
 
 def counted(points: Points) -> dict[str, float]:
@@ -152,30 +284,3 @@ def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
         "little_speed": run.status == "converged" and fastest <= LITTLE,
         "applied": track > APPLIED,
     }
-
-
-def _runs(most: int | None, cases: int) -> list[dict[str, Any]]:
-    """Return the table of runs: shipped and kept scenes (at most ``most``), and cases."""
-    return [
-        {
-            "scenario": scenario,
-            "scene": [SHIPPED, *map(str, range(len(kept["scenes"])))][:most],
-            "case": [*CASES][:cases],
-        }
-        for scenario, kept in kept_scenes().items()
-    ]
-
-
-TABLES["unselected-experiments"] |= {"runs": _runs(None, 4), "small": _runs(3, 3)}
-
-#: Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
-#: A scene counts if, without an error, the goal is reached and exactly one row is active, which is
-#: a visibility row that is not violated, as in the experiments. Runs with an error do not take part
-#: in this selection.
-UNSELECTED_EXPERIMENTS = Sweep(
-    "unselected-experiments",
-    _spec,
-    _lines,
-    _numbers,
-    helpers={"kept_scenes": kept_scenes, "rejected_by_run": rejected_by_run},
-)

@@ -2,18 +2,17 @@
 
 from ..plots import Figure
 from .overview import draw_trade_off
-from .signals import draw_acceleration, draw_disturbance, draw_errors, draw_phi
+from .signals import draw_acceleration, draw_errors, draw_phi
 from .tracks import draw_tracks
 from .view import View
 
-__all__ = ["DISTURBANCE", "FIGURES", "OVERVIEW", "View"]
+__all__ = ["FIGURES", "OVERVIEW", "View"]
 #: Drawn from :class:`~vsconstraints.reports.results.Results`.
 OVERVIEW = Figure.told("trade-off", draw_trade_off)
 TRACKS = Figure.told("tracks", draw_tracks)
 PHI = Figure.told("phi", draw_phi)
 ERRORS = Figure.told("errors", draw_errors)
 ACCELERATION = Figure.told("acceleration", draw_acceleration)
-#: Figures of each scenario in the order of the report; drawn from a :class:`View`.
+#: Figures of each scenario in the order of the report, before those that parts register; drawn
+#: from a :class:`View`.
 FIGURES = (TRACKS, PHI, ERRORS, ACCELERATION)
-#: Figure of each scenario whose arm has a mass; drawn from a :class:`View`.
-DISTURBANCE = Figure.told("disturbance", draw_disturbance)

@@ -1,4 +1,4 @@
-"""Figures of a scenario over time: φ and activity, errors, commanded acceleration, disturbance."""
+"""Figures of a scenario over time: φ and activity, errors, commanded acceleration."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import numpy as np
 from ...comparisons.suite import BASELINE
 from ...rows import Array
 from ...simulation import Tolerances, Trajectory, intervals
-from ...simulation.dynamics.equivalent import Equivalent
-from ...vision.features import ImagePoints
 from ..plots.sheet import Sheet
 from ..plots.style import (
     FAINT,
@@ -115,7 +113,7 @@ def draw_errors(view: View) -> Sheet:
     """
     setup = view.setup
     quantities = list[tuple[str, float, bool, dict[str, Array]]]()
-    image = setup is not None and isinstance(setup.task.feature, ImagePoints)
+    image = setup is not None and setup.task.feature.reached_by != "pose"
     accepted = Tolerances() if setup is None else setup.tolerances
     pose = setup is not None and not image
     errors: list[tuple[str, float, bool, Callable[[Trajectory], Array]]] = [
@@ -173,7 +171,7 @@ def draw_acceleration(view: View) -> Sheet:
         if np.isfinite(size).any()
     ]
     limit = 1.3 * max(1.0, *sizes)
-    sheet, panels, colours = _joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
+    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
     for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
         middle, _, _, mean = extremes(t, qdd, MEAN_BINS)
         for k in range(qdd.shape[1]):
@@ -182,27 +180,7 @@ def draw_acceleration(view: View) -> Sheet:
     return sheet
 
 
-def draw_disturbance(view: View) -> Sheet | None:
-    """Draw the range of d_c of eq. (6) in short windows, with equal axes.
-
-    Return None without a plant.
-    """
-    if view.setup is None or view.setup.dynamics is None:
-        return None
-    equivalents = {name: Equivalent.of(view.runs[name].trajectory) for name in view.shown}
-    values = {name: (one.t, one.disturbance) for name, one in equivalents.items()}
-    size = max(float(np.nan_to_num(np.abs(d)).max(initial=0.0)) for _, d in values.values())
-    sheet, panels, _ = _joint_panels(
-        view, values, "d_c [rad/s²]", (0.01, 1.3 * max(0.01, size)), 0.42
-    )
-    for ax, (name, one) in zip(panels, equivalents.items(), strict=True):
-        view.title(ax, name, above=12)
-        text = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
-        ax.text(0.0, 1.03, text, transform=ax.transAxes, fontsize=8, color=FAINT)
-    return sheet
-
-
-def _joint_panels(
+def joint_panels(
     view: View,
     values: Mapping[str, tuple[Array, Array]],
     label: str,

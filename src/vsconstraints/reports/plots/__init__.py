@@ -3,13 +3,13 @@
 Matplotlib is imported when a sheet is made, not before: reading the lists of figures is cheap.
 """
 
-from .sheet import FORMATS as FORMATS
-from .sheet import PNG as PNG
+from ..formats import FORMATS as FORMATS
+from ..formats import PNG as PNG
+from ..formats import Formats as Formats
+from ..formats import formats_of as formats_of
 from .sheet import WIDTH as WIDTH
 from .sheet import Figure as Figure
-from .sheet import Formats as Formats
 from .sheet import Sheet as Sheet
-from .sheet import formats_of as formats_of
 from .style import FAINT as FAINT
 from .style import INK as INK
 from .style import REFERENCE as REFERENCE

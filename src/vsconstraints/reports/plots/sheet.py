@@ -14,15 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import unknown_name
+from ..formats import PNG, VECTOR, Formats
 from .style import FORMULAS, STYLE_SHEET
 
-Formats = tuple[str, ...]  #: Suffixes of a figure's files; pages show the first.
-PNG: Formats = ("png",)
-#: Vector formats, with the metadata that removes the date from files: the same figure gives the
-#: same bytes.
-VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI = 150
 SCREEN_DPI = 100
@@ -33,19 +27,6 @@ FOOT = 0.45
 TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("figures.toml").read_text(encoding="utf-8")
 )
-
-
-def formats_of(names: Sequence[str]) -> Formats:
-    """Return these formats with one that pages show first.
-
-    Pages show no PDF: if no other format is given, PNG is added. Raises ConfigurationError for a
-    name that is not in :data:`FORMATS`.
-    """
-    for name in names:
-        if name not in FORMATS:
-            raise unknown_name("format", name, FORMATS)
-    chosen = dict.fromkeys([*names, *(() if {*names} - {"pdf"} else PNG)])
-    return tuple(sorted(chosen, key="pdf".__eq__))
 
 
 class Sheet:

@@ -1,0 +1,1 @@
+"""Many runs: drawn scenes, campaigns, test set, statistics, tuning, advice, learned laws."""

@@ -1,0 +1,406 @@
+"""Paired comparison of two result folders A and B, which tests if B is worse.
+
+Runs of the same scenes are compared in pairs.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ..comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
+from ..comparisons.runs.folder import kind_of
+from ..comparisons.runs.spec import BASELINE
+from ..comparisons.stored import StoredComparison
+from ..errors import ConfigurationError, unknown_name
+from ..rows import Array
+from .evidence import Evidence
+from .evidence.campaign import different, in_words
+from .evidence.parquet import RUNS, SCENES
+from .statistics import SCENE, paired, simultaneous
+from .statistics.judged import (
+    MIN_SCENES,
+    converged,
+    judged_metric,
+    judged_metrics,
+    resolution,
+    values,
+    violated,
+)
+from .statistics.rates import sign_test
+
+#: Familywise significance level over all tests of a difference.
+SIGNIFICANT = 0.05
+TOLERANCE = 1e-6  #: Relative change that is ignored: rounding differs between machines.
+#: Columns that two identical runs have in common: all except times.
+SCORES = [
+    metric.column
+    for metric in METRICS
+    if metric.value is not None and metric.column not in TIMING_COLUMNS
+]
+
+PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
+PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
+"""Entries of a manifest that results depend on, with the part under which they are reported."""
+
+#: Tables of a configuration that contain one table per name.
+NAMED = ("scenarios", "controllers", "families")
+
+#: Desired outcomes, with a function that flags the runs that have them.
+OUTCOMES: dict[str, Callable[[Any], Any]] = {
+    "converges": converged,
+    "stays inside": lambda runs: ~violated(runs),
+    "comes to an end": lambda runs: ~runs["status"].isin(["failed", "aborted"]),
+}
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two result folders, with runs of chosen scenarios or of drawn scenes.
+
+    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, which identify scene
+    and controller, then those of results.csv. The columns of ``group`` separate results. ``unit``
+    is the unit in which the manifest counts. ``drawn`` (pandas.Series) holds the drawn values of
+    each scene as text; None for chosen scenarios.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    runs: Any
+    remarks: tuple[str, ...]
+    drawn: Any = None
+    key: tuple[str, ...] = ("scenario", "trial", "controller")
+    group: tuple[str, ...] = ()
+    unit: str = "runs"
+
+    @classmethod
+    def load(cls, folder: Path) -> Side:
+        """Read a folder of ``compare`` or ``evidence``.
+
+        Raises ConfigurationError if it contains neither.
+        """
+        if kind_of(folder) == "evidence":
+            evidence = Evidence.load(folder, trust=True)  # no scene of it is drawn again
+            # the categories of the other side may be different
+            runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
+            scenes = evidence.scenes.astype(
+                {column.name: "str" for column in SCENES if column.category}
+            )
+            drawn = scenes.set_index(["family", "half", "scene"])["values"]
+            key = (*SCENE, "controller")
+            group = ("family", "condition")
+            return cls(
+                folder, evidence.manifest, runs, evidence.remarks, drawn, key, group, "scenes"
+            )
+        import pandas
+
+        stored = StoredComparison.load(folder, trust=True)  # no part of it is built
+        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
+        return cls(folder, stored.manifest, runs, stored.remarks)
+
+    def renamed(self, names: Mapping[str, str]) -> Side:
+        """Return a copy in which some controllers have other names.
+
+        Raises ConfigurationError for unknown controllers and for names that are in use.
+        """
+        configuration = self.manifest["configuration"]
+        controllers = configuration.get("controllers", {})
+        for old, new in names.items():
+            if old not in controllers:
+                raise unknown_name(f"controller of {self.folder}", old, controllers)
+            if new in controllers:
+                raise ConfigurationError(
+                    f"{old} cannot be called {new}: {self.folder} has a controller of that name"
+                )
+        tables = {names.get(name, name): table for name, table in controllers.items()}
+        manifest = {**self.manifest, "configuration": {**configuration, "controllers": tables}}
+        return replace(self, manifest=manifest, runs=self.runs.replace({"controller": dict(names)}))
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Runs that exist on both sides, in the same order, and runs of one side only.
+
+    ``a`` and ``b`` are the paired runs. All are pandas.DataFrames. ``drawn_otherwise`` counts the
+    scenes that have the same number on both sides but different drawn values.
+    """
+
+    a: Any
+    b: Any
+    only_a: Any
+    only_b: Any
+    drawn_otherwise: int
+
+    @classmethod
+    def of(cls, a: Side, b: Side) -> Pairs:
+        """Pair the runs of two sides.
+
+        Raises ConfigurationError if only one side has drawn scenes, if the seeds differ, or if no
+        run exists on both sides.
+        """
+        seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
+        why = "" if a.key == b.key else "only one of them has drawn scenes"
+        if not why and seeds[0] != seeds[1]:
+            why = f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs"
+        otherwise: Any = []
+        if not why:
+            runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
+            common = runs_a.index.intersection(runs_b.index, sort=False)
+            only_a, only_b = (
+                runs.index.difference(common, sort=False).to_frame(False)
+                for runs in (runs_a, runs_b)
+            )
+            if a.drawn is not None:
+                drawn_a, drawn_b = a.drawn.align(b.drawn, join="inner")
+                otherwise = drawn_a.index[(drawn_a != drawn_b).to_numpy()]
+                scenes = common.droplevel(
+                    [name for name in a.key if name not in drawn_a.index.names]
+                )
+                common = common[~scenes.isin(otherwise)]
+            if not len(common):
+                why = "no law and scene is in both"
+            if not len(common) and len(otherwise):
+                first, second = (json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b))
+                keys = [key for key in {**first, **second} if first.get(key) != second.get(key)]
+                why = f"all {len(otherwise)} scenes are drawn otherwise: {in_words(keys)}"
+        if why:
+            raise ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
+        return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(otherwise))
+
+    @cached_property
+    def differ(self) -> Any:
+        """Flag of each pair: True if any score other than a time differs."""
+        a = self.a[SCORES]
+        b = self.b[SCORES]
+        return ((a != b) & ~(a.isna() & b.isna())).any(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Pairs of one law and, for drawn scenes, of one family and condition, its ``place``.
+
+    ``a`` and ``b`` are the runs of both sides (pandas.DataFrames). ``positions`` (n,) are the
+    indices of the pairs among all pairs.
+    """
+
+    law: str
+    place: tuple[str, ...]
+    positions: Any
+    a: Any
+    b: Any
+
+    def __str__(self) -> str:
+        return ", ".join((self.law, *self.place))
+
+
+def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
+    """Group all pairs by controller and the columns ``by``, without the unconstrained baseline."""
+    found = []
+    for key, positions in pairs.a.groupby(
+        level=["controller", *by], sort=False, observed=True
+    ).indices.items():
+        law, *place = map(str, key if isinstance(key, tuple) else (key,))
+        if law != BASELINE:
+            at = np.sort(positions)
+            found.append(Group(law, tuple(place), at, pairs.a.iloc[at], pairs.b.iloc[at]))
+    return found
+
+
+@dataclass(frozen=True)
+class Change:
+    """Difference between two manifests.
+
+    It has a ``part``, a key ``what`` with dots, and the ``names`` of the scenarios or controllers
+    that it concerns. ``before`` or ``after`` is None if the key is missing there.
+    """
+
+    part: str
+    what: str
+    names: tuple[str, ...]
+    before: Any
+    after: Any
+
+
+def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
+    """List the differences between two manifests.
+
+    A change that several scenarios or controllers have in common is listed once.
+    """
+    found: dict[tuple[str, str, str], Change] = {}
+    for key, part in PARTS.items():
+        for path, before, after in different(a.get(key), b.get(key)):
+            names: tuple[str, ...] = ()
+            if key == "configuration" and path and path[0] in NAMED and len(path) > 1:
+                names = (path[1],)
+                path = (path[0], *(step for step in path[2:] if step != "tables"))
+            what = ".".join(path) or key
+            same = (
+                part,
+                what,
+                repr(
+                    (before, after)
+                    if len(path) != 1 or not names
+                    else (before is None, after is None)
+                ),
+            )
+            names = (*found[same].names, *names) if same in found else names
+            found[same] = Change(part, what, names, before, after)
+    return list(found.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Number of pairs of a group in which A and B have the outcome ``what`` of :data:`OUTCOMES`.
+
+    ``lost`` are the pairs in which only A has it, ``gained`` those in which only B has it. ``p`` is
+    the uncorrected p-value of the exact sign test (McNemar); None if fewer than
+    :data:`.judged.MIN_SCENES` pairs differ.
+    """
+
+    group: Group
+    what: str
+    before: int
+    after: int
+    lost: Any
+    gained: Any
+    for_worse: bool
+    p: float | None
+
+
+def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
+    """Yield every outcome in which pairs differ."""
+    for group in groups:
+        for what, does in OUTCOMES.items():
+            a = does(group.a).to_numpy()
+            b = does(group.b).to_numpy()
+            lost = group.positions[a & ~b]
+            gained = group.positions[b & ~a]
+            if differing := len(lost) + len(gained):
+                p = sign_test(len(gained), len(lost))
+                worse = len(lost) > len(gained)
+                p_value = p if differing >= MIN_SCENES else None
+                yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, worse, p_value)
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """Change of a metric in a group, over the pairs in which both runs can be judged by it.
+
+    There are ``of`` such pairs: both runs converge and satisfy the condition of the metric. In
+    ``better`` and ``worse`` of them B is better or worse by more than the tolerance.
+    ``differences`` (n,) are B − A, as stored, of the pairs that differ. ``p`` is the uncorrected
+    p-value of the sign test; None if too few pairs differ.
+    """
+
+    group: Group
+    metric: Metric
+    of: int
+    better: int
+    worse: int
+    differences: Array
+    for_worse: bool
+    p: float | None
+
+
+def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
+    """Yield the metrics in which pairs differ by more than the tolerance.
+
+    The tolerance is relative to the greater value. A change must also exceed the resolution of the
+    metric, the smallest difference that reports show.
+    """
+    for group, metric in ((group, metric) for group in groups for metric in metrics):
+        a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
+        exist = np.isfinite(a) & np.isfinite(b)
+        a = a[exist]
+        b = b[exist]
+        moved = np.abs(b - a) > np.maximum(
+            tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric)
+        )
+        found = paired(b[moved], a[moved], better=metric.better or "less")
+        if found.n:
+            p = found.p if found.n >= MIN_SCENES else None
+            worse = found.losses > found.wins
+            yield Shift(
+                group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], worse, p
+            )
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Result of comparing B with A.
+
+    ``found`` are the outcomes and metrics in which pairs differ, each with its p-value after
+    Bonferroni correction over all tests; None if not tested. If ``strict``, a single outcome that
+    only A has makes B worse.
+    """
+
+    a: Side
+    b: Side
+    changes: Sequence[Change]
+    pairs: Pairs
+    groups: Sequence[Group]
+    found: Sequence[tuple[Outcome | Shift, float | None]]
+    strict: bool
+
+    @property
+    def confidence(self) -> float:
+        """Confidence level of each interval, chosen to agree with the corrected tests.
+
+        All intervals hold simultaneously.
+        """
+        return simultaneous(1.0 - SIGNIFICANT, sum(p is not None for _, p in self.found))
+
+    @property
+    def worse(self) -> list[Outcome | Shift]:
+        """Outcomes and metrics in which B is worse, see :meth:`counts`."""
+        return [each for each, p in self.found if self.counts(each, p)]
+
+    def counts(self, found: Outcome | Shift, p: float | None) -> bool:
+        """Return True if a difference makes B worse: significantly or, if strict, in any run."""
+        lost = self.strict and isinstance(found, Outcome) and len(found.lost) > 0
+        return lost or (found.for_worse and significant(p))
+
+
+def significant(p: float | None) -> bool:
+    """Return True if a corrected p-value is significant."""
+    return p is not None and p <= SIGNIFICANT
+
+
+def difference(
+    a: Path,
+    b: Path,
+    *,
+    metrics: Sequence[str] = (),
+    strict: bool | None = None,
+    tolerance: float = TOLERANCE,
+    renamed: Mapping[str, str] = MappingProxyType({}),
+) -> Difference:
+    """Compare two result folders, before and after: both of ``compare``, or both of ``evidence``.
+
+    ``metrics`` are columns of results.csv; if empty, all that can be judged. If ``strict``, a
+    single outcome that only A has makes B worse. None means strict for chosen scenarios, and not
+    strict for drawn scenes. ``tolerance`` is the relative change that is ignored. ``renamed`` maps
+    controller names of A to those of B. Raises ConfigurationError if the folders are not
+    comparable.
+    """
+    columns = [judged_metric(name) for name in metrics or judged_metrics()]
+    if not tolerance >= 0.0:
+        raise ConfigurationError(f"the tolerance must be 0 or more, not {tolerance:g}")
+    before = Side.load(a).renamed(renamed)
+    after = Side.load(b)
+    pairs = Pairs.of(before, after)
+    judged = groups(pairs, before.group)
+    found: list[Outcome | Shift] = [*outcomes(judged), *shifts(judged, columns, tolerance)]
+    tests = sum(each.p is not None for each in found)
+    corrected = [(each, None if each.p is None else min(tests * each.p, 1.0)) for each in found]
+    counted = before.drawn is None if strict is None else strict
+    return Difference(
+        before, after, changes(before.manifest, after.manifest), pairs, judged, corrected, counted
+    )

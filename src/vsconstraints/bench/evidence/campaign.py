@@ -1,0 +1,319 @@
+"""Campaign: families, conditions, controllers and the number of scenes of an experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...comparisons.experiment import Entries, Experiment, entries_of, require_names
+from ...comparisons.runs.files import plain
+from ...comparisons.runs.machine import code_identity, used_versions
+from ...errors import ConfigurationError, format_value, unknown_name
+from ...plugins.provenance import digest
+from ...scenarios import Scenario
+from ...scenarios.reading import Table, from_table, require_known, require_table
+from ...scenarios.toml import read_toml
+from ..families import HALVES, SHIPPED, Family
+from .own_files import contents, files_of_laws, own_folders
+
+#: Everything that results depend on, as nested JSON tables; the same on every machine.
+Identity = dict[str, Any]
+
+MAX_SHOWN = 3  # maximum number of differences in a message
+MAX_SCENES = 10_000_000  # maximum number of scenes of a family in a campaign
+
+IN_WORDS = {
+    "code": "the package's source",
+    "version": "the package's version",
+    "compiled": "whether runs are compiled",
+}
+
+#: Files of the campaigns shipped with the package, by name. ``comparisons/evidence.toml`` is a link
+#: to the first.
+SHIPPED_CAMPAIGNS = {
+    name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")
+}
+
+
+def of_controllers(entries: Entries) -> Identity:
+    """Return each law's options, hashes of its custom files and versions of its solvers."""
+    identity = {}
+    for entry in entries:
+        files = {f"file {path.name}": digest(path) for path in entry.files}
+        packages = {
+            f"package {name}": version for name, version in used_versions(entry.options).items()
+        }
+        identity[entry.name] = plain({**entry.table, **files, **packages})
+    return identity
+
+
+def of_family(family: Family) -> Identity:
+    """Return the identity of a family.
+
+    It holds the tables of the family, hashes of the files that it names, and the versions of
+    packages that its conditions use.
+    """
+    files = Scenario(family.name, family.tables, family.folder).files
+    return {
+        "tables": plain(family.tables),
+        "files": {path.name: digest(path) for path in files},
+        "packages": used_versions(family.tables),
+    }
+
+
+def different(
+    a: Any, b: Any, path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield the path to each difference with both values, None where a value is missing.
+
+    Tables are compared recursively, as are nonempty lists of tables with equal length.
+    """
+    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
+    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
+        a, b = (dict(enumerate(side)) for side in (a, b))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        for key in dict.fromkeys((*a, *b)):
+            if key in a and key in b:
+                yield from different(a[key], b[key], (*path, str(key)))
+            else:
+                yield (*path, str(key)), a.get(key), b.get(key)
+    elif a != b:
+        yield path, a, b
+
+
+def differences(there: Any, here: Any) -> Iterator[str]:
+    """Yield a sentence for each difference, with both values."""
+    for path, old, new in different(there, here):
+        name = ".".join(path)
+        if old is None or new is None:
+            yield f"{name} is only {'there' if new is None else 'here'}"
+        else:
+            said = f"{name} is {format_value(old)} there and {format_value(new)} here"
+            yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
+
+
+def in_words(texts: Sequence[str]) -> str:
+    """Join the first differences and the number of the remaining ones."""
+    more = len(texts) - MAX_SHOWN
+    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
+
+
+@dataclass(frozen=True)
+class Campaign(Experiment):
+    """Scenes of each family, drawn with a seed and run in every condition with every controller.
+
+    ``question`` states the purpose of the campaign in reports. Without ``conditions``, each family
+    is run in all its conditions. ``scenes_in`` limits the number of scenes by condition.
+    ``call_times`` holds :class:`.CallTimes` as data.
+    """
+
+    name: str
+    title: str
+    question: str
+    families: tuple[Family, ...]
+    controllers: Entries
+    conditions: tuple[str, ...] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0
+    scenes_in: Mapping[str, int] = field(default_factory=dict)
+    call_times: Mapping[str, Any] = field(default_factory=dict)
+
+    whole_numbers = ("scenes", "seed")
+    settings = (*whole_numbers, "half", "conditions", "scenes_in.CONDITION")
+
+    @classmethod
+    def load(cls, path: Path | str | None = None) -> Campaign:
+        """Load a campaign from a TOML file, or a shipped one by its name.
+
+        The default is the shipped campaign ``evidence``.
+        """
+        source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
+        folder = source.parent if path else Path()
+        file: _File = from_table(_File, read_toml(source), source.name)
+        controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
+        if file.tuned:
+            tables = read_toml(folder / file.tuned)
+            name = Path(file.tuned).name
+            require_known(tables, ["controllers"], name)
+            tuned = require_table(tables.get("controllers", {}), f"{name}.controllers")
+            controllers += entries_of(tuned, f"{name}.controllers", folder)
+        families = tuple(Family.load(name, folder) for name in file.families)
+        name = source.stem
+        title = file.title or source.stem
+        conditions = tuple(file.conditions)
+        sizes = file.scenes, file.half, file.seed, file.scenes_in
+        return cls(name, title, file.question, families, controllers, conditions, *sizes).checked()
+
+    def select(
+        self,
+        families: Sequence[str] = (),
+        controllers: Sequence[str] = (),
+        scenes: int | None = None,
+        settings: Iterable[str] = (),
+    ) -> Campaign:
+        """Return the campaign with the selections and settings of a command line.
+
+        ``families`` and ``controllers`` are names or paths; empty selects all. The KEY of each of
+        ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or the name of a controller and an
+        option.
+        """
+        campaign = self if scenes is None else replace(self, scenes=scenes)
+        return (
+            campaign._selected("families", Family.load, families, controllers)
+            .with_settings(settings)
+            .checked()
+        )
+
+    def _with(self, key: str, value: Any) -> Campaign:
+        table, _, condition = key.partition(".")
+        if key == "half":
+            return replace(self, half=str(value))
+        if key == "conditions":
+            return replace(
+                self, conditions=tuple(map(str, value if isinstance(value, list) else [value]))
+            )
+        in_some = table == "scenes_in" and condition
+        return (
+            replace(self, scenes_in={**self.scenes_in, condition: value})
+            if in_some
+            else super()._with(key, value)
+        )
+
+    def checked(self) -> Campaign:
+        """Return the campaign with the unconstrained baseline included.
+
+        Raises ConfigurationError if a setting is invalid.
+        """
+        if not self.families:
+            raise ConfigurationError(
+                f"campaign {self.name}: it names no family, so there is no scene to be drawn"
+            )
+        if not 1 <= self.scenes <= MAX_SCENES:
+            raise ConfigurationError(f"scenes must be from 1 to {MAX_SCENES}, not {self.scenes}")
+        if self.seed < 0:
+            raise ConfigurationError(f"seed must be 0 or more, not {self.seed}")
+        if self.half not in HALVES:
+            raise unknown_name("half", self.half, HALVES)
+        require_names("family", [family.name for family in self.families])
+        self.require_controllers()
+        known = list(
+            dict.fromkeys(condition for family in self.families for condition in family.conditions)
+        )
+        require_names("condition", known)
+        for name in (*self.conditions, *self.scenes_in):
+            if name not in known:
+                raise unknown_name("condition", name, known)
+        for name, most in self.scenes_in.items():
+            if isinstance(most, bool) or not isinstance(most, int) or most < 0:
+                raise ConfigurationError(
+                    f"scenes_in.{name} must be an integer, 0 or more, not {format_value(most)}"
+                )
+        for family in self.families:
+            if not self.conditions_of(family):
+                none = ", ".join(self.conditions)
+                its = ", ".join(family.conditions)
+                raise ConfigurationError(
+                    f"family {family.name} has none of the conditions {none}; it has {its}"
+                )
+        for entry, family in product(self.controllers, self.families):
+            heavy = [name for name in self.conditions_of(family) if family.has_key("plant", name)]
+            if entry.run.call_time and heavy:
+                masses = (
+                    f"family {family.name} has masses in {', '.join(heavy)}: choose other "
+                    f"conditions"
+                )
+                why = f"call_time delays commands of arms without mass, and {masses}"
+                raise ConfigurationError(f"controllers.{entry.name}.run: {why}")
+        return self.with_baseline()
+
+    def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
+        """Return the conditions of a scene of a family, in the order of the family."""
+        wanted = self.conditions or family.conditions
+        most = self.scenes_in
+        return tuple(
+            name
+            for name in family.conditions
+            if name in wanted and number < most.get(name, self.scenes)
+        )
+
+    def identity(self, family: Family) -> Identity:
+        """Return everything that the results of a family depend on."""
+        return {
+            **code_identity(),
+            "seed": self.seed,
+            "half": self.half,
+            "conditions": list(self.conditions_of(family)),
+            **({"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}),
+            "controllers": of_controllers(self.controllers),
+            "family": of_family(family),
+        }
+
+    def identities(self) -> dict[str, Identity]:
+        """Return everything that results depend on, by family."""
+        return {family.name: self.identity(family) for family in self.families}
+
+    def on_each_machine(self) -> Callable[[], Identity]:
+        """Return a function that determines everything that results depend on, on any machine.
+
+        It returns the identities of the families and hashes of custom files. These are the files
+        that custom laws load and read on this machine when they are created.
+        """
+        folders = own_folders(self.controllers, self.families)
+        return partial(_on_this_machine, self, tuple(files_of_laws(self.controllers, folders)))
+
+    def resolved(self) -> dict[str, Any]:
+        """Return everything that determines the results, except code and files, as data."""
+        families = {}
+        shipped = SHIPPED.resolve()
+        for family in self.families:
+            # relative to the folder of the shipped families, which differs from machine to machine
+            folder = family.folder.resolve()
+            at = (
+                folder.relative_to(shipped).as_posix()
+                if folder.is_relative_to(shipped)
+                else str(folder)
+            )
+            conditions = list(self.conditions_of(family))
+            families[family.name] = {
+                "folder": at,
+                "conditions": conditions,
+                "tables": plain(family.tables),
+            }
+        return {
+            "campaign": self.name,
+            **{
+                name: getattr(self, name)
+                for name in ("title", "question", "scenes", "half", "seed")
+            },
+            "conditions": list(self.conditions),
+            "scenes_in": dict(self.scenes_in),
+            "controllers": {entry.name: entry.table for entry in self.controllers},
+            "families": families,
+            **({"call_times": dict(self.call_times)} if self.call_times else {}),
+        }
+
+
+def _on_this_machine(campaign: Campaign, own_files: Sequence[str]) -> Identity:
+    files = contents(own_files, own_folders(campaign.controllers, campaign.families))
+    return {**campaign.identities(), "own files": files}
+
+
+@dataclass(frozen=True)
+class _File:
+    """Keys of a campaign's TOML file."""
+
+    families: Sequence[str]
+    controllers: Table
+    title: str = ""
+    question: str = ""
+    conditions: Sequence[str] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0
+    scenes_in: Table = field(default_factory=dict)
+    tuned: str = ""

@@ -1,0 +1,194 @@
+"""Tables of runs, constraint rows and scenes: columns and Parquet files.
+
+The footer of each file holds facts about the shard.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from ...comparisons.metrics import (
+    CONSTRAINT_COLUMNS,
+    LATER_COLUMNS,
+    METRICS,
+    RESULT_COLUMNS,
+    ROW_METRICS,
+    RUN,
+    TIMING_COLUMNS,
+)
+from ...comparisons.runs.files import replaced
+from ...errors import ConfigurationError, one_line
+from ...plugins.extras import demand
+from ...plugins.regular_files import require_regular
+
+demand("evidence")
+
+import pyarrow as pa  # noqa: E402 - a missing package is reported with what installs it
+import pyarrow.parquet as pq  # noqa: E402
+
+joined = pa.concat_tables  #: Concatenates tables.
+FACTS = b"vsconstraints"  # key of the facts in the footer of a file, as JSON
+# maximum uncompressed size of a line [bytes]: a reason has 2000 characters, rows some thousand
+EXPANDED = 100_000
+
+#: Exceptions that pyarrow raises for a damaged file.
+UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
+
+Kind = Literal["text", "flag", "whole", "number"]
+_TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
+_CELLS: dict[Kind, Callable[[Any], Any]] = {
+    # a text may hold characters that UTF-8 cannot encode
+    "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),
+    "flag": bool,
+    "whole": int,
+    "number": lambda value: float(value) if math.isfinite(value) else None,
+}
+
+
+class Column(NamedTuple):
+    """Column of a table: name, kind of value, and True if a few values are repeated (category)."""
+
+    name: str
+    kind: Kind
+    category: bool = False
+
+
+#: Columns that identify a run.
+KEYS = (
+    *(Column(name, "text", category=True) for name in ("family", "condition", "half")),
+    Column("scene", "whole"),
+    Column("controller", "text", category=True),
+)
+
+
+def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
+    """Return the keys of runs, followed by the named columns that are not keys."""
+    kinds: dict[str, Kind] = {
+        each.column: "number" if each.kind == "time" else each.kind
+        for each in metrics
+        if each.value is not None
+    }
+    categories = ("status", "constraint", "kind", "unit")
+    return (
+        *KEYS,
+        *(Column(name, kinds[name], name in categories) for name in names if name not in RUN),
+    )
+
+
+#: Columns of the table with one line for each run: keys, then the columns of results.csv.
+RUNS = _columns(RESULT_COLUMNS, METRICS)
+#: Columns of the table with one line for each challenged, active or violated row of a run: keys,
+#: then the columns of constraints.csv.
+ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
+#: Columns of the table with one line for each scene; ``rejected`` and ``values`` are JSON.
+SCENES = (
+    *(column for column in KEYS if column.name in ("family", "half", "scene")),
+    *(
+        Column("found", "flag"),
+        Column("attempts", "whole"),
+        Column("rejected", "text"),
+        Column("challenged", "text"),
+    ),
+    *(Column("share_to_hold", "number"), Column("values", "text")),
+    *(Column("least_time_s", "number"), Column("duration_s", "number")),
+)
+TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the shards.
+TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are reproducible.
+
+
+def schema(columns: Sequence[Column]) -> Any:
+    """Return the Arrow schema of a table with these columns."""
+    return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
+
+
+def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
+    """Return an Arrow table of lines.
+
+    Numbers that do not exist or are not finite are missing values, as in results.csv.
+    """
+    arrays = [
+        pa.array([_CELLS[kind](line[name]) for line in lines], _TYPES[kind])
+        for name, kind, _ in columns
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema(columns))
+
+
+def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
+    """Write a table completely or not at all. Raises OSError."""
+    text = json.dumps(facts, ensure_ascii=False, default=str).encode("utf-8", "backslashreplace")
+    with replaced(path) as part:
+        pq.write_table(
+            lines.replace_schema_metadata({FACTS: text}),
+            part,
+            compression="zstd",
+            write_page_checksum=True,
+        )
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        require_regular(path)
+        yield
+    except (*UNREADABLE, RecursionError) as error:
+        raise ConfigurationError(
+            f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}"
+        ) from error
+
+
+def facts_of(path: Path) -> dict[str, Any]:
+    """Return the facts in the footer of a file.
+
+    Raises ConfigurationError that names the file if it holds none.
+    """
+    with _reading(path):
+        facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
+        if not isinstance(facts, dict):
+            raise ValueError("its facts are no table")
+    return facts
+
+
+def line_count(path: Path) -> int:
+    """Return the number of lines that the footer of a file states.
+
+    Raises ConfigurationError if the file cannot be read.
+    """
+    with _reading(path):
+        return int(pq.read_metadata(path).num_rows)
+
+
+def read(
+    paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None
+) -> Any:
+    """Read the lines of all files into one table, with the named columns or all.
+
+    Columns that earlier versions did not write are empty. Raises ConfigurationError if a file
+    cannot be read.
+    """
+    wanted = schema([column for column in columns if names is None or column.name in names])
+    tables = [wanted.empty_table()]
+    for path in paths:
+        # read single files: pyarrow would derive partition columns from the names of folders
+        with _reading(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
+            groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+            size = sum(group.total_byte_size for group in groups)
+            most = EXPANDED * (1 + file.metadata.num_rows)
+            if size > most:
+                raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
+            lines = file.read(wanted.names).replace_schema_metadata()
+            lines.validate(full=True)
+            for name in LATER_COLUMNS:
+                if name in wanted.names and name not in lines.column_names:
+                    lines = lines.append_column(name, pa.nulls(len(lines), pa.float64()))
+            if missing := [name for name in wanted.names if name not in lines.column_names]:
+                raise ValueError(
+                    f"it has no column {missing[0]!r}; another version wrote it, which can report "
+                    f"on it"
+                )
+            tables.append(lines.select(wanted.names).cast(wanted))
+    return pa.concat_tables(tables)

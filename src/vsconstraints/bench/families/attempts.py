@@ -1,0 +1,306 @@
+"""Checks that a drawn scene must pass.
+
+Start and goals must be reachable, allowed and visible, and the unconstrained baseline must violate
+a row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...constraints import JointSpeed
+from ...controllers import Tracking
+from ...errors import ConfigurationError, SceneError, VsconstraintsError
+from ...robots.geometry import Pose
+from ...rows import Array
+from ...scenarios.build import build_scene
+from ...scenarios.inverse_kinematics import inverse_kinematics, tip_of
+from ...scenarios.reading import Table, from_table
+from ...simulation import RunScores, Setup, score_run, until_settled
+from ...simulation.occluders import LinesOfSight
+from .drawing import Placed
+from .placements import PLACEMENTS, Ends, Place
+
+#: Least violation, relative to the row's range, at which a row counts as challenged: σ, or φ for
+#: speeds. It is ten times what scores neglect, so that scores count the row as challenged, too.
+CLEAR = 1e-3
+
+
+class Reason(StrEnum):
+    """Reason for rejecting an attempt.
+
+    The checks are made in the order of the members, cheap ones first.
+    """
+
+    START_OUT_OF_REACH = "start out of reach"
+    """No configuration within the joint ranges reaches the start pose of the camera."""
+    #: as for the start; where the target moves, the goal is taken at the end of the run
+    GOAL_OUT_OF_REACH = "goal out of reach"
+    START_OUT_OF_RANGE = "start out of joint range"
+    GOAL_OUT_OF_RANGE = "goal out of joint range"
+    START_BEHIND = "marker behind the camera at the start"
+    GOAL_BEHIND = "marker behind the camera at the goal"
+    START_UNSEEN = "marker outside the image at the start"
+    GOAL_UNSEEN = "marker outside the image at the goal"
+    BUILD_REFUSED = "build refused"  #: the scenario of a condition cannot be built
+    START_FORBIDDEN = "start forbidden"
+    """A row is violated at the start: an obstacle, a collision, a range, the field of view."""
+    GOAL_FORBIDDEN = "goal forbidden"
+    START_HIDDEN = "marker hidden by the robot at the start"
+    GOAL_HIDDEN = "marker hidden by the robot at the goal"
+    START_REFUSED = "start refused"  #: the run cannot start for another reason
+    #: the unconstrained baseline violates no row, so that laws cannot be compared
+    NOT_CHALLENGED = "nothing challenged"
+    #: in test sets only: such a scene would test the tracker
+    BASELINE_LOST = "unconstrained baseline does not converge"
+    #: with an image sensor: no law has a measurement to begin with
+    START_UNDETECTED = "no tag in the first image"
+
+
+class Rejected(Exception):
+    """Rejection of an attempt, with its reason and details for a reader."""
+
+    def __init__(self, reason: Reason, detail: str = "") -> None:
+        super().__init__(f"{reason}: {detail}" if detail else str(reason))
+        self.reason = reason
+
+
+def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
+    """Return the tables with the values of their placements, and the configurations at the ends.
+
+    Everything except placements has been drawn already. Raises Rejected if an end is out of reach
+    or range, or if a marker is outside the image there. Raises ConfigurationError if the tables
+    cannot be read.
+    """
+    scene = build_scene(tables, where, folder)
+    start = _configuration(
+        tables.get("q0"), Ends(scene, []), tables, f"{where}.q0", Reason.START_OUT_OF_REACH
+    )
+    ends = Ends(scene, [start])
+    tables = {**tables, "q0": start.tolist()}
+    task = tables.get("task")
+    goals = task.get("goals", []) if isinstance(task, Mapping) else []
+    if isinstance(task, Mapping) and isinstance(goals, list):
+        known = []
+        for i, goal in enumerate(goals):
+            goal, q = _goal(goal, ends, f"{where}.task.goals.{i}")
+            known.append(goal)
+            ends = Ends(scene, [*ends.q, q])
+        tables["task"] = {**task, "goals": known}
+    _check_views(ends)
+    filled: Table = _filled(tables, ends, {}, where)
+    return filled, ends
+
+
+def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
+    """Return a goal with the value of its placement, and the configuration there.
+
+    The configuration is None if the goal is given by its image only.
+    """
+    if isinstance(goal, Mapping) and "camera_at_q" in goal:
+        q = _configuration(
+            goal["camera_at_q"], ends, goal, f"{where}.camera_at_q", Reason.GOAL_OUT_OF_REACH
+        )
+        return {**goal, "camera_at_q": q.tolist()}, q
+    if isinstance(goal, Mapping) and "camera_pose" in goal:
+        camera = from_table(Pose.from_xyz_rpy, goal["camera_pose"], f"{where}.camera_pose")
+        return goal, _reached(ends, tip_of(ends.scene, camera), ends.q[0])
+    return goal, None
+
+
+def _reached(ends: Ends, tip: Pose, near: Array | None) -> Array:
+    assert near is not None  # only goals can be given by an image alone
+    q = inverse_kinematics(ends.scene.robot, tip, near)
+    if q is None:
+        raise Rejected(Reason.GOAL_OUT_OF_REACH)
+    return q
+
+
+def _configuration(
+    value: Any, ends: Ends, beside: Mapping[str, Any], where: str, reason: Reason
+) -> Array:
+    if isinstance(value, Placed):
+        value = _value(value, ends, dict(beside), where)
+        if value is None:
+            raise Rejected(reason)
+    return ends.scene.robot.configuration(value, where)
+
+
+def _value(placed: Placed, ends: Ends, beside: Table, where: str) -> list[float] | None:
+    return from_table(
+        PLACEMENTS[placed.name], placed.table, where, {"place": Place(ends, beside, where)}
+    )
+
+
+def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
+    """Return a tree of tables with values in place of the remaining placements."""
+    if isinstance(tree, Placed):
+        value = _value(tree, ends, beside, where)
+        if value is None:
+            raise ConfigurationError(
+                f"{where}: {tree.name} stands at q0 and at camera_at_q of goals"
+            )
+        return value
+    if isinstance(tree, dict):
+        return {name: _filled(inner, ends, tree, f"{where}.{name}") for name, inner in tree.items()}
+    if isinstance(tree, list):
+        return [_filled(inner, ends, beside, f"{where}.{i}") for i, inner in enumerate(tree)]
+    return tree
+
+
+def _check_views(ends: Ends) -> None:
+    scene = ends.scene
+    known = [(min(i, 1), q) for i, q in enumerate(ends.q) if q is not None]
+    for at, q in known:
+        outside = scene.robot.outside_ranges(q)
+        if outside:
+            raise Rejected((Reason.START_OUT_OF_RANGE, Reason.GOAL_OUT_OF_RANGE)[at], outside[0])
+    for at, q in known:
+        try:
+            seen = scene.camera.sees(scene.project(scene.camera_pose(q)))
+        except SceneError as error:
+            raise Rejected((Reason.START_BEHIND, Reason.GOAL_BEHIND)[at], str(error)) from error
+        if not np.all(seen):
+            raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[at])
+
+
+def check_ends(setup: Setup, ends: Ends) -> None:
+    """Raise Rejected if a row is violated at the start or the last goal.
+
+    The robot must not hide a marker there either.
+    """
+    duration = (setup.samples - 1) * setup.Ts
+    goal = setup.task.goals[-1].camera
+    end = None
+    _check_allowed(setup, setup.q0, 0.0, Reason.START_FORBIDDEN)
+    if goal is not None:
+        scene = ends.scene
+        near = ends.q[-1] if ends.q[-1] is not None else ends.q[0]
+        end = ends.q[-1]
+        if end is None or scene.motion is not None:
+            tip = tip_of(scene, goal)
+            end = _reached(
+                ends, tip if scene.motion is None else scene.motion.pose(duration) @ tip, near
+            )
+        _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
+    if setup.on_hidden_markers != "refuse":
+        return
+    try:
+        lines = LinesOfSight(setup.scene)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f'{error}; on_hidden_markers = "continue" draws scenes without a look at what the '
+            f"robot hides"
+        ) from error
+    for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
+        hidden = [] if q is None else lines.hidden(q[None], [t])[0]
+        if hidden:
+            raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
+
+
+def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
+    try:
+        sigma = setup.world().evaluate(t, q, np.zeros_like(q)).sigma
+    except SceneError as error:
+        raise Rejected(reason, str(error)) from error
+    violated = np.flatnonzero(sigma > 0.0)
+    if len(violated):
+        raise Rejected(reason, setup.constraints.labels[violated[0]])
+
+
+def check_first_image(setup: Setup) -> None:
+    """Raise Rejected if the sensor detects no tag in the first image; other sensors pass."""
+    sensor = setup.sensor() if setup.images is not None else None
+    if sensor is not None and sensor.renders:
+        try:
+            sensor.measured(0, setup.q0, setup.qd0)
+        except SceneError as error:
+            raise Rejected(Reason.START_UNDETECTED, str(error)) from error
+
+
+def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
+    """Return the labels of the rows that the unconstrained baseline violates.
+
+    Raises Rejected if it violates none or cannot start.
+    """
+    scores = _track(setup)
+    violated = scores.sigma_max > CLEAR * setup.constraints.scale
+    challenged = tuple(label for label, row in zip(scores.labels, violated, strict=True) if row)
+    if not challenged:
+        raise Rejected(Reason.NOT_CHALLENGED)
+    return challenged
+
+
+def check_baseline(setup: Setup) -> None:
+    """Raise Rejected unless the unconstrained baseline converges within every law's time limit."""
+    if _track(until_settled(setup)).status != "converged":
+        raise Rejected(Reason.BASELINE_LOST)
+
+
+def share_to_hold(setup: Setup) -> float:
+    """Largest share of the actuators' capacity needed to satisfy a row that the baseline reaches.
+
+    It is evaluated where the unconstrained baseline meets the row's boundary. NaN without limits,
+    or if no row is met; see :class:`vsconstraints.simulation.Trajectory`.
+    """
+    shares = _track(setup).share_to_hold if setup.limits.any else np.empty(0)
+    return float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan
+
+
+def _track(setup: Setup) -> RunScores:
+    try:
+        return score_run(setup, Tracking())
+    except VsconstraintsError as error:
+        raise Rejected(Reason.START_REFUSED, str(error)) from error
+
+
+def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
+    """Return the least time from rest to rest of each joint (n,) [s], taken independently.
+
+    The time is d/w + w/a with the peak speed w = min(v, √(a d)). Distances d ≥ 0 [rad or m] and
+    limits a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s] are (n,); a missing limit is infinite.
+    """
+    w = np.minimum(speed, np.sqrt(acceleration * distance))
+    # a joint that need not move, or has no limits, needs no time
+    moving = (distance > 0.0) & np.isfinite(w)
+    w = np.where(moving, w, 1.0)
+    return np.where(moving, distance / w + w / acceleration, 0.0)
+
+
+def least_time(setup: Setup, ends: Ends) -> float:
+    """Return the least time from rest at the start to rest at the last goal's configuration [s].
+
+    It is the time of the slowest joint. Each joint keeps the actuators' acceleration limit. Its
+    speed is limited by the joint-speed rows with their sampling band, and by the robot's own limits
+    where these are enforced. Jerk limits, obstacles and the image would add to the time.
+
+    NaN without actuator limits, if the robot does not start at rest, or if the goal does not
+    determine the configuration: it is given by its image only, the target moves, or the arm is
+    redundant.
+    """
+    robot = setup.scene.robot
+    goal = ends.q[-1]
+    if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
+        return math.nan
+    there = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
+    if np.linalg.matrix_rank(there.task.J) < robot.n:
+        return math.nan
+    way = goal - setup.q0
+    speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
+    for rows in setup.constraints.constraints:
+        if isinstance(rows, JointSpeed):
+            at = np.array(rows.joints) - 1
+            # the share of a limit up to which scores count a speed as allowed
+            share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
+            speed[at] = np.minimum(
+                speed[at], share * np.where(way[at] > 0.0, rows.upper, -rows.lower)
+            )
+    return float(
+        rest_to_rest(np.abs(way), setup.limits.of_joint("acceleration", robot.n), speed).max()
+    )

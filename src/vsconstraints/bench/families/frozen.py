@@ -1,0 +1,371 @@
+"""Test sets: scenes that were drawn once and are read from files, with a SHA-256 of each scene."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import platform
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from hashlib import sha256
+from itertools import product, zip_longest
+from pathlib import Path
+from random import Random
+from typing import Any, TypeVar
+
+import msgspec
+
+from ... import __version__
+from ...errors import ConfigurationError, unknown_name
+from ...plugins.regular_files import read_regular, require_regular
+from ...scenarios.reading import Table
+from ...scenarios.scenario import Scenario
+from ...simulation import Setup
+from .attempts import Reason
+from .drawn import Drawn
+from .family import HALVES, NOMINAL, SHIPPED, Family
+
+V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the package
+INDEX = "testset.json"  #: index of a test set; below, the file of a family's half
+FILE = "{}.{}.jsonl.gz"
+MAX_BYTES = 500_000_000  #: largest size of an expanded file
+Told = Callable[[str, int, int], None]  #: progress: family, scenes done, scenes in all
+Kind = TypeVar("Kind")
+
+
+class _Line(msgspec.Struct, forbid_unknown_fields=True):
+    """A scene as it is stored.
+
+    Other conditions hold only the tables that differ from the nominal one. NaN is stored as null.
+    """
+
+    number: int
+    tables: dict[str, Table]
+    values: Table
+    rejected: dict[str, int]
+    challenged: tuple[str, ...]
+    share_to_hold: float | None
+    least_time: float | None
+    duration: float
+    noise: int
+    refusal: str
+
+
+class _Family(msgspec.Struct, forbid_unknown_fields=True):
+    """Entry of a family in the index.
+
+    ``left_out`` counts the omitted scenes by half; ``sha256`` holds the hashes of the stored ones.
+    """
+
+    left_out: dict[str, int]
+    tables: Table
+    sha256: dict[str, list[str]]
+
+
+class _Index(msgspec.Struct, forbid_unknown_fields=True):
+    version: str
+    seed: int
+    made_by: str
+    families: dict[str, _Family]
+
+
+class FrozenFamily(Family):
+    """A family of a test set: its scenes are read from files, not drawn.
+
+    Its tables are those from which the scenes were drawn. In addition, ``frozen`` holds the
+    ``file``, the ``seed`` and the joint ``sha256`` of the scenes, by half.
+    """
+
+    @property
+    def source(self) -> Family:
+        """Family from which the stored scenes were drawn.
+
+        Other seeds give further scenes of the same distribution.
+        """
+        tables = {key: value for key, value in self.tables.items() if key != "frozen"}
+        return Family(self.name, tables, self.folder, self.trusted)
+
+    def file(self, half: str) -> Path:
+        """Return the path of a half's scenes."""
+        return self.folder / str(self.tables["frozen"][half]["file"])
+
+    def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
+        try:
+            seed = self.tables["frozen"][scene.half]["seed"]
+            file = self.file(scene.half)
+            lines = _checked_lines(file, self.tables["frozen"][scene.half]["sha256"])
+        except (KeyError, TypeError) as error:
+            raise ConfigurationError(
+                f"{self.name}: frozen does not say where its {scene.half} scenes are"
+            ) from error
+        if scene.seed != seed or scene.number >= len(lines):
+            asked = f"{scene.number} of seed {scene.seed}"
+            raise ConfigurationError(
+                f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {asked}"
+            )
+        scene = self.read(lines[scene.number], scene)
+        return scene, {name: scene.setup(name) for name in self.conditions}
+
+    def read(self, line: str, scene: Drawn) -> Drawn:
+        """Return the scene with the content of a line.
+
+        Raises ConfigurationError, which names file, scene and problem, if the line is not valid.
+        """
+        where = f"{self.file(scene.half).name}: scene {scene.number}"
+        said: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
+        tables = said["tables"]
+        if {*tables} != {*self.conditions} or said["number"] != scene.number:
+            raise ConfigurationError(
+                f"{where} says that it is number {said['number']} with conditions "
+                f"{', '.join(tables)}; they are "
+                f"{', '.join(self.conditions)}"
+            )
+        said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
+        return replace(
+            scene, **{**said, **{name: math.nan for name, value in said.items() if value is None}}
+        )
+
+
+def line_of(scene: Drawn) -> str:
+    """Return a scene as a line of JSON, from which it is read back bit by bit.
+
+    Numbers are written as their shortest exact decimals.
+    """
+    nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
+    said = {name: getattr(scene, name) for name in _Line.__struct_fields__}
+    said["tables"] = {
+        name: {
+            key: value
+            for key, value in tables.items()
+            if name == NOMINAL or nominal.get(key) != _json(value)
+        }
+        for name, tables in scene.tables.items()
+    }
+    return _json({name: None if value != value else value for name, value in said.items()})
+
+
+def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> Family:
+    """Return a family from its tables, frozen or not."""
+    return (FrozenFamily if "frozen" in tables else Family)(name, tables, folder, trusted)
+
+
+def _json(data: Any) -> str:
+    return json.dumps(
+        data,
+        ensure_ascii=False,
+        allow_nan=False,
+        separators=(",", ":"),
+        default=lambda a: a.tolist(),
+    )
+
+
+def _decoded(text: str | bytes, kind: type[Kind], where: str) -> Kind:
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigurationError(f"{where} cannot be read: {error}") from error
+
+
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        require_regular(path)
+        with gzip.open(path, "rb") as file:
+            return file.read(MAX_BYTES).decode().split("\n")[:-1]
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path.name} of a test set cannot be read: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _checked_lines(path: Path, digest: str) -> list[str]:
+    lines = _lines(path)
+    if _digest("".join(map(_digest, lines))) != digest:
+        raise ConfigurationError(
+            f"{path} was changed: `vsconstraints testset verify` names the scenes"
+        )
+    return lines
+
+
+@dataclass(frozen=True)
+class TestSet:
+    """Frozen scenes of several families: a file per family and half, and an index with hashes.
+
+    ``seed`` is the seed of the draws. ``hashes`` holds the hash of each scene by file; ``sha256``
+    is the hash of the index.
+    """
+
+    __test__ = False  # pytest must not collect this class
+
+    folder: Path
+    version: str
+    seed: int
+    families: tuple[FrozenFamily, ...]
+    hashes: Mapping[str, Sequence[str]]
+    sha256: str
+
+    @classmethod
+    def load(cls, folder: Path = V1) -> TestSet:
+        """Read the index of a test set; the files are read with their scenes.
+
+        Raises ConfigurationError if the index cannot be used.
+        """
+        path = folder / INDEX
+        families = []
+        hashes = {}
+        try:
+            text = read_regular(path)
+        except OSError as error:
+            raise ConfigurationError(f"there is no test set in {folder}: {error}") from error
+        index = _decoded(text, _Index, str(path))
+        for name, family in index.families.items():
+            frozen = {}
+            for half in HALVES:
+                file = FILE.format(name, half)
+                kept = family.sha256.get(half, [])
+                hashes[file] = kept
+                frozen[half] = {"file": file, "seed": index.seed, "sha256": _digest("".join(kept))}
+            tables = {**family.tables, "testset": index.version, "frozen": frozen}
+            families.append(FrozenFamily(name, tables, folder))
+        return cls(
+            folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest()
+        )
+
+    @classmethod
+    def make(
+        cls,
+        folder: Path,
+        families: Sequence[Family],
+        version: str,
+        scenes: Mapping[str, int],
+        seed: int,
+        told: Told,
+    ) -> TestSet:
+        """Draw and store a test set.
+
+        ``scenes`` maps each half to its number of scenes. Scenes in which the unconstrained
+        baseline does not converge are rejected. Raises ConfigurationError if the folder is not
+        empty, or if a family needs further files or custom code.
+        """
+        if folder.exists() and any(folder.iterdir()):
+            raise ConfigurationError(
+                f"{folder} is not empty, and a test set is never changed: give another --out"
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        index = _Index(version, seed, f"vsconstraints {__version__} on {platform.machine()}", {})
+        for family in families:
+            if (
+                family.name in index.families
+                or Scenario(family.name, family.tables, family.folder).files
+            ):
+                raise ConfigurationError(
+                    f"family {family.name} is there twice, or needs files: a test set has none"
+                )
+            source = replace(family, tables={**family.tables, "testset": version})
+            index.families[family.name] = said = _Family({}, source.tables, {})
+            for half, count in scenes.items():
+                drawn = [
+                    source.scene(number, half, seed)
+                    for number in _reported(range(count), told, family.name)
+                ]
+                lines = [line_of(scene) for scene in drawn]
+                data = "".join(f"{line}\n" for line in lines).encode()
+                (folder / FILE.format(family.name, half)).write_bytes(
+                    gzip.compress(data, 9, mtime=0)
+                )
+                said.sha256[half] = [_digest(line) for line in lines]
+                said.left_out[half] = sum(
+                    scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn
+                )
+        (folder / INDEX).write_bytes(
+            msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n"
+        )
+        return cls.load(folder)
+
+    def chosen(
+        self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None
+    ) -> dict[str, Any]:
+        """Return families, half, seed and number of scenes of a campaign.
+
+        Without ``most``, all scenes are used; with a secret seed, new scenes are drawn. Raises
+        ConfigurationError for unknown names, for more scenes than the test set has, and if the
+        secret seed is that of the test set.
+        """
+        known = {family.name: family for family in self.families}
+        for what, name, others in (
+            ("half", half, HALVES),
+            *(("family", name, known) for name in names),
+        ):
+            if name not in others:
+                raise unknown_name(f"{what} of test set {self.version}", name, others)
+        families = [known[name] for name in dict.fromkeys(names or known)]
+        there = (
+            min(len(self.hashes[FILE.format(family.name, half)]) for family in families)
+            if families
+            else 0
+        )
+        if secret_seed == self.seed or (most or 1) > there:
+            why = (
+                f"seed {self.seed} is their own"
+                if secret_seed == self.seed
+                else f"{most} are asked for"
+            )
+            raise ConfigurationError(
+                f"test set {self.version} has {there} {half} scenes of each family; {why}"
+            )
+        scenes = {"half": half, "scenes": most or there}
+        seed = self.seed if secret_seed is None else secret_seed
+        drawn = tuple(each if secret_seed is None else each.source for each in families)
+        return {**scenes, "families": drawn, "seed": seed}
+
+    def problems(
+        self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None
+    ) -> Iterator[str]:
+        """Yield deviations from the index: missing, added, changed or unreadable files and scenes.
+
+        A share ``redraw`` of the scenes, chosen by ``seed``, is drawn again and compared bit by
+        bit.
+        """
+        for path in sorted(self.folder.glob("*.jsonl*")):
+            if path.name not in self.hashes:
+                yield f"{path.name} is no file of the test set"
+        whole: list[tuple[FrozenFamily, Drawn, str]] = []
+        for family, half in product(self.families, HALVES):
+            file = family.file(half)
+            try:
+                lines = _lines(file)
+            except ConfigurationError as error:
+                yield str(error)
+                continue
+            for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
+                scene = Drawn(family.name, number, half, self.seed, self.folder)
+                at = f"{file.name}: scene {number}"
+                if line is None or known is None:
+                    yield f"{at} is {'missing' if line is None else 'not in the index'}"
+                elif _digest(line) != known:
+                    yield f"{at} was changed: its SHA-256 is another one"
+                else:
+                    try:
+                        family.read(line, scene)
+                        whole.append((family, scene, line))
+                    except ConfigurationError as error:
+                        yield str(error)
+        again = Random(seed).sample(whole, math.ceil(redraw * len(whole)))
+        for family, scene, line in _reported(again, told, "drawing again"):
+            other = family.source.scene(scene.number, scene.half, self.seed)
+            if not other.found or line_of(other) != line:
+                yield (
+                    f"{family.file(scene.half).name}: scene {scene.number} is another one when "
+                    f"it is drawn here"
+                )
+
+
+def _reported(items: Sequence[Any], told: Told, name: str) -> Iterator[Any]:
+    for done, item in enumerate(items):
+        told(name, done, len(items))
+        yield item

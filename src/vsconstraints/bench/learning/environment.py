@@ -1,0 +1,212 @@
+"""Environment of Gymnasium based on scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeGuard
+
+import gymnasium
+import numpy as np
+
+from ...compiled.samples import ALONE, LAW, STEP
+from ...controllers import Controller, Tracking, make_controller
+from ...controllers.ranges import positive_number
+from ...errors import ConfigurationError, format_value
+from ...robots.geometry import vector
+from ...rows import Array
+from ...scenarios import Scenario
+from ...simulation import RunWorkspace
+from ...simulation.loop import Run
+from ..families import Family, families
+from .policy import ACCELERATION, Observer
+
+
+class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
+    """Compiled closed loop of a simulation, in which an action replaces the command of a law.
+
+    The observation is that of :class:`.Observer`, for the rows and task that a law would receive.
+    The action (n,) in [-1, 1] is q̈/a. With a ``law`` it is the acceleration added to the law's q̈,
+    divided by a. The reward of the step to sample k is
+
+        (‖e_{k−1}‖ − ‖e_k‖)/‖e_0‖ − w T_s Σ_{σ_i > 0} (1 + min(σ_i/s_i, 1)) + 1 at success,
+
+    with the task's error e and the rows' σ and s, and −1 at failure.
+
+    An episode is ``terminated`` at success and at failure. Success means that the last goal has
+    been reached for as long as the tolerances require. Failure means that the state cannot be
+    evaluated, for example with a marker behind the camera; the observation is then the previous
+    one. An episode is ``truncated`` at the end of the duration. ``info`` contains the number of the
+    ``scene``, the time ``t`` [s], ``violation``, the greatest σ/s so far, and ``success``.
+    ``reset(seed=…)`` draws one of the scenes, ``options={"scene": 3}`` selects one; its noise is
+    always the same. Raises ConfigurationError if a scene cannot be compiled as a whole, or differs
+    in size from the first one.
+
+    Parameters
+    ----------
+    scenes
+        A scenario, or a family of scenes, or the name of either.
+    half, condition, count
+        For a family: half and condition of the scenes, and their number, starting at scene 0.
+    law
+        The law to whose command actions are added, or its name; None for no law.
+    acceleration
+        a for joints without a limit of q̈ in the scene [rad/s² or m/s²].
+    violation_weight
+        w [1/s].
+    """
+
+    def __init__(
+        self, scenes: str | Family | Scenario = "planar-arm", *, half: str = "training",
+        condition: str = "nominal", count: int = 100, law: str | Controller | None = None,
+        acceleration: float = ACCELERATION, violation_weight: float = 1.0,
+    ) -> None:  # fmt: skip
+        if isinstance(scenes, str):
+            scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
+        _require_usable(scenes, count, law)
+        acceleration = positive_number("acceleration", acceleration)
+        if violation_weight != 0.0:
+            violation_weight = positive_number("violation_weight", violation_weight)
+        self.scenes = scenes
+        self.half = half
+        self.condition = condition
+        self.count = int(count)
+        self.law = make_controller(law) if isinstance(law, str) else law or Tracking()
+        self.adds = law is not None
+        self.acceleration = acceleration
+        self.violation_weight = violation_weight
+        self._prepared: dict[int, RunWorkspace] = {}
+        self._begin(0)
+        self.observation_space = gymnasium.spaces.Box(
+            -1.0, 1.0, self._observation.shape, np.float32
+        )
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
+
+    def _begin(self, number: int) -> None:
+        """Go to the first sample of a scene."""
+        scenes = self.scenes
+        if number not in self._prepared:
+            if isinstance(scenes, Family):
+                setup = scenes.scene(number, self.half).setup(self.condition)
+            else:
+                setup = scenes.setup()
+            setup.check_start()
+            self._prepared[number] = RunWorkspace(setup, self.law.factors)
+        self._scene = number
+        prepared = self._prepared[number]
+        self.run = run = Run(prepared, self.law, whole=False, by_public_call=True)
+        setup = run.setup
+        loop = run.loop
+        self._violation = 0.0
+        self._k, stage = run.run(0, 1, STEP)
+        if prepared.bound is None or run.at_once == 1 or stage != LAW:
+            raise ConfigurationError(
+                f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy"
+            )
+        now = prepared.bound.now
+        ranges = setup.scene.robot.ranges
+        self.seen = now.rows, now.task
+        self._observer = Observer(
+            loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration
+        )
+        self._look()
+        self._unit = self._error or 1.0
+        times = (setup.goal_begins[-1], setup.tolerances.dwell_s)
+        self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
+
+    def _look(self) -> None:
+        """Update the observation and the error of a sample."""
+        loop = self.run.loop
+        self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
+        self._error = float(loop.task.error @ loop.task.error) ** 0.5
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; see the class."""
+        super().reset(seed=seed)
+        count = self.count if isinstance(self.scenes, Family) else 1
+        drawn = int(self.np_random.integers(count)) if isinstance(self.scenes, Family) else 0
+        self._begin(_scene_number(self.scenes.name, options, drawn, count))
+        if self._observation.shape != self.observation_space.shape:
+            raise ConfigurationError(
+                f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0"
+            )
+        return self._observation, self._info(False)
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Simulate one sampling period; see the class.
+
+        Raises InvalidInput unless the action consists of n finite numbers.
+        """
+        action = vector(action, len(self._observer.action), "an action")
+        loop = self.run.loop
+        k = self._k
+        before = self._error
+        qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
+        loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
+        self._k, stage = self.run.run(k, k + 2, ALONE)
+        if stage != LAW:
+            return self._observation, -1.0, True, False, self._info(False)
+        self._look()
+        reward = (before - self._error) / self._unit
+        outside = (loop.true.sigma / loop.true.scale)[loop.true.sigma > 0.0]
+        if outside.size:
+            self._violation = max(self._violation, float(outside.max()))
+            reward -= (
+                self.violation_weight
+                * self.run.setup.Ts
+                * float((1.0 + np.minimum(outside, 1.0)).sum())
+            )
+        # sample k is the last judged sample
+        success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
+        return (
+            self._observation,
+            reward + success,
+            success,
+            self._k + 1 >= self.run.setup.samples,
+            self._info(success),
+        )
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        t = self._k * self.run.setup.Ts
+        return {"scene": self._scene, "t": t, "violation": self._violation, "success": success}
+
+
+def _require_usable(scenes: object, count: object, law: object) -> None:
+    """Raise ConfigurationError unless the arguments can define an environment."""
+    if not isinstance(scenes, Family | Scenario):
+        raise ConfigurationError(
+            f"scenes must be a scenario, a family, or the name of either, not "
+            f"{format_value(scenes)}"
+        )
+    if not _is_integer(count) or count < 1:
+        raise ConfigurationError(f"count must be an integer, 1 or more, not {format_value(count)}")
+    if not (law is None or isinstance(law, str | Controller)):
+        raise ConfigurationError(
+            f"law must be a controller or the name of one, not {format_value(law)}"
+        )
+
+
+def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
+    """Return the scene that the options of ``reset`` name, or else the drawn one.
+
+    Raises ConfigurationError for invalid options.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise ConfigurationError(
+            f'{name}: options must be a table such as {{"scene": 3}}, not {format_value(options)}'
+        )
+    number = options.get("scene", drawn) if options else drawn
+    if not _is_integer(number) or not 0 <= number < count:
+        which = (
+            f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
+        )
+        raise ConfigurationError(f"{name}: scene must be {which}, not {format_value(number)}")
+    return int(number)
+
+
+def _is_integer(value: object) -> TypeGuard[int]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+gymnasium.register("vsconstraints/Servo-v0", entry_point=f"{__name__}:ServoEnv")

@@ -1,0 +1,209 @@
+"""Policy as a law: a small neural network computes q̈, which rows may filter."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, BinaryIO
+from zipfile import ZipFile
+
+import numpy as np
+
+from ...controllers import Controller, Pair, make_controller
+from ...controllers.base import require_model, restart
+from ...controllers.ranges import positive_number
+from ...errors import ConfigurationError, InvalidInput, one_line
+from ...plugins.regular_files import require_regular
+from ...rows import Array, Command, Rows, Task
+
+#: Acceleration of an action of 1 if the scene states no limit [rad/s² or m/s²].
+ACCELERATION = 10.0
+LARGE = 1e30  #: Weights below cannot overflow.
+MAX_BYTES = 1_000_000_000  #: Maximum size of the arrays of a weights file.
+
+_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+class Observer:
+    """Observation of a policy: 2 m + m n + k n + k + 2 n numbers for m rows, n joints, k features.
+
+    It consists of φ/s, L_fφ/s and L_gφ a/s, where s (m,) is the ``scale`` of the rows; of J a/‖J a‖
+    and b/‖J a‖; of q, relative to the middle of its range and divided by half of the range; and of
+    q̇, divided by the greatest speed. Joints without a limit are not scaled. Matrices are flattened
+    row by row. Each number x is mapped to x/(1 + |x|). ``action`` is a (n,): the limit of
+    ``acceleration`` (n,), or ``otherwise`` if that is infinite. For ``ranges`` see
+    :attr:`vsconstraints.robots.Robot.ranges`.
+    """
+
+    def __init__(
+        self,
+        scale: Array,
+        acceleration: Array,
+        ranges: tuple[Array, Array, Array],
+        otherwise: float,
+    ) -> None:
+        low, high, speed = (np.where(np.isfinite(each), each, np.nan) for each in ranges)
+        self.action = np.where(np.isfinite(acceleration), acceleration, otherwise)
+        self._middle = np.nan_to_num(0.5 * (low + high))
+        half = np.where(high > low, 0.5 * (high - low), 1.0)
+        self._of_rows = np.concatenate(
+            (1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel())
+        )
+        self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
+
+    def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
+        """Return the observation of rows and task at q and q̇ (n,)."""
+        of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
+        Ja = (task.J * self.action).ravel()
+        of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
+        x = np.concatenate(
+            (of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints)
+        )
+        return np.asarray(x / (1.0 + np.abs(x)))
+
+
+class Policy(Controller):
+    """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), with x and a of :class:`Observer`.
+
+    π is a network of layers W x + b with tanh between them, whose output is clipped to [-1, 1]. The
+    network does not enforce any row: q̈ is the task of a demand and a resolver. With
+    ``demand="barrier", resolver="filter"`` the command is the closest to q̈ that satisfies the
+    barriers of all rows. Raises ConfigurationError if the file cannot be read, or an array is
+    missing, has the wrong shape, or contains a number that is not finite.
+
+    Parameters
+    ----------
+    weights
+        A NumPy file, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the
+        default, also ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and
+        ``law``, the name of that law.
+    demand, resolver, options
+        As in :class:`vsconstraints.controllers.laws.Pair`; no row is enforced by default.
+    """
+
+    name = "policy"
+    model: Any = None
+
+    def __init__(
+        self, *, weights: str, demand: str = "nothing", resolver: str = "priority", **options: Any
+    ) -> None:
+        self.weights = weights
+        self.filter = Pair(demand=demand, resolver=resolver, **options)
+        self.layers, self.otherwise, law = read_weights(Path(weights))
+        self.laws: list[Controller] = [self.filter, *([make_controller(law)] if law else [])]
+        self._observer: Observer | None = None
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Required information: L_fφ, a model (for q and q̇), and that of filter and law."""
+        return tuple(
+            dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses)))
+        )
+
+    def reset(self, period: float | None = None, model: Any = None) -> None:
+        """Reset filter and law; see :class:`.Controller`."""
+        self.model = model or self.model
+        self._observer = None
+        for law in self.laws:
+            law.reset() if period is None else restart(law, period, lambda: self.model)
+
+    def action(self, x: Array) -> Array:
+        """Return π(x) of an observation."""
+        for W, b in self.layers[:-1]:
+            x = np.tanh(W @ x + b)
+        W, b = self.layers[-1]
+        return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """Return the filtered command; see the class.
+
+        Raises InvalidInput without a model, and if the network does not fit the size of the scene.
+        """
+        model = self.model
+        n = task.J.shape[1]
+        require_model(self.name, rows, task, model)
+        if self._observer is None:
+            self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
+        _, q, qd = model.present
+        x = self._observer(rows, task, q, qd)
+        sizes = (self.layers[0][0].shape[1], len(self.layers[-1][1]))
+        if sizes != (len(x), n):
+            scene = f"{len(rows.phi)} rows, {n} joints and {len(task.b)} features"
+            raise InvalidInput(
+                f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}"
+            )
+        qdd = self._observer.action * self.action(x)
+        for law in self.laws[1:]:
+            qdd += law.command(rows, task).qdd
+        return self.filter.command(rows, Task(np.eye(n), qdd))
+
+
+def _require_small(opened: BinaryIO) -> None:
+    """Raise ValueError if the arrays of an archive declare more than :data:`MAX_BYTES`.
+
+    No array is expanded for the check.
+    """
+    with ZipFile(opened) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > MAX_BYTES:
+            raise ValueError(
+                f"its arrays have {size / 1e6:.0f} MB, and may have {MAX_BYTES / 1e6:g}"
+            )
+        for member in archive.infolist():
+            with archive.open(member) as array:
+                read = _HEADERS.get(np.lib.format.read_magic(array))
+                if read is None:
+                    raise ValueError(f"{member.filename} is in a format that is not known")
+                shape, _, kind = read(array)
+                if (
+                    not kind.hasobject
+                    and array.tell() + math.prod(shape) * kind.itemsize != member.file_size
+                ):
+                    raise ValueError(f"{member.filename} is not as large as it says")
+    opened.seek(0)
+
+
+def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
+    """Return the layers (W, b), the acceleration and the name of a law, empty for none.
+
+    Raises the errors of :class:`Policy`.
+    """
+    try:
+        require_regular(path)
+        with path.open("rb") as opened:
+            _require_small(opened)
+            with np.load(opened, allow_pickle=False) as file:
+                arrays = dict(file)
+    except Exception as error:  # NumPy raises any error for invalid headers and archives
+        what = one_line(str(error)) or type(error).__name__
+        raise ConfigurationError(
+            f"{path}: no weights can be read: {what}; numpy.savez writes such files"
+        ) from error
+    law = str(arrays.pop("law", ""))
+    acceleration = arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
+    names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
+    if {*arrays} != {name for pair in names for name in pair}:
+        raise ConfigurationError(
+            f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}"
+        )
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
+            raise ConfigurationError(
+                f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone"
+            )
+    size = arrays["W0"].shape[-1:]
+    for W, b in names:
+        if arrays[W].ndim != 2 or arrays[W].shape != (*arrays[b].shape, *size):
+            shapes = f"{W} and {b} have the shapes {arrays[W].shape} and {arrays[b].shape}"
+            raise ConfigurationError(
+                f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)"
+            )
+        size = arrays[b].shape
+    return (
+        [(arrays[W], arrays[b]) for W, b in names],
+        positive_number(f"acceleration in {path}", acceleration),
+        law,
+    )

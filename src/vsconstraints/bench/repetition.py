@@ -1,0 +1,195 @@
+"""Repetition of a random share of a study's runs, compared with the stored results."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from random import Random
+from typing import Any
+
+from ..comparisons.runs.machine import run_limit
+from ..comparisons.runs.pool import Failure, OpenWorkers, processes
+from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import MOVED
+from ..plugins.classes import untrusted
+from .evidence import Batch, scored
+from .evidence.own_files import changed, contents, own_folders
+from .families import Family
+from .study import CONDITION, OUTCOME, SCENE, Study
+
+TOLERANCE = 1e-9  #: Relative difference up to which numbers of two machines count as equal.
+NUDGE = 1e-13  #: Relative change of the start that reveals runs decided by rounding.
+MAX_SECRET = 2**32  #: Secret seeds are below this number.
+#: Runs per call: the law and its baseline, both once more, and both from the moved start.
+RUNS_OF_CALL = 6
+
+Line = Mapping[str, Any]  #: One run of a study: its values by column.
+ON_ALL_CORES = processes()
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Result of repeating runs of a study.
+
+    ``differences`` are sentences on runs that differ. ``by_rounding`` are sentences on runs that
+    differ only because rounding decides them. ``changed_files`` are the names of files that custom
+    laws have loaded or read and whose content on this machine differs from that in the study.
+    ``moved`` are laws that are no longer part of the package, with their files: their runs are not
+    repeated.
+    """
+
+    runs: int
+    differences: tuple[str, ...]
+    by_rounding: tuple[str, ...]
+    changed_files: tuple[str, ...] = ()
+    moved: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def agreeing(self) -> int:
+        """Number of repeated runs that agree with the study."""
+        return self.runs - len(self.differences) - len(self.by_rounding)
+
+
+def secret_seed() -> int:
+    """Draw a seed that nobody can know beforehand."""
+    return secrets.randbelow(MAX_SECRET)
+
+
+def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
+    """Draw a share of a study's runs; the order of the study's lines has no influence.
+
+    Runs of laws that are no longer part of the package are not drawn.
+    """
+    repeatable = study.runs[~study.runs["controller"].isin([*moved_laws(study)])]
+    ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
+    lines: list[dict[str, Any]] = ordered.to_dict("records")
+    return Random(seed).sample(lines, math.ceil(share * len(lines)))
+
+
+def repeat(
+    study: Study,
+    families: Mapping[str, Family],
+    share: float,
+    seed: int,
+    *,
+    trust: bool = False,
+    workers: OpenWorkers = ON_ALL_CORES,
+    on_progress: Callable[[int, int], object] = lambda done, total: None,
+) -> Repetition:
+    """Repeat a share of a study's runs, drawn by ``seed``, and report those that differ.
+
+    Numbers differ if they deviate by more than :data:`TOLERANCE`. Rounding decides a run if all
+    numbers that differ also change when its start is moved by :data:`NUDGE`. A run that differs
+    from the study and from its own repetition here is not reproducible, which is a difference.
+    Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
+    """
+    own_laws = [law.law for law in study.laws.values() if ":" in law.law]
+    if own_laws and not trust:
+        raise untrusted("a table of runs", own_laws)
+    lines = drawn_lines(study, share, seed)
+    calls = {}
+    limits = {}
+    for number, line in enumerate(lines):
+        family = families[line["family"]]
+        calls[number] = (
+            line,
+            family,
+            study.laws[line["controller"]],
+            study.frozen[family.name]["seed"],
+        )
+        limits[number] = RUNS_OF_CALL * run_limit(family.tables)
+    differences: dict[int, str] = {}
+    by_rounding: dict[int, str] = {}
+    on_progress(0, len(lines))
+    with workers(repeat_run) as opened:
+        for done, (number, answer) in enumerate(opened.run(calls, limits), start=1):
+            line = lines[number]
+            where = f"{line['family']} {line['scene']}, {line[CONDITION]}, {line['controller']}"
+            if isinstance(answer, Failure):
+                differences[number] = f"{where}: it cannot be made again: {answer.reason}"
+            elif answer[0]:
+                found, decided_by_rounding = answer
+                by_kind = by_rounding if decided_by_rounding else differences
+                by_kind[number] = f"{where}: {'; '.join(found)}"
+            on_progress(done, len(lines))
+    return Repetition(
+        len(lines),
+        _in_order(differences),
+        _in_order(by_rounding),
+        changed_files(study),
+        moved_laws(study),
+    )
+
+
+def moved_laws(study: Study) -> dict[str, str]:
+    """Return the laws that are no longer part of the package, with their file and class."""
+    return {name: MOVED[law.law] for name, law in study.laws.items() if law.law in MOVED}
+
+
+def changed_files(study: Study) -> tuple[str, ...]:
+    """Return the names of the custom laws' files whose content differs from that in the study."""
+    own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
+    if not own_laws:
+        return ()
+    return tuple(changed(study.files, contents(study.files, own_folders(own_laws, ()))))
+
+
+def _in_order(sentences: Mapping[int, str]) -> tuple[str, ...]:
+    return tuple(sentence for _, sentence in sorted(sentences.items()))
+
+
+def repeat_run(
+    line: Line, family: Family, law: ControllerSpec, seed: int
+) -> tuple[list[str], bool]:
+    """Repeat the run of a line, in a worker.
+
+    Return sentences on the differences, and True if rounding decides the run.
+    """
+    made = repeat_once(line, family, law, seed)
+    found = _differences(line, made)
+    if not found:
+        return [], False
+    unstable = _differences(made, repeat_once(line, family, law, seed))
+    if unstable:
+        return [f"not reproducible here: {sentence}" for sentence in unstable.values()], False
+    changed_by_nudge = _differences(made, repeat_once(line, family, law, seed, NUDGE))
+    unexplained = [text for column, text in found.items() if column not in changed_by_nudge]
+    if unexplained:
+        return unexplained, False
+    return list(found.values()), True
+
+
+def repeat_once(
+    line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0
+) -> Line:
+    """Make the run of a line once, from a start that is moved by a relative change ``nudge``."""
+    laws = ControllerSpec(BASELINE), law
+    task = Batch(family, (line["scene"],), (line[CONDITION],), laws, line["half"], seed)
+    if nudge:
+        scene = family.scene(line["scene"], line["half"], seed)
+        moved = [(1.0 + nudge) * coordinate for coordinate in scene.scenario().tables["q0"]]
+        tables = {name: {**tables, "q0": moved} for name, tables in scene.tables.items()}
+        task = replace(task, drawn=replace(scene, tables=tables))
+    runs: list[Line] = scored(task).runs.to_pylist()
+    return next(run for run in runs if run["controller"] == law.name)
+
+
+def _differences(one: Line, other: Line) -> dict[str, str]:
+    """Return sentences on the differences of two results, by column."""
+    found = {}
+    for column in OUTCOME:
+        a = one[column.name]
+        b = other[column.name]
+        if column.kind == "number":
+            a = math.nan if a is None else a
+            b = math.nan if b is None else b
+            same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (
+                math.isnan(a) and math.isnan(b)
+            )
+        else:
+            same = a == b
+        if not same:
+            found[column.name] = f"{column.name} is {a!r} and was made {b!r}"
+    return found

@@ -1,0 +1,266 @@
+"""Data of the report of evidence: runs and outcomes, paired by scene, and repeated single runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from ...comparisons import RunRecord
+from ...comparisons.runs.spec import BASELINE, ControllerSpec
+from ...errors import unknown_name
+from ...plugins.classes import untrusted
+from ...reports.drawing import picture
+from ...reports.groups import required_information
+from ...reports.plots import PNG, Figure, Formats
+from ...reports.plots.style import TUNED
+from ...simulation import Setup, simulate, until_settled
+from ..evidence import Evidence
+from ..families.family import NOMINAL, TOGETHER
+from ..statistics.judged import OUTCOMES, endings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Value = TypeVar("Value")
+MIN_LEVELS = 3  #: Least number of levels of the first factor, over which curves are drawn.
+#: Columns that identify a scene: controllers are compared on the same scenes.
+SCENE = ["family", "scene"]
+
+
+class Factorial(NamedTuple):
+    """Conditions that form a full factorial of levels, such as speed × latency × noise.
+
+    Only conditions that were run are included. ``factors`` are the levels of each factor, the
+    nominal one first, and the factor with most levels first. ``conditions`` are keyed by levels.
+    """
+
+    factors: tuple[tuple[str, ...], ...]
+    conditions: Mapping[tuple[str, ...], str]
+
+    @classmethod
+    def of(cls, table: Mapping[str, Mapping[str, Any]], run: Collection[str]) -> Factorial | None:
+        """Find the factorial in a family's table of conditions, of which some were run.
+
+        Return None without a full factorial, or if its first factor has fewer than
+        :data:`MIN_LEVELS` levels. Conditions that combine others are combinations of levels.
+        Levels that are never combined belong to one factor.
+        """
+        combined = {
+            frozenset(said[TOGETHER]): name for name, said in table.items() if [*said] == [TOGETHER]
+        }
+        factors: list[list[str]] = []
+        for level in (name for name in table if any(name in levels for levels in combined)):
+            apart = (
+                own
+                for own in factors
+                if not any({level, other} <= one for one in combined for other in own)
+            )
+            own = next(apart, None)
+            if own is None:
+                factors.append(own := [NOMINAL])
+            own.append(level)
+        factors.sort(key=len, reverse=True)
+        names = {
+            frozenset(): NOMINAL,
+            **{frozenset([name]): name for own in factors for name in own[1:]},
+            **combined,
+        }
+        cells = {levels: names.get(frozenset(levels) - {NOMINAL}) for levels in product(*factors)}
+        there = {levels: name for levels, name in cells.items() if name is not None and name in run}
+        kept = tuple(
+            tuple(own for own in one if any(c[k] == own for c in there))
+            for k, one in enumerate(factors)
+        )
+        full = None not in cells.values() and kept and len(kept[0]) >= MIN_LEVELS
+        return cls(kept, there) if full else None
+
+
+class Dataset:
+    """Evidence in the form that the parts of the report need.
+
+    ``tuning`` is the folder of the tuning, None if none is shown. ``figures`` is True if figures
+    are drawn, in ``formats``. ``laws``, ``families`` and ``situations`` (families in conditions)
+    are those that have runs, in the campaign's order. ``conditions`` have the same order and omit
+    those that are only levels of ``factorials`` of families.
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        tuning: Path | None = None,
+        figures: bool = True,
+        formats: Formats = PNG,
+    ) -> None:
+        self.evidence = evidence
+        self.tuning = tuning
+        self.figures = figures
+        self.formats = formats
+        self.folder = evidence.folder
+        self.manifest = evidence.manifest
+        self.configuration: dict[str, Any] = dict(evidence.manifest["configuration"])
+        self._cache: dict[Hashable, Any] = {}
+        self.laws = _ordered(evidence.controllers, self.runs["controller"])
+        self.families = _ordered(tuple(self.configuration["families"]), self.runs["family"])
+        every = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
+        pairs = set(self.runs[["family", "condition"]].itertuples(index=False, name=None))
+        self.situations = [pair for pair in product(self.families, every) if pair in pairs]
+        self.factorials: dict[str, Factorial] = {}
+        for family in self.families:
+            table = (
+                self.configuration["families"]
+                .get(family, {})
+                .get("tables", {})
+                .get("conditions", {})
+            )
+            own = Factorial.of(
+                table, [condition for name, condition in self.situations if name == family]
+            )
+            self.factorials |= {family: own} if own is not None else {}
+        levels = {
+            (family, name)
+            for family, own in self.factorials.items()
+            for name in own.conditions.values()
+        }
+        outside = {
+            NOMINAL,
+            *(
+                condition
+                for family, condition in self.situations
+                if (family, condition) not in levels
+            ),
+        }
+        self.conditions = tuple(name for name in every if name in outside) or every
+        self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
+
+    def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """Return a value that several parts need; compute it once and cache it by its key."""
+        if key not in self._cache:
+            self._cache[key] = compute()
+        value: Value = self._cache[key]
+        return value
+
+    def picture(self, figure: Figure, *needed: object) -> str:
+        """Draw a figure and return it with its caption; empty without figures."""
+        return (
+            picture(figure, self.folder / "figures", self.formats, *needed) if self.figures else ""
+        )
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """Runs of the compared controllers, with their outcomes.
+
+        ``kept`` is True if no row was violated, ``success`` if the goal was also reached.
+        ``tolerant kept`` and ``tolerant success`` apply the tolerant standard. ``tolerance`` is
+        the least tolerance at which a run is a success.
+        """
+        every = self.evidence.runs
+        runs = every[every["controller"] != BASELINE].copy()
+        for standard in ("", "tolerant "):
+            runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
+            runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
+        runs["ending"] = endings(runs)
+        runs["tolerance"] = (
+            runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
+        )
+        plain: pd.DataFrame = runs.astype(
+            dict.fromkeys(("family", "condition", "controller", "status"), str)
+        )
+        return plain
+
+    @cached_property
+    def required(self) -> dict[str, tuple[str, ...] | None]:
+        """Information that each controller requires beyond rows and task.
+
+        It is None for a custom controller, whose code defines it.
+        """
+        entries = self.configuration["controllers"]
+        return {name: required_information(name, entries.get(name, {})) for name in self.laws}
+
+    def of_law(self, law: str) -> pd.DataFrame:
+        """Return all runs of a controller."""
+        return self.runs[self.runs["controller"] == law]
+
+    def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return the runs in a condition, of some families or of all."""
+        runs = self.runs[self.runs["condition"] == condition]
+        return runs if families is None else runs[runs["family"].isin(list(families))]
+
+    def paired(
+        self, condition: str, column: str, families: Sequence[str] | None = None
+    ) -> pd.DataFrame:
+        """Return a column with one line per scene and one column per controller.
+
+        Only scenes that all controllers ran are included.
+        """
+        runs = self.among(condition, families)
+        wide = runs.pivot_table(
+            index=SCENE, columns="controller", values=column, aggfunc="first", dropna=False
+        )
+        ran = runs.pivot_table(
+            index=SCENE, columns="controller", values="success", aggfunc="count", fill_value=0
+        )
+        wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
+        return wide[[name for name in self.laws if name in wide.columns]]
+
+    def working(self, condition: str) -> tuple[str, ...]:
+        """Return the controllers of which at least one run in a condition did not fail.
+
+        A controller that stands still violates nothing and is therefore left out. If all runs of
+        all controllers failed, all are returned.
+        """
+        runs = self.among(condition)
+        working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
+        return tuple(law for law in self.laws if law in working) or self.laws
+
+    def families_of(self, *conditions: str) -> list[str]:
+        """Return the families that have runs in all of these conditions."""
+        there = [set(self.among(condition)["family"]) for condition in conditions]
+        return [name for name in self.families if all(name in one for one in there)]
+
+
+def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
+    """Return the names that are present: planned ones in their order, then the others."""
+    there = set(present)
+    return tuple(dict.fromkeys([*(name for name in planned if name in there), *sorted(there)]))
+
+
+def replay(
+    folder: Path | str,
+    family: str,
+    scene: int,
+    condition: str,
+    controller: str,
+    *,
+    trust: bool = False,
+) -> RunRecord:
+    """Draw a scene of a campaign again and repeat a controller's run with its whole trajectory.
+
+    With ``trust``, code that the campaign names as ``module:Class`` may run. Raises
+    ConfigurationError if the folder has no evidence or no such run, or if the run needs code that
+    is not trusted.
+    """
+    evidence = Evidence.load(Path(folder), trust)
+    return rerun(evidence, setup_of(evidence, family, scene, condition), controller)
+
+
+def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:
+    """Return the setup of a scene, with the noise of that scene."""
+    if family not in evidence.families:
+        raise unknown_name("family", family, evidence.families)
+    return until_settled(evidence.drawn(family, scene).setup(condition))
+
+
+def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
+    """Run a controller on a setup with the options of the campaign."""
+    entries = evidence.manifest["configuration"]["controllers"]
+    if controller not in entries:
+        raise unknown_name("controller", controller, entries)
+    entry = ControllerSpec.from_table(controller, entries[controller])
+    if ":" in entry.law and not evidence.trusted:
+        raise untrusted(f"controller {controller}", [entry.law])
+    setup = entry.run.of(setup)
+    return RunRecord.of(setup, simulate(setup, entry.make()), "")

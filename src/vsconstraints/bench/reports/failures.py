@@ -1,0 +1,246 @@
+"""Success and failures of controllers in every situation, and figures of repeated scenes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...comparisons.runs.spec import BASELINE
+from ...errors import described
+from ...reports.figures import FIGURES, View
+from ...reports.groups import MAX_LAWS
+from ...reports.markdown import code, enumeration, plain
+from ...reports.numbers import number
+from ...reports.page import render_html
+from ...reports.plots import Figure
+from ...reports.results import reason_kind
+from ...reports.scenario import finer_unit
+from ...rows.readable import counted
+from ..statistics.judged import UNSUCCESSFUL
+from .dataset import Dataset, rerun, setup_of
+from .ranking import Ranking, Share, ranking
+from .tables import most_frequent
+
+#: Most ways to fail in a cell, and their least share of a controller's failed runs.
+MAX_REASONS = 3
+MIN_SHARE = 0.02
+#: Order of statuses, the worst last.
+ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
+#: Relative luminance above which black text has more contrast than white (WCAG).
+BRIGHT = 0.179
+TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
+
+
+def kinds(runs: Any) -> list[tuple[str, int]]:
+    """Return the most frequent ways in which runs were unsuccessful, with their counts."""
+    columns = (runs[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
+    every = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
+    return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
+
+
+def _failure_kind(ending: str, violated: str, reason: str) -> str:
+    """Return the kinds of rows that a run violated or, without violation, its ending."""
+    if kinds := sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}):
+        return f"{enumeration(kinds)} violated"
+    return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
+
+
+def worst_last(runs: Any) -> Any:
+    """Sort runs: successful ones first, the slowest of these last, then by violation and ending."""
+    depth = runs["violation_depth"].astype(float).fillna(0.0)
+    ending = runs["status"].map(ORDER).fillna(len(ORDER))
+    by = ["success", "depth", "order", "settling_time_s"]
+    return runs.assign(depth=depth, order=ending).sort_values(
+        by, ascending=[False, True, True, True], kind="stable"
+    )
+
+
+def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """Return the typical (median) and the worst unsuccessful run of each controller that fails.
+
+    Runs are ordered by violation depth and ending.
+    """
+    examples = {}
+    failures = worst_last(dataset.runs[~dataset.runs["success"]])
+    for law in dataset.laws:
+        runs = failures[failures["controller"] == law]
+        if len(runs):
+            examples[law] = {"typical": runs.iloc[(len(runs) - 1) // 2], "worst": runs.iloc[-1]}
+    return examples
+
+
+def where(run: Any) -> str:
+    """Return the scene of a run and its condition as text."""
+    return f"{run['family']} {run['scene']}, {run['condition']}"
+
+
+def reason_text(dataset: Dataset, run: Any) -> str:
+    """Return why a run was unsuccessful, and the depth of its worst violation."""
+    parts = [plain(run["reason"])] if run["reason"] else []
+    keys = ["family", "condition", "scene", "controller"]
+
+    def violated() -> tuple[Any, Any]:
+        rows = dataset.evidence.rows[dataset.evidence.rows["violation_depth"] > 0.0]
+        return rows, rows.groupby(keys, observed=True).indices
+
+    every, places = dataset.once("violated rows", violated)
+    rows = every.iloc[places.get(tuple(run[keys]), [])]
+    if len(rows):
+        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
+        unit, factor = finer_unit(str(worst["unit"]))
+        more = f" and {counted(len(rows) - 1, 'other row')}" if len(rows) > 1 else ""
+        depth = number(factor * float(worst["violation_depth"]))
+        parts.append(f"violates {code(str(worst['constraint']))} by {depth} {unit}{more}")
+    elif run["violated"]:
+        parts.append(f"violates {plain(run['violated'])}")
+    return "; ".join(parts) or "the goal is not reached, no row is violated"
+
+
+def divisive_scene(dataset: Dataset, family: str) -> int | None:
+    """Return the number of the scene that divides controllers most evenly.
+
+    Return None if all controllers agree on every scene.
+    """
+    share = dataset.paired(dataset.conditions[0], "success", [family]).astype(bool).mean(axis=1)
+    divided: Any = share[(share > 0.0) & (share < 1.0)]
+    return None if divided.empty else int((divided - 0.5).abs().idxmin()[1])
+
+
+def scene_figures(dataset: Dataset) -> list[str]:
+    """Return the figure of the most divisive scene of each family, in the first condition.
+
+    It shows the tracks of the best controllers and of the unconstrained baseline.
+    """
+    texts = []
+    condition = dataset.conditions[0]
+    for family in dataset.families if dataset.figures else ():
+        scene = divisive_scene(dataset, family)
+        if scene is None:
+            continue
+        first = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
+        # In this order they have the colours of other figures.
+        laws = [law for law in dataset.laws if law in first]
+        try:
+            setup = setup_of(dataset.evidence, family, scene, condition)
+            runs = {name: rerun(dataset.evidence, setup, name) for name in (BASELINE, *laws)}
+        except Exception as error:  # missing custom parts can raise anything
+            texts.append(
+                f"Scene {scene} of {plain(family)} could not be simulated again: "
+                f"{plain(described(error))}."
+            )
+            continue
+        success: Any = (
+            dataset.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
+        )
+        successful = enumeration([law for law in laws if success[law]]) or "none of these"
+        title = f"{plain(family)} {scene}, {condition}"
+        figure = replace(
+            TRACKS,
+            name=f"scene--{family}",
+            title=title,
+            caption=f"{title}. Successful: {successful}.",
+        )
+        texts.append(dataset.picture(figure, View(setup, runs, (BASELINE, *laws))))
+    return texts
+
+
+# --- Situations: a family in a condition ---
+
+
+class Cell(NamedTuple):
+    """Controller in a situation: success, endings of runs, and whether it is significantly ahead.
+
+    ``front`` is True if it is among the best and others are significantly behind. ``worst`` is the
+    scene of its worst run, with its ``status`` and, unless it is a success, the ``reason``.
+    """
+
+    share: Share
+    front: bool
+    endings: dict[str, int]
+    worst: int
+    status: str
+    reason: str
+
+    @property
+    def colours(self) -> tuple[str, str]:
+        """Colours of background and text.
+
+        The background can also be read by colour-blind readers.
+        """
+        from matplotlib import colormaps
+        from matplotlib.colors import to_hex
+
+        rgb = colormaps["cividis"](self.share.value)[:3]
+        linear = [
+            part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in rgb
+        ]
+        luminance = sum(w * part for w, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+        return to_hex(rgb), "#000" if luminance > BRIGHT else "#fff"
+
+
+class Situation(NamedTuple):
+    """Family in a condition: success of controllers there, and a cell for each that has runs."""
+
+    family: str
+    condition: str
+    ranked: Ranking
+    cells: dict[str, Cell]
+
+
+def situations(dataset: Dataset) -> list[Situation]:
+    """Return all situations in the order of families and conditions; they are cached."""
+    return dataset.once("situations", lambda: _situations(dataset))
+
+
+def _situations(dataset: Dataset) -> list[Situation]:
+    keys = ["family", "condition", "controller"]
+    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
+    last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
+    worst: dict[tuple[str, ...], Any] = {tuple(run[keys]): run for _, run in last.iterrows()}
+    found = []
+    for family, condition in dataset.situations:
+        ranked = ranking(dataset, condition, families=[family])
+        cells = {}
+        for law, share in ranked.shares.items():
+            run = worst[family, condition, law]
+            front = law in ranked.front and ranked.next is not None
+            ends = {
+                name: counts[family, condition, law, name] for name in ("success", *UNSUCCESSFUL)
+            }
+            reason = "" if run["success"] else reason_text(dataset, run)
+            cells[law] = Cell(share, front, ends, int(run["scene"]), str(run["status"]), reason)
+        if cells:
+            found.append(Situation(family, condition, ranked, cells))
+    return found
+
+
+def heat_map(dataset: Dataset) -> str:
+    """Return success as an HTML table with a colour for each cell.
+
+    A cell links to its worst run. A click on a heading sorts the columns.
+    """
+    entries = dataset.configuration["controllers"]
+    shown = {"laws": dataset.laws, "endings": UNSUCCESSFUL}
+    own = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
+    template = Path(__file__).with_name("heat-map.html")
+    return render_html(template, situations=situations(dataset), own=own, **shown)
+
+
+def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
+    """Return a line for each controller in each situation, for files.
+
+    It has the success with its interval, and counts of endings.
+    """
+    return [
+        {
+            "family": one.family,
+            "condition": one.condition,
+            "law": law,
+            **cell.share.numbers("success"),
+        }
+        | {"endings": cell.endings, "front": cell.front, "worst_scene": cell.worst}
+        for one in situations(dataset)
+        for law, cell in one.cells.items()
+    ]

@@ -1,0 +1,323 @@
+"""Ranking of controllers by success rate, and paired comparisons on the same scenes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...reports.markdown import bold, enumeration, first_names, plain
+from ...reports.numbers import DASH, number, percentage
+from ...rows.readable import counted
+from ..statistics import (
+    Rate,
+    compare_laws,
+    distinguishable,
+    mcnemar,
+    rate,
+    simultaneous,
+)
+from ..statistics.judged import MIN_SCENES, judged_metric
+from .dataset import Dataset
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Conditions as text at the beginning of a sentence.
+CONDITIONS = {
+    "nominal": "Without disturbances",
+    "disturbed": "With disturbances",
+    "limited": "Under the arms' own limits",
+    "calibrated": "With calibration errors",
+    "dynamics": "On arms with mass",
+    "images": "By images",
+    "images-and-dynamics": "By images and on arms with mass",
+}
+MAX_NAMES = 4  #: Most controllers that a sentence names.
+
+
+def condition_text(condition: str, inside: bool = False) -> str:
+    """Return a condition as text for the beginning or the inside of a sentence."""
+    text = CONDITIONS.get(condition, f"In the condition {plain(condition)}")
+    return text[0].lower() + text[1:] if inside else text
+
+
+def scenes_text(scenes: int, families: int) -> str:
+    """Return the number of scenes and families as text."""
+    return f"{counted(scenes, 'scene')} of {counted(families, 'family', 'families')}"
+
+
+def names_text(names: Sequence[str]) -> str:
+    """Return the names as text, or the first of them and the number of the others."""
+    return enumeration(first_names(names, MAX_NAMES))
+
+
+class Share(NamedTuple):
+    """Share from 0 to 1, or difference of two, with its interval; printed in per cent."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, rate: Rate) -> Share:
+        """Return the share of a rate."""
+        return cls(rate.share, rate.low, rate.high)
+
+    @property
+    def complement(self) -> Share:
+        """Share of the opposite outcome."""
+        return Share(1.0 - self.value, 1.0 - self.high, 1.0 - self.low)
+
+    @property
+    def reversed(self) -> Share:
+        """Difference with the opposite sign."""
+        return Share(-self.value, -self.high, -self.low)
+
+    @property
+    def digits(self) -> int:
+        """Number of decimals that the interval can resolve."""
+        half = 50.0 * (self.high - self.low)
+        return (
+            min(max(math.ceil(-math.log10(half / 3.0)), 0), 4)
+            if math.isfinite(half) and half > 0.0
+            else 1
+        )
+
+    def _texts(self) -> tuple[str, str]:
+        """Return the value and its interval as texts without a unit."""
+        value, low, high = (percentage(one, self.digits) for one in self)
+        # A dash next to a negative number would be read as a sign.
+        return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
+
+    @property
+    def cell(self) -> str:
+        """Share for tables in per cent, as ``93.0 (91.2–94.6)``."""
+        return "{} ({})".format(*self._texts()) if math.isfinite(self.value) else DASH
+
+    @property
+    def text(self) -> str:
+        """Share for sentences, as ``93.0 % (91.2–94.6 %)``."""
+        return "{} % ({} %)".format(*self._texts())
+
+    @property
+    def points(self) -> str:
+        """Difference of two shares, as ``1.7 points (0.6–3.0)``."""
+        return "{} points ({})".format(*self._texts())
+
+    def numbers(
+        self, name: str, low: str = "low", high: str = "high", law: str = ""
+    ) -> dict[str, float]:
+        """Return the value and its interval by these names, with the controller if given."""
+        of = f"[{law}]" if law else ""
+        return {name + of: self.value, low + of: self.low, high + of: self.high}
+
+
+class Ranking(NamedTuple):
+    """Controllers in a condition, the best first.
+
+    ``shares`` are success rates in scenes that all controllers ran. ``differences`` are the
+    differences of the rates of each two, with 95 % intervals simultaneous for all pairs of the
+    condition.
+    """
+
+    condition: str
+    laws: tuple[str, ...]
+    shares: Mapping[str, Share]
+    differences: Mapping[tuple[str, str], Share]
+    scenes: int
+    families: int
+
+    @property
+    def scenes_text(self) -> str:
+        """Number of scenes and families as text."""
+        return scenes_text(self.scenes, self.families)
+
+    @property
+    def too_few(self) -> bool:
+        """True if there are too few scenes for any difference to be significant."""
+        return self.scenes < MIN_SCENES
+
+    def significant(self, first: str, second: str) -> bool:
+        """Return True if two controllers differ significantly."""
+        _, low, high = self.differences[first, second]
+        return distinguishable(low, high, self.scenes)
+
+    @property
+    def leader(self) -> str:
+        """Controller with the best rate."""
+        return self.laws[0]
+
+    @property
+    def hopeless(self) -> bool:
+        """True if no controller ever succeeds."""
+        return self.shares[self.leader].value == 0.0
+
+    @property
+    def front(self) -> tuple[str, ...]:
+        """Leader, and all controllers that do not differ significantly from it."""
+        return tuple(
+            law for law in self.laws if law == self.leader or not self.significant(self.leader, law)
+        )
+
+    @property
+    def next(self) -> str | None:
+        """Best of the controllers that differ significantly from the leader, None without any."""
+        return next((law for law in self.laws if law not in self.front), None)
+
+    def among(self, laws: Iterable[str]) -> Ranking:
+        """Return the ranking of some controllers; intervals stay simultaneous for all pairs."""
+        chosen = set(laws)
+        return self._replace(laws=tuple(law for law in self.laws if law in chosen))
+
+    def cell(self, law: str, complement: bool = False) -> str:
+        """Format the success rate of a controller, or its complement.
+
+        It is bold if significantly the best, and marked with ≈ if not significantly worse.
+        """
+        if law not in self.shares:
+            return DASH
+        share = self.shares[law]
+        text = (share.complement if complement else share).cell
+        if (
+            len(self.laws) < 2
+            or law not in self.laws
+            or law not in self.front
+            or (self.hopeless and not complement)
+        ):
+            return text
+        return bold(text) if len(self.front) == 1 else f"≈ {text}"
+
+    @property
+    def named_front(self) -> str:
+        """Controllers of the front with their shares, or the first and the number of the others."""
+        texts = first_names(self.front, MAX_NAMES)
+        return enumeration(
+            [f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts]
+        )
+
+
+def ranking(
+    dataset: Dataset, condition: str, column: str = "success", families: Sequence[str] | None = None
+) -> Ranking:
+    """Rank controllers by how often a column is true.
+
+    Only scenes of the condition that all controllers ran are used.
+    """
+    key = (condition, column, None if families is None else tuple(families))
+    return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
+
+
+def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Ranking:
+    """Rank controllers by how often rows are kept, without those all of whose runs failed."""
+    return ranking(dataset, condition, column).among(dataset.working(condition))
+
+
+def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
+    """Rank controllers from flags with one line per scene and one column per controller.
+
+    The first level of the index is the family of a scene.
+    """
+    arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
+    # Sorting is stable: ties keep their order.
+    laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
+    pairs = list(combinations(laws, 2))
+    level = simultaneous(0.95, len(pairs))
+    differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
+    differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
+    shares = {law: Share.of(rate(arrays[law])) for law in laws}
+    return Ranking(
+        condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0)))
+    )
+
+
+class PairVerdict(NamedTuple):
+    """Comparison of one controller with another by a measure in one condition.
+
+    ``difference`` is that of the rates, or the median of the difference or ratio over the scenes in
+    which the two differ. Its interval is simultaneous for all pairs, and ``p`` is corrected for all
+    pairs. ``scenes`` are compared, and ``differ`` of them differ. ``verdict`` is better, worse, not
+    distinguishable or too few.
+    """
+
+    difference: float
+    low: float
+    high: float
+    p: float
+    scenes: int
+    differ: int
+    verdict: str
+
+
+def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return numbers for files, with None for those that are not finite."""
+    return {
+        name: None if isinstance(x, float) and not math.isfinite(x) else x
+        for name, x in numbers.items()
+    }
+
+
+PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Verdicts by pair of controllers.
+
+
+def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVerdicts:
+    """Compare every controller with every other one on the same scenes.
+
+    The measure is an outcome or the difference or ratio of a metric.
+    """
+    verdicts: PairVerdicts = {}
+    for line in compare_laws(runs, metric, by=()).itertuples():
+        ends = (
+            (line.ratio, line.ratio_low, line.ratio_high)
+            if ratio
+            else (line.difference, line.low, line.high)
+        )
+        middle, high, low = (
+            [1.0 / end if end else math.inf for end in ends] if ratio else [-end for end in ends]
+        )
+        against = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
+        same = line.p_corrected, line.paired, line.differ
+        verdicts[line.a, line.b] = PairVerdict(*ends, *same, line.verdict)
+        verdicts[line.b, line.a] = PairVerdict(middle, low, high, *same, against)
+    return verdicts
+
+
+def best_by(
+    dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
+) -> tuple[list[str], PairVerdicts] | None:
+    """Return the best controllers by the median of a metric, and the verdicts of all pairs.
+
+    The best one is followed by its ties. Only scenes in which all succeed are used. Return None
+    without such scenes, or for fewer than two controllers.
+    """
+    values = dataset.paired(condition, metric)[list(laws)].astype(float)
+    clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(
+        axis=1
+    ) & values.notna().all(axis=1)
+    values = values[clean]
+    if len(laws) < 2 or values.empty:
+        return None
+    runs = dataset.among(condition)
+    chosen = runs["controller"].isin(list(laws)) & runs.set_index(["family", "scene"]).index.isin(
+        values.index
+    )
+    medians = values.median()
+    first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
+    # One set of scenes for all laws, so that the same scenes decide which law is first.
+    pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)
+    return [
+        first,
+        *(law for law in laws if law != first and pairs[first, law].verdict != "better"),
+    ], pairs
+
+
+def gap(pair: PairVerdict, factor: float = 1.0) -> str:
+    """Format a median difference with its interval, after ≈ if it is not significant."""
+    if not pair.scenes:
+        return DASH
+    middle, low, high = (factor * value for value in pair[:3])
+    tie = "" if pair.verdict in ("better", "worse") else "≈ "
+    known = math.isfinite(low) and math.isfinite(high) and low != high
+    between = " to " if low < 0.0 else "–"
+    return f"{tie}{number(middle)}{f' ({number(low)}{between}{number(high)})' if known else ''}"

@@ -1,0 +1,222 @@
+"""Report of evidence: tables, figures and findings combined by a template; findings as data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
+from ...comparisons.runs.files import write_json
+from ...errors import ConfigurationError, StorageError
+from ...reports import groups
+from ...reports.page import render, write_pages
+from ...reports.plots import PNG, Formats
+from ...scenarios.reading import from_table
+from ..evidence import CallTimes, Evidence
+from ..statistics import costs, profile, ranks
+from ..statistics.judged import UNSUCCESSFUL
+from . import across, failures, robustness, tables
+from . import ranking as rank
+from .dataset import Dataset
+from .figures import BUDGETS, CRITICAL_DIFFERENCE, LEVELS, PROFILES, TOLERANCE, Diagram, Panel
+from .findings import Finding, always_failing, findings, reversals, tuning_gain
+from .ranking import Ranking, condition_text, finite, ranking, scenes_text
+
+CLAIMS = "claims.json"
+SITUATIONS = "Success in every situation"  #: Details that the page shows as a heat map.
+#: Metrics whose definitions the report repeats.
+DEFINED = (
+    "status",
+    "violated",
+    "within_band",
+    "settling_time_s",
+    "utilization",
+    "acceleration_variation",
+    "share_to_hold",
+)
+#: Metrics of the profiles, all positive, with their names; ranks use the first.
+PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
+#: Kinds of findings on several conditions, each on a separate line.
+ACROSS = ("turned", "tuned", "nowhere")
+#: Kinds of findings not in the line of a condition: those across conditions and in tables.
+HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
+#: Called with the number of finished parts of a report and their total.
+OnWritten = Callable[[int, int], None]
+
+
+def write_evidence_report(
+    folder: Path,
+    *,
+    figures: bool = True,
+    tuning: Path | None = None,
+    formats: Formats = PNG,
+    trust: bool = False,
+    on_written: OnWritten = lambda done, total: None,
+    on_remark: Callable[[str], None] = lambda remark: None,
+) -> Path:
+    """Write report.md, details.md, report.html, figures and claims.json from a campaign.
+
+    Return the path of report.md. Without ``figures`` existing figures are kept, and the report
+    shows none. The report shows the first of the ``formats``. ``tuning`` is the folder of the
+    tuned settings, by default ``tuning`` in the campaign's folder. Laws and constraints that the
+    campaign names as ``module:Class`` are imported only with ``trust``. ``on_written`` is called
+    with the number of finished parts and their total, ``on_remark`` with warnings. Raises
+    ConfigurationError if the folder has no evidence, if it was changed after it was stored, or if
+    the runs of an existing report are missing. Raises StorageError if the report cannot be
+    written.
+    """
+    evidence = Evidence.load(folder, trust)
+    for remark in evidence.remarks:
+        on_remark(remark)
+    if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
+        raise ConfigurationError(
+            f"{folder} has none of the {count} runs that its report was made from: runs, rows and "
+            f"scenes are missing. "
+            "The report is left as it is"
+        )
+    own = folder / "tuning"
+    tuning = tuning if tuning is not None else own if own.is_dir() else None
+    return write_report_of(Dataset(evidence, tuning, figures, formats), on_written)
+
+
+def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
+    """Write the report of loaded evidence."""
+    context = dict[str, Any]()
+    parts = (_claims, _quality, _singles)
+    report = dataset.folder / "report.md"
+    for done, part in enumerate(parts):
+        on_written(done, len(parts))
+        if done == 0 or context["rankings"]:
+            context |= part(dataset)
+    on_written(len(parts), len(parts))
+    rankings: list[Ranking] = context["rankings"]
+    data = {
+        "sentences": [asdict(one) for one in context["claims"]],
+        "table": [finite(line) for line in context["headline"]],
+        "conclusions": [one.as_data() for one in robustness.conclusions(dataset)],
+        "power": [finite(one._asdict()) for one in robustness.powers(dataset)],
+        "answers": [finite(one) for one in context["answers"]],
+        "situations": [finite(one) for one in failures.situation_data(dataset)],
+    }
+    call_times = dataset.configuration.get("call_times")
+    late = (
+        {"call_time": from_table(CallTimes, call_times, "call_times").sentence}
+        if call_times
+        else {}
+    )
+    context |= {
+        "strict": NEGLIGIBLE,
+        "tolerant": TOLERANT,
+        "definitions": {
+            **{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+            **late,
+        },
+        "tables": tables,
+        "failures": failures,
+        "across": across,
+        "robustness": robustness,
+        "tolerances": TOLERANCES,
+        "unsuccessful": UNSUCCESSFUL,
+        "groups": groups,
+        "rank": rank,
+        "situations_title": SITUATIONS,
+        "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
+    }
+    try:
+        interactive = {SITUATIONS: failures.heat_map(dataset)} if rankings else {}
+        script = Path(__file__).with_name("heat-map.js").read_text(encoding="utf-8")
+        text = render(Path(__file__).with_name("evidence.md"), dataset=dataset, **context)
+        write_pages(report, text, interactive, script if interactive else "")
+        write_json(dataset.folder / CLAIMS, data)
+    except OSError as error:
+        raise StorageError(f"the report cannot be written to {dataset.folder}: {error}") from error
+    return report
+
+
+def claims_of(dataset: Dataset) -> list[Finding]:
+    """Return the findings of the first screen in order; none if only the baseline was run."""
+    every = [finding for own in findings(dataset).values() for finding in own]
+    if every:
+        every += [
+            *reversals(dataset),
+            *robustness.robustness_findings(dataset),
+            *across.across_findings(dataset),
+        ]
+        every += [*filter(None, [tuning_gain(dataset)]), *always_failing(dataset)]
+    return every
+
+
+def _claims(dataset: Dataset) -> dict[str, Any]:
+    claims = claims_of(dataset)
+    rankings = [
+        one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes
+    ]
+    texts = {
+        one.condition: " ".join(
+            x.text for x in claims if x.condition == one.condition and x.about not in HIDDEN
+        )
+        for one in rankings
+    }
+    depths = [
+        (condition_text(one.condition), dataset.paired(one.condition, "tolerance"))
+        for one in rankings
+    ]
+    laws = dict.fromkeys((*rankings[0].laws, *dataset.laws)) if rankings else ()
+    return {
+        "claims": claims,
+        "headline": [tables.headline_numbers(dataset, rankings, law) for law in laws],
+        "rankings": rankings,
+        "answers": [tables.answer_numbers(dataset, one) for one in rankings],
+        "findings": [*texts.values(), *(one.text for one in claims if one.about in ACROSS)],
+        "tolerance": dataset.picture(TOLERANCE, depths, dataset.laws),
+        "levels": [*filter(None, _levels(dataset))],
+    }
+
+
+def _levels(dataset: Dataset) -> Iterator[str]:
+    """Yield the figure of each family whose conditions are a factorial."""
+    for family, factorial in dataset.factorials.items():
+        rankings = {
+            name: ranking(dataset, name, families=[family])
+            for name in factorial.conditions.values()
+        }
+        scenes = sorted({one.scenes for one in rankings.values()})
+        caption = (
+            f"{family}, {' to '.join(map(str, (scenes[0], scenes[-1])[-len(scenes) :]))} "
+            f"scenes. {LEVELS.caption}"
+        )
+        figure = replace(
+            LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption
+        )
+        yield dataset.picture(figure, factorial, rankings, dataset.laws)
+
+
+def _quality(dataset: Dataset) -> dict[str, Any]:
+    """Return the figures of all conditions: profiles and critical differences."""
+    panels: dict[str, list[Panel]] = {metric: [] for metric in PROFILED}
+    diagrams: list[Diagram] = []
+    for (metric, words), condition in product(
+        PROFILED.items(), dataset.conditions if len(dataset.laws) > 1 else ()
+    ):
+        cost = costs(dataset.among(condition), metric).table
+        laws = tuple(law for law in dataset.laws if law in cost.columns)
+        values = cost[list(laws)].to_numpy(float)
+        if len(values):
+            panels[metric].append((f"{words}, {condition}", laws, profile(values)))
+            if metric == next(iter(PROFILED)):
+                diagrams.append((condition_text(condition), laws, ranks(values)))
+    shown = (PROFILES, list(panels.values())), (CRITICAL_DIFFERENCE, diagrams)
+    figures = [dataset.picture(figure, data, dataset.laws) for figure, data in shown]
+    return {"figures": [*filter(None, figures)]}
+
+
+def _singles(dataset: Dataset) -> dict[str, Any]:
+    """Return the figures of single scenes and of the tuning."""
+    shown: dict[str, Any] = {"scene_figures": failures.scene_figures(dataset)}
+    evaluations = tables.evaluations_of(dataset)
+    laws = () if evaluations is None else list(dict.fromkeys(evaluations["law"].astype(str)))
+    budgets = dataset.picture(BUDGETS, evaluations, laws) if laws else ""
+    return shown | {"evaluations": evaluations if laws else None, "budgets_figure": budgets}

@@ -1,0 +1,218 @@
+"""Conclusions on pairs of controllers that hold in other conditions, and detectable reversals."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import isfinite
+from statistics import median
+from typing import Any, NamedTuple
+
+from ...reports.numbers import number, percentage
+from ..statistics import detectable, simultaneous
+from .dataset import SCENE, Dataset
+from .findings import Finding, text_of
+from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
+
+#: Outcomes: same significant order, opposite significant order, no significant difference.
+OUTCOMES = ("holds", "reversed", "inconclusive")
+POWER = 0.8  #: Power with which a reversal of the reported size would have been detected.
+
+
+class Measure(NamedTuple):
+    """Outcome or metric by which two controllers are compared, with its names.
+
+    ``words`` is the name in cells, ``title`` the one in headings. ``margin`` is the smallest
+    reversal that would matter, as a difference or, with ``ratio``, a ratio. ``more`` is True if
+    more is better.
+    """
+
+    name: str
+    words: str
+    title: str
+    margin: float
+    more: bool = False
+    ratio: bool = False
+
+    def text(self, pair: PairVerdict) -> str:
+        """Format the difference for a table's cell."""
+        return (
+            f"× {number(pair.difference)}"
+            if self.ratio
+            else f"{percentage(pair.difference, 1)} points"
+        )
+
+
+#: Measures of the conclusions. The margins are a choice: half the gap between neighbours in the
+#: study of all families by success and violation, 1 % of the space, 25 % of the variation.
+MEASURES = (
+    Measure("success", "success", "Success", 0.1, more=True),
+    Measure("violation", "violation", "Violation", 0.1),
+    Measure("utilization", "space", "Utilization, where both succeed", 0.01, more=True),
+    Measure(
+        "acceleration_variation",
+        "chattering",
+        "Acceleration variation, where both succeed",
+        1.25,
+        ratio=True,
+    ),
+)
+
+
+class Conclusion(NamedTuple):
+    """Conclusion that one controller is better than another in the first condition.
+
+    ``outcome`` is its outcome in another ``condition``. ``first`` and ``other`` compare the two
+    controllers in these conditions.
+    """
+
+    measure: Measure
+    better: str
+    worse: str
+    condition: str
+    outcome: str
+    first: PairVerdict
+    other: PairVerdict
+
+    @property
+    def excluded(self) -> bool:
+        """True if the interval excludes a reversal by the margin or more."""
+        return (
+            self.other.low > -self.measure.margin
+            if self.measure.more
+            else self.other.high < self.measure.margin
+        )
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the conclusion as a dictionary for files."""
+        more = {"reversal_excluded": self.excluded, "standard": "strict"}
+        pairs = {"first": finite(self.first._asdict()), "other": finite(self.other._asdict())}
+        return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
+
+
+class Power(NamedTuple):
+    """Reversals that would have been detected by a measure in a condition.
+
+    ``scenes`` is the number of scenes on which a pair is compared: median over the conclusions.
+    ``detectable`` is the share of scenes by which the controller that was ahead must fall behind
+    the other one to be detected with :data:`POWER` (:func:`.detectable`); for success and violation
+    this is the difference of rates. It is infinite if no reversal would be detected.
+    """
+
+    measure: str
+    condition: str
+    conclusions: int
+    scenes: float
+    detectable: float
+
+
+def conclusions(dataset: Dataset) -> list[Conclusion]:
+    """Return all conclusions of the first condition with their outcome in each of the others.
+
+    Each pair of conditions is compared on their common families.
+    """
+    return dataset.once("robustness", lambda: _robustness(dataset))[0]
+
+
+def powers(dataset: Dataset) -> list[Power]:
+    """Return the detectable reversals of each condition and measure."""
+    return dataset.once("robustness", lambda: _robustness(dataset))[1]
+
+
+def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
+    (first, *others), every, powers = dataset.conditions or ("",), list[Conclusion](), list[Power]()
+    for condition, measure in product(others, MEASURES):
+        before, after = (
+            _verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first))
+        )
+        own = [pair for pair, one in before.items() if one.verdict == "better" and pair in after]
+        for a, b in own:
+            outcome = {"better": "holds", "worse": "reversed"}.get(
+                after[a, b].verdict, "inconclusive"
+            )
+            every.append(Conclusion(measure, a, b, condition, outcome, before[a, b], after[a, b]))
+        if own:
+            tests = sum(one.verdict != "too few" for one in after.values()) // 2
+            scenes = median(after[pair].scenes for pair in own)
+            differing = (
+                median(after[p].differ / after[p].scenes for p in own if after[p].scenes)
+                if scenes
+                else 0.0
+            )
+            least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+            powers.append(Power(measure.name, condition, len(own), scenes, least))
+    return every, powers
+
+
+def _runs(dataset: Dataset, condition: str, other: str) -> Any:
+    """Return the runs in a condition that can be compared with another one.
+
+    They are of families that both conditions have, and of controllers that work in both.
+    """
+    working = set(dataset.working(condition)) & set(dataset.working(other))
+    runs = dataset.among(condition, dataset.families_of(condition, other))
+    return runs[runs["controller"].isin(working)]
+
+
+def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
+    """Return :func:`pairwise_verdicts` of the runs comparable with another condition; cached."""
+    runs = _runs(dataset, condition, other)
+    key = "pairs", measure.name, condition, frozenset(runs["family"]), frozenset(runs["controller"])
+    return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
+
+
+def robustness_findings(dataset: Dataset) -> list[Finding]:
+    """Return a finding for each further condition on its conclusions.
+
+    It states how many hold there, and the detectable reversal of success.
+    """
+    several = []
+    for condition in dataset.conditions[1:]:
+        if own := [one for one in conclusions(dataset) if one.condition == condition]:
+            runs = _runs(dataset, condition, dataset.conditions[0])
+            scenes = len(runs[SCENE].drop_duplicates())
+            families = len(set(runs["family"]))
+            numbers = {
+                "conclusions": len(own),
+                **_counts(own),
+                "scenes": scenes,
+                "families": families,
+            }
+            for power in powers(dataset):
+                if (power.condition, power.measure) == (condition, "success") and isfinite(
+                    power.detectable
+                ):
+                    numbers["detectable"] = power.detectable
+            several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
+    return several
+
+
+def _counts(own: list[Conclusion]) -> dict[str, float]:
+    """Count the conclusions with each outcome.
+
+    ``reversal_excluded`` counts the inconclusive ones that exclude a reversal by the margin.
+    """
+    excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
+    return {
+        **{name: sum(one.outcome == name for one in own) for name in OUTCOMES},
+        "reversal_excluded": excluded,
+    }
+
+
+def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, float]:
+    """Count the outcomes of the conclusions by a measure in a condition."""
+    return _counts(
+        [
+            one
+            for one in conclusions(dataset)
+            if (one.condition, one.measure) == (condition, measure)
+        ]
+    )
+
+
+def pairs(dataset: Dataset, measure: Measure) -> dict[tuple[str, str], dict[str, Conclusion]]:
+    """Return the conclusions by a measure, keyed by (better, worse) and other condition."""
+    found: dict[tuple[str, str], dict[str, Conclusion]] = {}
+    for one in conclusions(dataset):
+        if one.measure == measure:
+            found.setdefault((one.better, one.worse), {})[one.condition] = one
+    return found

@@ -1,0 +1,142 @@
+"""Tables of the report of evidence: selection, success, quality, cost, failures, tuning, scenes."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ...errors import ConfigurationError, one_line
+from ...reports.markdown import enumeration, plain
+from ...reports.numbers import median, percentage
+from ...rows.readable import counted
+from ..evidence.parquet import UNREADABLE
+from ..statistics import rate
+from .dataset import Dataset
+from .ranking import PairVerdicts, Ranking, Share, pairwise_verdicts
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Most reasons in a cell.
+MAX_REASONS = 3
+#: Aims that distinguish controllers with equal success, and their metrics.
+AIMS = {
+    "lowest command variation": "acceleration_variation",
+    "shortest settling time": "settling_time_s",
+    "highest utilization": "utilization",
+}
+LOSSES = ("second", "median", "worst")  #: Other controllers whose loss is reported.
+
+
+def middle(runs: pd.DataFrame, column: str) -> float:
+    """Return the median of a column."""
+    return median(runs[column].astype(float).tolist())
+
+
+def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
+    """Return the unrounded numbers of a controller's line of the headline table."""
+    runs = dataset.of_law(law)
+    clean = runs[(runs["condition"] == dataset.conditions[0]) & runs["success"]]
+    return {
+        "law": law,
+        **{one.condition: one.shares[law].value for one in rankings if law in one.laws},
+        "variation": middle(clean, "acceleration_variation"),
+        "call": middle(runs, "step_time_median_us"),
+    }
+
+
+def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
+    """Return the unrounded numbers of a condition's line of the answer.
+
+    They describe the best controller and the loss with other choices.
+    """
+    first, *others = ranked.laws
+    call = middle(dataset.of_law(first), "step_time_median_us")
+    numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
+    numbers |= ranked.shares[first].numbers("success")
+    for name, law in zip(
+        LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False
+    ):
+        numbers |= {name: law, **ranked.differences[first, law].numbers("loss", law=name)}
+    return numbers
+
+
+def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
+    """Compare all pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
+    runs = dataset.among(condition)
+    return [
+        pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()
+    ]
+
+
+def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
+    """Return the evaluations of the tuning, None without a tuning.
+
+    Raises ConfigurationError if they cannot be read.
+    """
+    import pandas as pd
+
+    if dataset.tuning is None or not (path := dataset.tuning / "evaluations.parquet").is_file():
+        return None
+    try:
+        data = pd.read_parquet(path)
+    except UNREADABLE as error:
+        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
+    if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(
+        data.columns
+    ):
+        raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
+    return data
+
+
+def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
+    """Return the most frequent names with at least ``least`` counts, and the sum of the others."""
+    common = [(name, n) for name, n in counts.most_common(most) if n >= least]
+    others = counts.total() - sum(n for _, n in common)
+    return [*common, *[("others", others)] * bool(others)]
+
+
+def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
+    """Return the main reasons for rejected attempts to draw scenes, with their counts."""
+    reasons = Counter[str]()
+    for text in scenes["rejected"]:
+        reasons.update(json.loads(text or "{}"))
+    return most_frequent(reasons, MAX_REASONS)
+
+
+def beyond_limits(scenes: pd.DataFrame) -> str:
+    """Return the share of scenes in which limits of acceleration cannot hold a row.
+
+    The share is evaluated where the unconstrained baseline reaches the row, see ``share_to_hold``.
+    Only scenes in which it is known are counted.
+    """
+    known = scenes["share_to_hold"].astype(float).dropna()
+    return Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else ""
+
+
+def scene_facts(dataset: Dataset) -> dict[str, Any]:
+    """Return facts about the scenes.
+
+    These are scenes that were not found, rows that the unconstrained baseline violates, and scenes
+    that no controller can finish in time.
+    """
+    every = dataset.evidence.scenes
+    kinds = Counter[str]()
+    found = every[every["found"].astype(bool)]
+    known = every[every["least_time_s"].notna()]
+    for text in found["challenged"].astype(str):
+        kinds.update(sorted({label.partition("[")[0] for label in text.split("; ") if label}))
+    missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
+    texts = [
+        f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()
+    ]
+    return {
+        "missing": {
+            plain(family): counted(int(count), "scene") for family, count in missing.items()
+        },
+        "violated": enumeration(texts),
+        "late": int((known["least_time_s"] > known["duration_s"]).sum()),
+        "known": counted(len(known), "scene") if len(known) else "",
+    }

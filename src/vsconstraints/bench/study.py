@@ -1,0 +1,254 @@
+"""Study: runs of laws with the situation of each run, stored as one table to check and read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import MOVED
+from ..errors import ConfigurationError, VsconstraintsError, format_value
+from ..plugins.provenance import Files
+from ..scenarios import Scenario
+from ..scenarios.reading import Table, checked
+from .evidence import Evidence, parquet
+from .evidence.parquet import KEYS, Column, Kind
+from .statistics import OUTCOMES
+
+SHIPPED = Path(__file__).with_name("study.parquet")  #: The study that comes with the package.
+FORMAT = 2  #: Format of a study's table; other versions have other numbers.
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Properties of a scene in a condition that matter to laws; None matches anything."""
+
+    joints: int | None = None
+    feature: str | None = None
+    fixed_camera: bool | None = None  #: Fixed in space, not carried by the robot.
+    constraints: tuple[str, ...] | None = None  #: Sorted types of the constraints.
+    sampling_time: float | None = None  #: T_s [s].
+    delay: float | None = None  #: Age of an image when it becomes usable [s].
+    noise: float | None = None  #: Standard deviation of a pixel coordinate [px].
+    unknown_motion: bool | None = None  #: Unknown motion of the target or of an obstacle.
+    #: True if calibration, depths, gradients or actuation deviate from the model.
+    wrong_model: bool | None = None
+    limits: bool | None = None  #: True if accelerations are limited.
+    mass: bool | None = None  #: True if the dynamics of the arm are simulated.
+    images: bool | None = None  #: True if the controller uses rendered images.
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Situation:
+        """Return the situation of a scenario; raises the errors of :meth:`.Scenario.setup`."""
+        setup = scenario.setup()
+        own = setup.disturbances
+        images = setup.images
+        types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
+        delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
+        delay += own.command_delay
+        unknown = setup.constraints.has_unknown_motion(setup.scene)
+        believed = (
+            own.intrinsics,
+            own.distortion,
+            own.mount,
+            own.target,
+            own.depth_factor != 1.0,
+            own.gradient_error,
+        )
+        wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
+        return cls(
+            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None,
+            tuple(sorted(types)), setup.Ts, delay, own.pixel_noise, unknown, wrong,
+            setup.limits.any, setup.dynamics is not None, images is not None,
+        )  # fmt: skip
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """Specified properties by name."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+SCENE = ["family", "scene"]  #: Key of a scene; its conditions are not independent of each other.
+CONDITION = "condition"
+_KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
+_SITUATION = [
+    Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text"))
+    for each in fields(Situation)
+]
+#: Result of a run, which does not depend on the machine; see ``results.csv``.
+_NUMBERS = "violation_fraction", "settling_time_s", "utilization", "acceleration_variation"
+OUTCOME = (
+    Column("status", "text", category=True),
+    Column("violated", "text"),
+    *(Column(name, "number") for name in _NUMBERS),
+)
+_SUCCESS = (
+    Column("success", "flag"),
+    Column("tolerant_success", "flag"),
+    Column("call_us", "number"),
+)
+#: Columns that are empty for runs that failed immediately or never settled. Cells of all other
+#: columns are never empty.
+_MAY_BE_EMPTY = (*_NUMBERS, "call_us")
+#: Columns of a study's table, which has one line for each run of a law: keys, situation, result.
+COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by controller name.
+
+    ``requires`` holds the required information of each law beyond rows and task; None for a custom
+    law, whose code is not imported. ``frozen`` holds, for each family of a test set and by half,
+    the seed and the hash of its scenes. ``files`` are hashes of the files that custom laws have
+    loaded or read, see :mod:`.own_files`.
+    """
+
+    runs: Any
+    laws: Mapping[str, ControllerSpec]
+    requires: Mapping[str, Sequence[str] | None] = field(default_factory=dict)
+    frozen: Mapping[str, Table] = field(default_factory=dict)
+    files: Files = field(default_factory=dict)
+
+    @classmethod
+    def load(
+        cls,
+        path: Path = SHIPPED,
+        trust: bool = False,
+        on_scene: Callable[[int, int], Any] = max,
+        own: bool = False,
+    ) -> Study:
+        """Load a stored table, or build the study from a folder of ``vsconstraints evidence``.
+
+        The scenes of such a folder are set up again. Laws that do not come with the package are
+        left out unless ``own``; their code is never imported. Raises ConfigurationError that names
+        the problem if the data cannot be read, belongs to another version, or contains no run of a
+        law.
+        """
+        if path.is_dir():
+            study = _of_evidence(Evidence.load(path, trust), on_scene)
+        else:
+            facts = parquet.facts_of(path)
+            missing = [
+                name
+                for name in ("controllers", "requires", "frozen")
+                if not isinstance(facts.get(name), dict)
+            ]
+            if (there := facts.get("study")) != FORMAT or missing:
+                why = (
+                    f"says nothing of {missing[0]}"
+                    if there == FORMAT
+                    else f"its format is {there}, not {FORMAT}"
+                )
+                why += "; --keep makes one of a folder of evidence"
+                raise ConfigurationError(f"{path} is no study of this version: {why}")
+            study = _of_table(path, facts)
+        if not own:
+            laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
+            study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
+        for name, law in study.laws.items():
+            try:
+                if ":" not in law.law and law.law not in MOVED:
+                    law.make()
+            except VsconstraintsError as error:
+                raise ConfigurationError(
+                    f"{path}: the law {name} is another version's: {error}"
+                ) from error
+        names = sorted(study.laws)
+        whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(
+            lambda own: sorted(own) == names
+        )
+        if not names or not len(study.runs) or not whole.all():
+            why = "it is empty" if whole.all() else "not every law has one run in each scene"
+            raise ConfigurationError(
+                f"{path} is no study of laws that come with the package: {why}"
+            )
+        for name in study.laws:
+            if name not in study.requires:
+                raise ConfigurationError(
+                    f"{path}: requires says nothing of the law {format_value(name)}"
+                )
+        return study
+
+    def keep(self, path: Path) -> None:
+        """Write the table for :meth:`load`; raises OSError."""
+        laws = {name: law.table for name, law in self.laws.items()}
+        facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
+        facts |= {"files": dict(self.files)} if self.files else {}
+        lines = parquet.table(COLUMNS, self.runs.to_dict("records"))
+        parquet.write(path, lines, {"study": FORMAT, "version": __version__, **facts})
+
+    @cached_property
+    def scenes(self) -> Any:
+        """DataFrame with one line per scene and condition: its keys and its situation."""
+        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[
+            [*SCENE, CONDITION, *vars(Situation())]
+        ]
+        return scenes.assign(
+            constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]]
+        )
+
+
+def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
+    """Read the laws by name, without the unconstrained baseline."""
+    return {
+        name: ControllerSpec.from_table(name, own)
+        for name, own in entries.items()
+        if name != BASELINE
+    }
+
+
+def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
+    """Read a stored table with the facts in its footer; raises ConfigurationError if invalid."""
+    where = str(path)
+    requires = checked(facts["requires"], dict[str, Sequence[str] | None], where, "requires")
+    frozen = checked(facts["frozen"], dict[str, Table], where, "frozen")
+    files = checked(facts.get("files", {}), dict[str, str], where, "files")
+    runs = parquet.read([path], COLUMNS).to_pandas()
+    laws = _laws(facts["controllers"])
+    for column in COLUMNS:
+        empty = int(runs[column.name].isna().sum())
+        if empty and column.name not in _MAY_BE_EMPTY:
+            raise ConfigurationError(
+                f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so"
+            )
+    return Study(runs, laws, requires, frozen, files)
+
+
+def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
+    if (version := evidence.manifest.get("version")) != __version__:
+        why = (
+            f"is of version {version}, and scenes of {__version__} may be others: let that "
+            f"version --keep its table"
+        )
+        raise ConfigurationError(f"{evidence.folder} {why}")
+    configuration = evidence.manifest["configuration"]
+    laws = _laws(configuration["controllers"])
+    frozen = {
+        name: family["tables"]["frozen"][configuration["half"]]
+        for name, family in configuration["families"].items()
+        if "frozen" in family["tables"]
+    }
+    runs = evidence.runs[evidence.runs["controller"].isin(laws)]
+    lines = []
+    runs = runs.assign(
+        success=OUTCOMES["success"].flag(runs),
+        tolerant_success=OUTCOMES["tolerant success"].flag(runs),
+        call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
+    )
+    scenes = runs.groupby(SCENE, observed=True)
+    for done, ((family, number), own) in enumerate(scenes):
+        on_scene(done, len(scenes))
+        scene = evidence.drawn(family, number)
+        for condition, each in own.groupby(CONDITION, observed=True):
+            said = Situation.of(scene.scenario(condition)).said
+            said["constraints"] = "; ".join(said["constraints"])
+            lines += [{**line, **said} for line in each.to_dict("records")]
+    requires = {name: None if ":" in law.law else law.make().uses for name, law in laws.items()}
+    return Study(
+        parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files
+    )

@@ -1,0 +1,331 @@
+"""Tuning problem: laws, training scenes and the evaluation of settings.
+
+Only scenes of the training half are used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...comparisons.runs.machine import code_identity, module_versions, run_limit
+from ...comparisons.runs.pool import Failure, processes, run_all
+from ...comparisons.runs.spec import BASELINE, ControllerSpec
+from ...controllers import Choices, Range, law_ranges
+from ...controllers.base import innermost
+from ...controllers.ranges import default_of
+from ...errors import ConfigurationError, format_value
+from ...plugins.provenance import Files
+from ..evidence import Batch, Campaign, scored
+from ..evidence.campaign import of_controllers, of_family
+from ..evidence.own_files import require_unchanged_files
+from ..evidence.runner import results
+from ..families import Drawn, Family
+
+
+class Objective(NamedTuple):
+    """Quantity to be minimized.
+
+    ``worst`` is its upper bound, and its value for a run that does not converge.
+    """
+
+    column: str
+    title: str
+    worst: float
+    unit: float  #: Amount that weighs as much as one unit of another objective.
+
+
+#: A tenth of the space, a decade of variation and a tenth of the settling time have equal weight.
+OBJECTIVES = (
+    Objective("unused", "unused space", 1.0, 0.1),
+    Objective("log_variation", "log₁₀ of acceleration variation", 4.0, 1.0),
+    Objective("settling", "settling time by that of tracking", 2.0, 0.1),
+)
+
+REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
+
+STILL_MOVING = ("slow", "unfinished")  #: statuses of runs that still move when time is up
+ROUNDING = 1e-12  #: relative difference up to which distances are equal
+
+Point = tuple[float, ...]  #: values of the objectives
+
+
+class Outcome(NamedTuple):
+    """Status of one run, violation flag and objectives.
+
+    An objective that the run does not have is NaN.
+    """
+
+    status: str
+    violated: bool
+    point: Point
+
+
+class Judged(NamedTuple):
+    """Mean objectives of a setting, share of runs with a violation, and numbers of runs.
+
+    Successes are the runs that converge without violation.
+    """
+
+    point: Point
+    violations: float
+    runs: int
+    converged: int
+    successes: int
+
+    @property
+    def success(self) -> str:
+        """Success rate as shown in reports."""
+        return f"{100.0 * self.successes / self.runs:.1f} %"
+
+
+def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
+    """Return the outcome of a run compared with the unconstrained baseline in the same scene.
+
+    ``result`` and ``baseline`` are their lines of results. A run that does not converge has the
+    worst value of every objective. There is one exception: if both the run and the baseline are
+    still moving when time is up, no law can reach the goal, and the run counts by its variation
+    alone. If a run converges, its unused space is NaN if no row was challenged, and its settling
+    time is NaN if the baseline does not settle.
+    """
+    status = str(result["status"])
+    violated = bool(result["violated"])
+    if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
+        return Outcome(status, violated, REFERENCE)
+    variation = float(result["acceleration_variation"])
+    tracking = float(baseline["settling_time_s"])
+    values = (
+        1.0 - float(result["utilization"]),
+        math.log10(variation) if variation > 0.0 else -math.inf,
+        float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
+    )
+    # a command that never changes has a variation of zero, the logarithm of which is −∞
+    bounded = (
+        value if math.isnan(value) else min(max(value, -worst), worst)
+        for value, worst in zip(values, REFERENCE, strict=True)
+    )
+    return Outcome(status, violated, tuple(bounded))
+
+
+def judged(outcomes: Sequence[Outcome]) -> Judged:
+    """Combine the outcomes of all runs of a setting.
+
+    An objective that no run has takes its worst value. The result does not depend on the order of
+    the runs.
+    """
+    point = []
+    for i, worst in enumerate(REFERENCE):
+        values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
+        point.append(math.fsum(values) / len(values) if values else worst)
+    violated = sum(each.violated for each in outcomes)
+    converged = [each for each in outcomes if each.status == "converged"]
+    successes = sum(not each.violated for each in converged)
+    return Judged(tuple(point), violated / len(outcomes), len(outcomes), len(converged), successes)
+
+
+def loss(judged: Judged) -> float:
+    """Return the loss that the tuner minimizes.
+
+    The number of unsuccessful runs comes first. For equal numbers, the sum of the objectives in
+    their units decides.
+    """
+    lengths = (
+        value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True)
+    )
+    return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
+
+
+def choose(settings: Sequence[Judged]) -> int:
+    """Return the position of the best setting.
+
+    It has the most successes. Among settings with as many, it is the one nearest to their ideal
+    point, which has the smallest value of each objective. Distances are Euclidean, in the
+    objectives' units ("compromise programming": Zeleny 1973). If distances are equal up to
+    rounding, the smallest first objective decides, then the second, and so on.
+    """
+    most = max(each.successes for each in settings)
+    best = [i for i, each in enumerate(settings) if each.successes == most]
+    points = np.array([settings[i].point for i in best]) / [
+        objective.unit for objective in OBJECTIVES
+    ]
+    distance = np.linalg.norm(points - points.min(axis=0), axis=1)
+    nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
+    return min((best[i] for i in nearest), key=lambda i: (settings[i].point, i))
+
+
+Options = dict[str, Any]
+
+ALL = ""  #: key of the results on the runs of all families
+
+ByFamily = dict[str, Judged]  #: results of a setting on all runs, and on those of each family
+
+#: function that evaluates settings, all on the same runs
+Evaluate = Callable[[Sequence[ControllerSpec]], list[ByFamily]]
+
+#: half of each family that tuning uses; the other half is for testing the result
+TRAINING = "training"
+
+
+@dataclass(frozen=True)
+class Searched:
+    """Law as the campaign defines it. Options that the campaign sets are not searched."""
+
+    law: ControllerSpec
+
+    @property
+    def name(self) -> str:
+        """Name of the law in the campaign."""
+        return self.law.name
+
+    @cached_property
+    def ranges(self) -> dict[str, Range | Choices]:
+        """Ranges of all options that the campaign does not set."""
+        return law_ranges(self.law.law, self.law.options, self.law.folder)
+
+    @cached_property
+    def default(self) -> Options:
+        """Default values of the searched options."""
+        law = innermost(self.law.make())
+        return {option: default_of(law, option) for option in self.ranges}
+
+    def setting(self, options: Mapping[str, Any]) -> ControllerSpec:
+        """Return the law with these options; None keeps the default of an option."""
+        chosen = {option: value for option, value in options.items() if value is not None}
+        return replace(self.law, options={**self.law.options, **chosen})
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Budget of every law: settings per tuner seed, tuner seeds, and scenes of each family."""
+
+    evaluations: int = 40
+    seeds: int = 3
+    scenes: int = 10
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ConfigurationError(f"{name} must be 1 or more, not {format_value(value)}")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Tuning problem: laws of a campaign in its families and conditions, with an equal budget."""
+
+    campaign: Campaign
+    budget: Budget
+
+    def __post_init__(self) -> None:
+        if not self.laws:
+            raise ConfigurationError(
+                f"campaign {self.campaign.name}: it has no controller but {BASELINE} to be tuned"
+            )
+
+    @cached_property
+    def laws(self) -> tuple[Searched, ...]:
+        """All laws except the baseline. Raises ConfigurationError if a range is invalid."""
+        laws = tuple(
+            Searched(entry) for entry in self.campaign.controllers if entry.name != BASELINE
+        )
+        for law in laws:
+            _ = law.ranges, law.default
+        return laws
+
+    @property
+    def baseline(self) -> ControllerSpec:
+        """The campaign's entry of the unconstrained baseline."""
+        return next(entry for entry in self.campaign.controllers if entry.name == BASELINE)
+
+    def configuration(self) -> dict[str, Any]:
+        """Return everything that evaluations depend on, as data.
+
+        The number of evaluations is not included, since more can be requested later.
+        """
+        campaign = self.campaign
+        return {
+            **code_identity(),
+            "tuner": {"name": "TPE", **module_versions(("optuna",))},
+            "objectives": ["success", *(objective._asdict() for objective in OBJECTIVES)],
+            "seed": campaign.seed,
+            "scenes": self.budget.scenes,
+            "controllers": of_controllers(campaign.controllers),
+            "families": {
+                each.name: {**of_family(each), "conditions": list(campaign.conditions_of(each))}
+                for each in campaign.families
+            },
+        }
+
+    def tasks(
+        self,
+        workers: int | None = None,
+        on_progress: Callable[[int, int], None] = lambda done, total: None,
+    ) -> tuple[Batch, ...]:
+        """Draw the training scenes and return one batch per scene and condition.
+
+        The batches contain only the baseline. Raises ConfigurationError if a family has no scene,
+        or if drawing a scene raises an exception.
+        """
+        campaign = self.campaign
+        each = range(self.budget.scenes)
+        calls = {
+            (family.name, i): (family, i, TRAINING, campaign.seed)
+            for family in campaign.families
+            for i in each
+        }
+        answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
+        tasks: list[Batch] = []
+        for family in campaign.families:
+            drawn: list[Drawn] = []
+            for scene in (answers[family.name, i] for i in each):
+                if isinstance(scene, Failure):
+                    raise ConfigurationError(
+                        f"family {family.name}: a training scene cannot be drawn: {scene.reason}"
+                    )
+                drawn += [scene] if scene.found else []
+            if not drawn:
+                family.require_scenes(TRAINING, campaign.seed, self.budget.scenes)
+            for scene, name in product(drawn, campaign.conditions_of(family)):
+                what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
+                tasks.append(Batch(*what, run_limit(scene.tables[name]), drawn=scene))
+        return tuple(tasks)
+
+
+@contextmanager
+def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
+    """Open processes that evaluate settings on all batches, for the duration of the ``with`` block.
+
+    A run whose process dies or that exceeds its time limit is a failed run. Files that custom laws
+    load and read are added to ``files``. Raises ConfigurationError if the content of a file
+    changes.
+    """
+    with processes(workers)(scored) as pool:
+        families = [task.family.name for task in tasks]
+        of_family = {
+            name: [at for at, family in enumerate(families) if name in (ALL, family)]
+            for name in (ALL, *families)
+        }
+
+        def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
+            named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
+            calls = [
+                replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings
+            ]
+            found = {}
+            for at, part in results(calls, pool):
+                require_unchanged_files(part.files, files)
+                files.update(part.files)
+                lines = part.runs.to_pandas().set_index("controller").to_dict("index")
+                found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
+            return [
+                {name: judged([found[at][i] for at in own]) for name, own in of_family.items()}
+                for i in range(len(settings))
+            ]
+
+        yield evaluate

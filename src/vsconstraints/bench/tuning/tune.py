@@ -1,0 +1,391 @@
+"""Tune all laws with the same tuner, number of evaluations and training scenes."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...comparisons.runs.files import plain, replaced, storing, write_json
+from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
+from ...comparisons.runs.machine import git_commit, loaded_versions, machine
+from ...comparisons.runs.spec import prepare_laws
+from ...controllers import Choices
+from ...errors import ConfigurationError
+from ...plugins.extras import demand
+from ...plugins.provenance import Files
+from ...scenarios.toml import toml_items, toml_text
+from ..evidence.campaign import differences, in_words
+from ..evidence.own_files import changed, contents, own_folders
+from .problem import (
+    ALL,
+    OBJECTIVES,
+    ByFamily,
+    Evaluate,
+    Judged,
+    Options,
+    Problem,
+    Searched,
+    choose,
+    evaluating,
+    loss,
+)
+
+JOURNAL = "journal.jsonl"
+TUNED = "tuned.toml"
+EVALUATIONS = "evaluations.parquet"
+
+Setting = tuple[str, str]  #: name of a law, and its options as JSON
+
+#: Called with the name of the current step, the amount done and the total amount.
+Progress = Callable[[str, int, int], None]
+
+
+class Search:
+    """Sequence of suggested settings of a law, the default first.
+
+    The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all
+    options together: Falkner et al. 2018), which uses only the order of settings by loss.
+    Suggestions depend only on the seed and on the results passed to ``tell``.
+    """
+
+    def __init__(self, searched: Searched, seed: int) -> None:
+        import optuna
+        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+        self.searched = searched
+        self.seed = seed
+        default = dict(searched.default)
+        self._distributions: dict[str, optuna.distributions.BaseDistribution] = {}
+        for option, ranged in searched.ranges.items():
+            if isinstance(ranged, Choices):
+                default[option] = ranged.values.index(default[option])
+                self._distributions[option] = CategoricalDistribution(
+                    tuple(range(len(ranged.values)))
+                )
+            else:
+                kind = IntDistribution if ranged.integer else FloatDistribution
+                number = int if ranged.integer else float
+                bounds = number(ranged.least), number(ranged.greatest)
+                self._distributions[option] = kind(*bounds, log=ranged.logarithmic)
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        with warnings.catch_warnings(action="ignore"):  # Optuna warns of experimental options
+            sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True)
+        self._study = optuna.create_study(sampler=sampler)
+        self._study.enqueue_trial(default)
+
+    def ask(self) -> Options:
+        """Return the options of the next setting."""
+        self._trial = self._study.ask(self._distributions)
+        values = self._trial.params
+        ranges = self.searched.ranges.items()
+        return {
+            option: ranged.values[values[option]] if isinstance(ranged, Choices) else values[option]
+            for option, ranged in ranges
+        }
+
+    def tell(self, judged: Judged) -> None:
+        """Report the result of the last setting to the tuner."""
+        self._study.tell(self._trial, loss(judged))
+
+
+class Journal(dict[Setting, ByFamily]):
+    """Results of settings, stored as soon as they are known.
+
+    The file has one line with a checksum for each setting. An incomplete last line is cut off, and
+    other lines are never changed. Optuna's JournalStorage is not used: it has no checksums, and
+    after an interruption its samplers do not continue as if there had been none. Raises
+    ConfigurationError that names a damaged line, StorageError if the file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+        self.files: Files = {}  #: Hashes of files that custom laws loaded and read in evaluations.
+        with storing("evaluations", path.parent):
+            path.touch()
+        data = path.read_bytes()
+        *lines, rest = data.split(b"\n")
+        for number, line in enumerate(lines, 1):
+            try:
+                entry = dict(json.loads(line))
+                if entry.pop("checksum") != _checksum(entry):
+                    raise ValueError("it is not what was written")
+                self.files.update(entry.get("files", {}))
+                self[entry["law"], entry["options"]] = {
+                    family: Judged(**{**values, "point": tuple(values["point"])})
+                    for family, values in entry["judged"].items()
+                }
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+                where = f"{path}, line {number} is damaged ({type(error).__name__})"
+                raise ConfigurationError(
+                    f"{where}: delete it, and its setting is evaluated again"
+                ) from error
+        if rest:
+            with storing("evaluations", path.parent):
+                os.truncate(path, len(data) - len(rest))
+
+    def add(self, setting: Setting, judged: ByFamily) -> None:
+        """Store the result of a setting. Raises StorageError if it cannot be written."""
+        by_family = {family: values._asdict() for family, values in judged.items()}
+        entry = {"law": setting[0], "options": setting[1], "judged": by_family}
+        entry |= {"files": self.files} if self.files else {}
+        line = json.dumps({**entry, "checksum": _checksum(entry)})
+        with (
+            storing("evaluations", self._path.parent),
+            self._path.open("a", encoding="utf-8") as file,
+        ):
+            file.write(line + "\n")
+        self[setting] = judged
+
+
+def _checksum(entry: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(entry).encode())
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Evaluated setting of one tuner seed, with its number and results.
+
+    Number 0 is the default.
+    """
+
+    seed: int
+    number: int
+    options: Options
+    by_family: ByFamily
+
+    @property
+    def judged(self) -> Judged:
+        """Result on all runs."""
+        return self.by_family[ALL]
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Law with its evaluations, ordered by tuner seed and number; the first is the default."""
+
+    law: Searched
+    evaluations: Sequence[Evaluation]
+
+    @property
+    def default(self) -> Evaluation:
+        """Evaluation of the law as the campaign defines it."""
+        return self.evaluations[0]
+
+    @property
+    def chosen(self) -> Evaluation:
+        """Best evaluation on all runs."""
+        return self.best(ALL)
+
+    def best(self, family: str) -> Evaluation:
+        """Return the evaluation that :func:`.choose` selects for the runs of a family."""
+        return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
+
+    def success(self, family: str, evaluations: int) -> list[float]:
+        """Return, for each tuner seed, the highest success rate in a family within a budget.
+
+        ``evaluations`` is the number of settings that count.
+        """
+        shares: dict[int, float] = {}
+        for each in self.evaluations:
+            if each.number < max(evaluations, 1):
+                judged = each.by_family[family]
+                shares[each.seed] = max(shares.get(each.seed, 0.0), judged.successes / judged.runs)
+        return list(shares.values())
+
+    @classmethod
+    def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
+        """Return a law with its evaluations, given in any order."""
+        return cls(law, sorted(evaluations, key=lambda each: (each.seed, each.number)))
+
+    def toml(self, family: str) -> list[str]:
+        """Return lines of the best setting in a family as a TOML table of controllers."""
+        if not self.law.ranges:
+            return [f"# {self.law.name}: nothing is searched"]
+        best = self.best(family)
+        default = self.default.by_family[family]
+        judged = best.by_family[family]
+        setting = self.law.setting(best.options)
+        succeed = (
+            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} "
+            f"by default"
+        )
+        return [
+            succeed,
+            f"[controllers.{toml_text(f'{self.law.name}-tuned')}]",
+            *toml_items(setting.table),
+        ]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Tuned laws of a campaign, in its order."""
+
+    problem: Problem
+    laws: tuple[Tuned, ...]
+
+    def write(self, folder: Path) -> None:
+        """Write evaluations and settings, each file completely or not at all.
+
+        Raises StorageError if a file cannot be written.
+        """
+        import pandas
+
+        columns = [objective.column for objective in OBJECTIVES]
+        evaluations = [
+            {
+                "law": law.law.name,
+                "seed": each.seed,
+                "number": each.number,
+                "options": json.dumps(each.options, sort_keys=True),
+                **dict(
+                    zip(
+                        (*columns, *Judged._fields[1:]),
+                        (*each.judged.point, *each.judged[1:]),
+                        strict=True,
+                    )
+                ),
+                **{
+                    f"successes[{family}]": each.by_family[family].successes
+                    for family in self.families
+                },
+                "chosen": each is chosen,
+            }
+            for law, chosen in ((law, law.chosen) for law in self.laws)
+            for each in law.evaluations
+        ]
+        with storing("results", folder):
+            with replaced(folder / EVALUATIONS) as part:
+                pandas.DataFrame(evaluations).to_parquet(part, index=False)
+            for family in (ALL, *self.families):
+                with replaced(folder / (f"tuned-{family}.toml" if family else TUNED)) as part:
+                    part.write_text(self.toml(family), encoding="utf-8")
+
+    @property
+    def families(self) -> list[str]:
+        """Names of the campaign's families."""
+        return [family.name for family in self.problem.campaign.families]
+
+    def toml(self, family: str = ALL) -> str:
+        """Return the best settings in a family as TOML tables of controllers.
+
+        A campaign can use them.
+        """
+        of = family or ", ".join(self.families)
+        lines = [
+            f"# Laws of the campaign {self.problem.campaign.name}, tuned on training scenes of "
+            f"{of}."
+        ]
+        for law in self.laws:
+            lines += ["", *law.toml(family)]
+        return "\n".join(lines) + "\n"
+
+
+def tune(
+    problem: Problem,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    command: Sequence[str] = (),
+    on_progress: Progress = lambda what, done, total: None,
+) -> Tuning:
+    """Tune the laws of a campaign, and store all evaluations in ``folder``, created if needed.
+
+    Laws and tuner seeds are processed side by side, one evaluation of each at a time. Suggestions
+    therefore depend neither on the number of processes, at most ``workers``, nor on interruptions
+    of earlier calls. Stored settings are not run again. Raises ConfigurationError if a package is
+    missing, no training scene is found, or the folder holds another tuning. Raises StorageError if
+    evaluations cannot be written; those stored before remain.
+    """
+    demand("tune")
+    with locked(folder, "a tuning"):
+        prepare_laws(problem.campaign.controllers)
+        _claim(folder, problem, command)
+        tasks = problem.tasks(
+            workers, lambda done, total: on_progress("drawing training scenes", done, total)
+        )
+        journal = Journal(folder / JOURNAL)
+        _require_same_files(journal, folder, problem)
+        evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
+        with evaluating(tasks, workers, journal.files) as evaluate:
+            for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
+                evaluations[law.name].append(evaluation)
+        tuning = Tuning(
+            problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws)
+        )
+        tuning.write(folder)
+        return tuning
+
+
+def _evaluations(
+    problem: Problem, journal: Journal, evaluate: Evaluate, on_progress: Progress
+) -> Iterator[tuple[Searched, Evaluation]]:
+    """Yield all evaluations. A law without searched options has one, its default."""
+    budget = problem.budget
+    searches = [
+        Search(law, seed)
+        for law in problem.laws
+        for seed in range(budget.seeds if law.ranges else 1)
+    ]
+    for number in range(budget.evaluations):
+        on_progress("evaluating", number, budget.evaluations)
+        asked = [
+            (search, search.ask()) for search in searches if number == 0 or search.searched.ranges
+        ]
+        keys = [
+            (search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked
+        ]
+        settings = (search.searched.setting(options) for search, options in asked)
+        new = {
+            key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal
+        }
+        for key, judged in zip(new, evaluate(list(new.values())), strict=True):
+            journal.add(key, judged)
+        for key, (search, options) in zip(keys, asked, strict=True):
+            search.tell(journal[key][ALL])
+            yield search.searched, Evaluation(search.seed, number, options, journal[key])
+    on_progress("evaluating", budget.evaluations, budget.evaluations)
+
+
+def _require_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
+    """Raise ConfigurationError if a file that a custom law loaded or read has changed."""
+    campaign = problem.campaign
+    now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
+    if other := [
+        f"the content of {name} is another one now" for name in changed(journal.files, now)
+    ]:
+        raise ConfigurationError(
+            f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out"
+        )
+
+
+def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
+    """Write the manifest. Raises ConfigurationError if the folder holds another tuning."""
+    path = folder / MANIFEST
+    here = plain(problem.configuration())
+    there = manifest_of(folder).get("tuning") if path.exists() else here
+    if there is None:
+        raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
+    if there != here:
+        other = in_words(list(differences(there, here)))
+        raise ConfigurationError(
+            f"{folder} holds another tuning: {other}. Give another folder with --out"
+        )
+    manifest = {
+        "tuning": here,
+        "evaluations": problem.budget.evaluations,
+        "tuner_seeds": problem.budget.seeds,
+        "campaign": plain(problem.campaign.resolved()),
+        "command": list(command),
+        "git_commit": git_commit(),
+        "machine": machine(),
+        "loaded": loaded_versions(),
+    }
+    with storing("evaluations", folder):
+        write_json(path, manifest)

@@ -1,0 +1,137 @@
+"""Board of AprilTags: positions of the tags of a scene's markers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ConfigurationError, format_value
+from ..qp.decomposition import svd
+from ..robots.geometry import Pose
+from ..rows import Array, IntArray
+
+#: Cells along the side of a tag's black square, including its black border (tag36h11); and width of
+#: the white border in cells.
+CELLS = 8
+BORDER = 1
+FLAT = 1e-4  #: Largest distance of markers from their plane [m].
+#: Default diagonal of a tag, relative to the least distance of a marker from the markers' mean.
+DIAGONAL = 0.8
+#: Corners of a printed tag in units of its side: x to the right, y down.
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+class Board(NamedTuple):
+    """M tags in a plane; x points right and y down on the print, z into the board.
+
+    The first corner of a tag's black square is at its marker, and the opposite one points to the
+    markers' mean. In the image, all tags are therefore at the markers or between them. The pose is
+    that of the board in the target's frame, with its origin at the markers' mean. The corners (M,
+    4, 2) of the black squares are in the plane [m], in the order of :data:`SQUARE`. The ids (M,)
+    are the numbers of the tags.
+    """
+
+    pose: Pose
+    corners: Array
+    ids: IntArray
+
+    @classmethod
+    def of_markers(
+        cls, markers: Array, seen_from: Array, side: float | None, ids: Sequence[int] | None
+    ) -> Board:
+        """Return the board of markers (M, 3) in the target's frame [m].
+
+        It is printed on the side that faces the point ``seen_from`` (3,) in that frame.
+
+        Raises
+        ------
+        ConfigurationError
+            if there are fewer than three markers, they are not in a plane or in one line, tags
+            would overlap, or the number of ids differs from that of markers.
+        """
+        M = len(markers)
+        middle = markers.mean(axis=0)
+        away = markers - middle
+        if M < 3:
+            raise ConfigurationError(f"a board of tags takes three markers or more, not {M}")
+        _, s, Vt = svd(away, full_matrices=False)
+        if s[1] < FLAT:
+            raise ConfigurationError("a board of tags takes markers that are not in one line")
+        off = np.abs(away @ Vt[2]).max()
+        if off > FLAT:
+            raise ConfigurationError(
+                f"a board of tags takes markers in one plane: one is {1e3 * off:.3g} mm away from "
+                f"theirs"
+            )
+        inwards = -np.sign((seen_from - middle) @ Vt[2]) * Vt[2]
+        x = away[1] - away[0]
+        x -= inwards * (inwards @ x)
+        x /= np.sqrt(x @ x)
+        pose = Pose(np.stack((x, np.cross(inwards, x), inwards), axis=1), middle)
+        numbers = np.arange(M) if ids is None else np.array(ids, dtype=np.int64)
+        if len(numbers) != M:
+            raise ConfigurationError(
+                f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: "
+                f"{format_value(ids)}"
+            )
+        return cls(pose, _corners((away @ pose.R)[:, :2], side), numbers)
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell [m]."""
+        edge = self.corners[0, 1] - self.corners[0, 0]
+        return float(np.sqrt(edge @ edge)) / CELLS
+
+    def camera_in_board(self, camera: Pose) -> Pose:
+        """Return a camera's pose in the board's frame from its pose in the target's frame."""
+        return self.pose.inverse @ camera
+
+
+def _corners(markers: Array, side: float | None) -> Array:
+    """Return the corners (M, 4, 2) of tags with one corner at each marker (M, 2).
+
+    The tags point towards the origin. Raises ConfigurationError if two overlap.
+    """
+    distance = np.sqrt((markers**2).sum(axis=1))
+    if distance.min() < FLAT:
+        raise ConfigurationError("a board of tags takes markers away from their mean")
+    a = DIAGONAL * distance.min() / np.sqrt(2.0) if side is None else side
+    towards = -markers / distance[:, None]
+    # 45° to either side of the direction to the origin
+    c = np.sqrt(0.5)
+    x = towards @ np.array([[c, -c], [c, c]])
+    y = towards @ np.array([[c, c], [-c, c]])
+    corners: Array = markers[:, None] + a * (
+        SQUARE[:, :1] * x[:, None] + SQUARE[:, 1:] * y[:, None]
+    )
+    wide = bordered(corners)
+    for i, j in combinations(range(len(markers)), 2):
+        if _overlap(wide[i], wide[j]):
+            raise ConfigurationError(
+                f"tags {i + 1} and {j + 1} with sides of {1e3 * a:.3g} mm overlap, or the white "
+                f"around them does: give "
+                "a smaller tag_side_m"
+            )
+    return corners
+
+
+def bordered(corners: Array) -> Array:
+    """Return the corners (..., 4, 2) of tags with white borders from those of black squares."""
+    middle = corners.mean(axis=-2, keepdims=True)
+    wider: Array = middle + (1.0 + 2.0 * BORDER / CELLS) * (corners - middle)
+    return wider
+
+
+def _overlap(a: Array, b: Array) -> bool:
+    """True if two squares (4, 2) overlap: no edge direction of either one separates them."""
+    for one, other in ((a, b), (b, a)):
+        for i in range(2):
+            along = one[i + 1] - one[i]
+            mine = one @ along
+            theirs = other @ along
+            if mine.max() <= theirs.min() or theirs.max() <= mine.min():
+                return False
+    return True

@@ -1,0 +1,144 @@
+"""Estimation of marker pixels and camera pose from an image of a board."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..robots.geometry import Pose, distance
+from ..rows import Array, BoolArray
+from ..vision.camera import Camera
+from .board import Board
+from .detectors import Detector, Pixels, require_image
+
+#: Largest root mean square reprojection error of corners that belong to the board [px].
+MAX_RESIDUAL = 5.0
+#: Two poses explain a plane that is seen nearly along its normal: largest ratio of their errors at
+#: which both are plausible.
+AS_GOOD = 2.0
+
+
+class TagPose(NamedTuple):
+    """Measurement of M markers in one image.
+
+    - ``camera``: pose of the camera in the target's frame, None if no tag was usable.
+    - ``pixels``: ideal pixels (M, 2) of the markers from the image centre, predicted from the pose
+      for markers whose tag was not seen.
+    - ``seen``: True (M,) for markers whose tag was seen.
+    - ``residual_px``: root mean square reprojection error of the corners [px].
+    - ``foreign``: numbers of tags that do not belong to the board, or were seen twice.
+    - ``unfit``: True if no pose explains the tags that were seen.
+    """
+
+    camera: Pose | None
+    pixels: Array
+    seen: BoolArray
+    residual_px: float = np.nan
+    foreign: tuple[int, ...] = ()
+    unfit: bool = False
+
+
+def locate_board(
+    image: Pixels, detector: Detector, board: Board, camera: Camera, near: Pose | None = None
+) -> TagPose:
+    """Return the measurement from an image (H, W) of grey levels, for a believed board and camera.
+
+    ``near`` is the expected pose of the camera in the target's frame; it selects one of two poses
+    that explain the image. Raises InvalidInput if the array is no image, or if its size differs
+    from that of the calibration.
+    """
+    require_image(image)
+    W, H = camera.size
+    height, width = image.shape
+    if (width, height) != (W, H):
+        raise InvalidInput(
+            f"an image of {width} × {height} px, with a camera calibrated for {W:g} × {H:g} px"
+        )
+    tags = detector.find(image)
+    M = len(board.ids)
+    known = {int(number): i for i, number in enumerate(board.ids)}
+    numbers = tags.ids.tolist()
+    own = [k for k, number in enumerate(numbers) if number in known and numbers.count(number) == 1]
+    foreign = tuple(sorted({number for k, number in enumerate(numbers) if k not in own}))
+    pixels = np.full((M, 2), np.nan)
+    seen = np.zeros(M, dtype=np.bool_)
+    corners: Array = np.empty((0, 4, 2))
+    if own:
+        corners, certain = _undistorted(
+            camera, camera.from_corner(tags.corners[own], detector.counts)
+        )
+        own = [k for k, sure in zip(own, certain, strict=True) if sure]
+        corners = corners[certain]
+    if not own:
+        return TagPose(None, pixels, seen, foreign=foreign)
+    at = [known[numbers[k]] for k in own]
+    flat = board.corners[at].reshape(-1, 2)
+    expected = None if near is None else board.camera_in_board(near)
+    pose, residual = board_pose(flat, camera.normalised(corners.reshape(-1, 2)), expected)
+    residual_px = residual * float(np.mean(camera.focal))
+    if pose is None or residual_px > MAX_RESIDUAL:
+        return TagPose(None, pixels, seen, residual_px, foreign, unfit=True)
+    P = (np.pad(board.corners[:, 0], ((0, 0), (0, 1))) - pose.t) @ pose.R
+    pixels = camera.pixels(P[:, :2] / P[:, 2:])
+    pixels[at] = corners[:, 0]
+    seen[at] = True
+    return TagPose(board.pose @ pose, pixels, seen, residual_px, foreign)
+
+
+def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
+    """Return ideal pixels of tags' corners (n, 4, 2).
+
+    The second array (n,) is True if the distortion can be inverted at all four corners of a tag.
+    """
+    if camera.distortion is None:
+        return corners, np.ones(len(corners), dtype=np.bool_)
+    ideal, certain = camera.distortion.remove(camera.normalised(corners))
+    return camera.pixels(ideal), np.asarray(certain.all(axis=1))
+
+
+def board_pose(
+    flat: Array, normalised: Array, near: Pose | None = None
+) -> tuple[Pose | None, float]:
+    """Return the pose of the camera in the board's frame that explains points of the board best.
+
+    One pose is found in closed form (IPPE: Collins & Bartoli 2014) and refined by the
+    Levenberg–Marquardt method. A plane that is seen from afar has a second one: tilted the other
+    way, mirrored along the line of sight (Schweighofer & Pinz 2006). It is refined in the same way.
+    If both are about equally good, the one nearer to the expected pose is taken.
+
+    ``flat`` (N, 2) are four or more points in the plane of the board [m], ``normalised`` (N, 2)
+    their image. The pose is None if no pose has the points in front of the camera. The second value
+    is the root mean square reprojection error in normalised coordinates.
+    """
+    import cv2
+
+    solid = np.pad(flat, ((0, 0), (0, 1)))
+    eye = np.eye(3)
+    found: list[tuple[float, Pose]] = []
+    done, turn, shift = cv2.solvePnP(solid, normalised, eye, None, flags=cv2.SOLVEPNP_IPPE)
+    if not done:
+        return None, np.nan
+    middle = solid.mean(axis=0)
+    R = cv2.Rodrigues(turn)[0]
+    there = R @ middle + shift.ravel()
+    mirrored = (
+        (eye - 2.0 * np.outer(there, there) / (there @ there)) @ R @ np.diag((1.0, 1.0, -1.0))
+    )
+    for start in (R, mirrored):
+        begun = cv2.Rodrigues(start)[0], (there - start @ middle)[:, None]
+        refined, moved = cv2.solvePnPRefineLM(solid, normalised, eye, None, *begun)
+        R = cv2.Rodrigues(refined)[0]
+        P = solid @ R.T + moved.ravel()
+        if not (np.isfinite(P).all() and (P[:, 2] > 0.0).all()):
+            continue
+        off = P[:, :2] / P[:, 2:] - normalised
+        found.append((float(np.sqrt((off**2).sum(axis=1).mean())), Pose(R, moved.ravel()).inverse))
+    if not found:
+        return None, np.nan
+    error, pose = min(found, key=lambda each: each[0])
+    if near is not None:
+        good = [each for each in found if each[0] <= AS_GOOD * error]
+        error, pose = min(good, key=lambda each: distance(each[1], near)[1])
+    return pose, error

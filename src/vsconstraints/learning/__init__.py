@@ -1,8 +1,0 @@
-"""Learned laws: policies as controllers.
-
-Environments for Gymnasium are in :mod:`vsconstraints.learning.environment`.
-"""
-
-from .policy import Observer, Policy
-
-__all__ = ["Observer", "Policy"]

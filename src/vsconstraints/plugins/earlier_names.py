@@ -1,0 +1,69 @@
+"""Names under which modules could be imported before they moved into optional parts.
+
+Documentation, notebooks and stored results name them, such as ``vsconstraints.learning:Policy``.
+Importing such a name gives the module of today, no second copy of it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any, cast
+
+#: Modules and packages by their earlier names. Those within a package are found, too.
+MOVED = {
+    "vsconstraints.comparisons.difference": "vsconstraints.bench.difference",
+    "vsconstraints.comparisons.evidence": "vsconstraints.bench.evidence",
+    "vsconstraints.comparisons.statistics": "vsconstraints.bench.statistics",
+    "vsconstraints.comparisons.study": "vsconstraints.bench.study",
+    "vsconstraints.comparisons.tuning": "vsconstraints.bench.tuning",
+    "vsconstraints.learning": "vsconstraints.bench.learning",
+    "vsconstraints.reports.evidence": "vsconstraints.bench.reports",
+    "vsconstraints.reports.notebooks": "vsconstraints.view.notebooks",
+    "vsconstraints.reports.preview": "vsconstraints.view.preview",
+    "vsconstraints.reports.replay": "vsconstraints.view.replay",
+    "vsconstraints.scenarios.families": "vsconstraints.bench.families",
+    "vsconstraints.simulation.dynamics": "vsconstraints.dynamics",
+    "vsconstraints.vision.images": "vsconstraints.images",
+}
+
+
+class EarlierNames:
+    """Finder of modules by their earlier names, and loader that gives those of today."""
+
+    @classmethod
+    def find_spec(
+        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return the specification of a module that moved; None for any other module."""
+        today = cls.today(name)
+        return None if today is None else ModuleSpec(name, cast("Any", cls), origin=today)
+
+    @staticmethod
+    def today(name: str) -> str | None:
+        """Return the name of today of a module that moved; None for any other module."""
+        if name.startswith("vsconstraints."):
+            for earlier, today in MOVED.items():
+                if name == earlier or name.startswith(f"{earlier}."):
+                    return f"{today}{name.removeprefix(earlier)}"
+        return None
+
+    @staticmethod
+    def create_module(spec: ModuleSpec) -> None:
+        """Let the import system create a module, which :meth:`exec_module` replaces."""
+
+    @classmethod
+    def exec_module(cls, module: ModuleType) -> None:
+        """Put the module of today in the place of a module."""
+        today = cls.today(module.__name__)
+        assert today is not None
+        sys.modules[module.__name__] = import_module(today)
+
+
+def install() -> None:
+    """Let earlier names be imported, once."""
+    if EarlierNames not in sys.meta_path:
+        sys.meta_path.insert(0, EarlierNames)

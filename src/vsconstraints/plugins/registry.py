@@ -1,0 +1,156 @@
+"""Registry of parts: what the optional folders, and packages of other people, add to the core.
+
+A part is described by one :class:`Part`, which names functions and classes as ``module:name``. They
+are imported when they are needed, so that the core runs without them. The package's own parts are
+those of :data:`OWN`, found by their names: an installation whose metadata is older than its files
+still has them. Another package registers its part by an entry point of the group :data:`GROUP`::
+
+    [project.entry-points."vsconstraints.parts"]
+    my-part = "my_package.part:PART"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from ..errors import ConfigurationError, described, format_value
+
+Value = TypeVar("Value")
+
+#: Folders that register something, in the order in which ``vsconstraints --help`` shows them.
+OWN = ("cli", "view", "arms", "paper", "bench", "dynamics", "images")
+GROUP = "vsconstraints.parts"  #: Group of the entry points of other packages.
+
+
+class Command(NamedTuple):
+    """Command of the command line: ``function`` is called with its parsed parameters.
+
+    Its annotations and docstring give types and help, its part's options file the rest. The command
+    is shown in the ``panel`` of ``--help``, at its end or ``before`` another command.
+    """
+
+    function: str
+    panel: str
+    example: str
+    before: str = ""
+
+
+class Group(NamedTuple):
+    """Group of commands, such as ``testset``: what it is for, and an example of one of them."""
+
+    text: str
+    example: str
+
+
+class Listing(NamedTuple):
+    """Kind of things that ``vsconstraints list`` shows.
+
+    ``function`` returns tuples of a name, a description and further lines. The kind is listed at
+    the end or ``before`` another one.
+    """
+
+    function: str
+    before: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one part adds; every function and class is given as ``module:name``."""
+
+    #: Commands by name; ``testset run`` is the command ``run`` of the group ``testset``.
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    groups: Mapping[str, Group] = field(default_factory=dict)  #: Groups of commands by name.
+    #: TOML file that describes the parameters of the commands, see ``cli/options.toml``.
+    options: Path | None = None
+    listings: Mapping[str, Listing] = field(default_factory=dict)
+    #: Types of the scenario tables ``plant`` and ``sensor``: by table and by type the class whose
+    #: fields are the table's keys, see :mod:`vsconstraints.simulation.settings`.
+    scenario_tables: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    #: Figures of each scenario in a report: objects of
+    #: :class:`vsconstraints.reports.plots.sheet.Figure`, drawn from a
+    #: :class:`vsconstraints.reports.figures.view.View`.
+    figures: Sequence[str] = ()
+    #: Text of each scenario in a report, by what it shows: functions that take the
+    #: :class:`vsconstraints.reports.results.Results` and the scenario's name, and return Markdown.
+    report_sections: Mapping[str, str] = field(default_factory=dict)
+    #: Results of other kinds than comparisons, by kind: objects of
+    #: :class:`vsconstraints.cli.results.ResultsKind`.
+    results: Mapping[str, str] = field(default_factory=dict)
+
+
+@cache
+def parts() -> tuple[Part, ...]:
+    """Return all parts: those of this package, then those of other packages by their names.
+
+    Raises ConfigurationError if a part of another package cannot be imported.
+    """
+    own = [load(f"vsconstraints.{name}.part:PART") for name in OWN]
+    return (*own, *_of_other_packages())
+
+
+def _of_other_packages() -> Iterable[Part]:
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        package = entry.dist.name if entry.dist is not None else "an unknown package"
+        where = f"part {entry.name} of {package}, {entry.value}"
+        try:
+            part = entry.load()
+        except (Exception, SystemExit) as error:  # code of others may fail in any way
+            raise ConfigurationError(
+                f"{where}, cannot be imported: {described(error)}. Repair or uninstall {package}"
+            ) from error
+        if not isinstance(part, Part):
+            raise ConfigurationError(f"{where}, must be a Part, not {format_value(part)}")
+        yield part
+
+
+def load(reference: str) -> Any:
+    """Import the object that ``"module:name"`` names."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)
+
+
+def registered(kind: str) -> dict[str, Any]:
+    """Return what all parts register of a kind, a field of :class:`Part`, by name.
+
+    Raises ConfigurationError if two parts register the same name.
+    """
+    found: dict[str, Any] = {}
+    for part in parts():
+        _add(found, kind, getattr(part, kind))
+    return found
+
+
+def scenario_types(table: str) -> dict[str, str]:
+    """Return the classes of a scenario table, by type. Raises as :func:`registered`."""
+    found: dict[str, str] = {}
+    for part in parts():
+        _add(found, f"types of {table}", part.scenario_tables.get(table, {}))
+    return found
+
+
+def _add(found: dict[str, Any], kind: str, more: Mapping[str, Any]) -> None:
+    for name, value in more.items():
+        if name in found:
+            raise ConfigurationError(f"two parts register {name} as {kind.replace('_', ' ')}")
+        found[name] = value
+
+
+def figures() -> list[Any]:
+    """Return the figures of scenarios that parts add to reports."""
+    return [load(reference) for part in parts() for reference in part.figures]
+
+
+def in_order(values: Mapping[str, Value], before: Mapping[str, str]) -> dict[str, Value]:
+    """Return the values in their order, but each of the keys in ``before`` before another one."""
+    names = [name for name in values if not before.get(name)]
+    for name in values:
+        if name not in names:
+            after = before[name]
+            names.insert(names.index(after) if after in names else len(names), name)
+    return {name: values[name] for name in names}

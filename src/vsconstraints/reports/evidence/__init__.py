@@ -1,9 +1,0 @@
-"""Report of evidence: success of controllers over thousands of drawn scenes, with confidence.
-
-It requires pandas, which ``pip install 'vsconstraints[evidence]'`` installs.
-"""
-
-from .dataset import replay, replayed
-from .report import write_evidence_report
-
-__all__ = ["replay", "replayed", "write_evidence_report"]

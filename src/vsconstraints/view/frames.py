@@ -1,0 +1,122 @@
+"""Images that controlled a run, rendered again: as data, as files and as a film."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from ..images.detectors import DETECTORS, Pixels, Tags
+from ..simulation import Setup, Trajectory
+from .replay.film import film_kind, write_pictures
+
+OWN = (40, 180, 60)  #: Colours of detected tags: those of the task, and FOREIGN for all others.
+FOREIGN = (230, 60, 40)
+#: Number of colours of a GIF, and its reduction in size: noise does not compress.
+COLOURS = 32
+SMALLER = 2
+Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
+
+
+class Frame(NamedTuple):
+    """Image (H, W) with its number, the time at which it was taken [s] and the detected tags."""
+
+    number: int
+    taken: float
+    image: Pixels
+    tags: Tags
+
+
+def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
+    """Yield the images of a run in order.
+
+    They are rendered again and equal those that the control has used. Raises ConfigurationError
+    if the control of this setup uses no images.
+    """
+    photographer = setup.photographer()
+    last = -1
+    settings = photographer.settings
+    detector = DETECTORS[settings.detector]()
+    for t, q, qd in zip(run.t.tolist(), run.q, run.qd, strict=True):
+        number = settings.number(t)
+        if number > last:
+            last = number
+            image = photographer.image(number, setup.scene.evaluate(t, q, qd))
+            yield Frame(number, t, image, detector.find(image))
+
+
+def kind_of(path: Path) -> str:
+    """Return the suffix of a film, .gif or .mp4, or an empty string for a folder.
+
+    Raises ConfigurationError for any other suffix.
+    """
+    return film_kind(path, ("",), ", and a folder in neither")
+
+
+def write_frames(
+    setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None
+) -> int:
+    """Write the images of a run and return their number.
+
+    ``path`` is a film that shows the detected tags, at the size of the images (``.mp4``) or half
+    that size (``.gif``), or a folder of PNGs as the control has seen them. The images of an
+    earlier run are deleted from that folder. ``on_frame`` is called after each image. Raises
+    ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if writing fails.
+    """
+    kind = kind_of(path)
+    settings = setup.photographer().settings
+    every = frames(setup, run)
+    count = 0
+    pictures = []
+    if not kind:
+        path.mkdir(parents=True, exist_ok=True)
+        for old in path.glob("[0-9]" * 5 + ".png"):
+            old.unlink()
+    tags = {*settings.looked_for(len(setup.scene.markers))}
+    for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
+        if kind:
+            pictures.append(marked(frame, tags))
+        else:
+            Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
+        on_frame()
+    if kind == ".gif":
+        pictures = [np.asarray(Image.fromarray(one).reduce(SMALLER)) for one in pictures]
+    if kind:
+        write_pictures(pictures, path, min(settings.rate_hz, 1.0 / setup.Ts), colours=COLOURS)
+    return count
+
+
+def marked(frame: Frame, own: set[int]) -> Picture:
+    """Return an image in colour (H, W, 3) with its time and the detected tags.
+
+    Each tag is shown by its outline and its number.
+    """
+    import cv2
+
+    picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
+    for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
+        colour = OWN if number in own else FOREIGN
+        outline = corners.round().astype(np.int32)
+        cv2.polylines(
+            picture, [outline], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA
+        )
+        cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, cv2.LINE_AA)
+        at = corners.mean(axis=0).round().astype(int) - (8, -8)
+        cv2.putText(
+            picture, str(number), at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, 2, cv2.LINE_AA
+        )
+    white = (255, 255, 255)
+    cv2.putText(
+        picture,
+        f"{frame.taken:.3f} s",
+        (8, 20),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        0.6,
+        white,
+        1,
+        cv2.LINE_AA,
+    )
+    return picture

@@ -1,0 +1,214 @@
+"""Presentation of a preview: lines for a terminal, and a figure with image, arm and rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from ...reports.plots.image import OUTSIDE, START, Plane, numbered
+from ...reports.plots.sheet import WIDTH, Figure, Sheet
+from ...reports.plots.style import INK, shortened, symbol
+from ..setup_scene import draw_setup, viewpoint_of
+from .preview import NEAR, Preview, Row
+
+MAX_LISTED = 15  # rows listed in a terminal, unless more are near
+COLUMNS = 3
+LEFT = 0.62
+GAP = 0.16
+TITLE = 0.3
+#: Most rows that are shown, and most rows that are shown far from their boundary.
+MAX_ROWS = 12
+MIN_ROWS = 4
+UNKNOWN_HEIGHT = 0.35  # height of a row of views without a known configuration [in]
+# Characters per line and lines of the warnings in the figure.
+CHARACTERS = 115
+LINES = 12
+#: Height of a row; widths of the labels, of a cell of a moment, and of a cell of the nearest
+#: moment [in].
+ROW = 0.19
+LABELS = 1.95
+CELL = 1.36
+NEAREST = 1.8
+MAX_USAGE = 1.15  # greatest usage that is shown; larger values are drawn at the edge
+STARTED = symbol("o", "white", size=8.5)
+GOAL = symbol("*", INK, size=5.2)
+EARLIER = symbol("*", "white", size=5.2)
+
+
+def lines(preview: Preview) -> Iterator[str]:
+    """Yield the lines for a terminal, without the warnings."""
+    setup = preview.setup
+    moments = preview.moments
+    robot = setup.scene.robot
+    yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
+    for moment in moments:
+        where = "not known" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
+    if not preview.rows:
+        yield "  no rows, and no limits of joints"
+        return
+    shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
+    yield "  rows nearest to their boundary: distance (φ); ! outside, * near"
+    table = [["", "", *(moment.name for moment in moments)]]
+    for row in shown:
+        mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
+        table.append([mark, row.label, *(row.text(k) for k in range(len(moments)))])
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for cells in table:
+        first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        yield f"  {first} {'  '.join(others)}".rstrip()
+    if len(shown) < len(preview.rows):
+        yield f"  … and {len(preview.rows) - len(shown)} that are farther away"
+
+
+def draw_preview(preview: Preview) -> Sheet:
+    """Draw image and arm at the start and at each goal, the nearest rows, and the warnings."""
+    sheet = Sheet(left=LEFT)
+    columns = min(len(preview.moments), COLUMNS)
+    width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
+    headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
+    sheet.text(LEFT, sheet.at + 0.16, headline, fontsize=10, fontweight="bold")
+    sheet.at += 0.2
+    _images(sheet, preview, columns, width)
+    _space(sheet, preview, columns, width)
+    _rows(sheet, preview)
+    lines = [
+        line
+        for warning in preview.warnings
+        for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
+    ]
+    if len(lines) > LINES:
+        lines = [*lines[: LINES - 1], "… and more, see the text"]
+    for line in lines:
+        sheet.text(LEFT, sheet.at + 0.12, line, fontsize=8, color=OUTSIDE)
+        sheet.at += 0.16
+    sheet.at += 0.08 if lines else 0.0
+    return sheet
+
+
+def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+    plane = Plane.of(preview.setup)
+    grid: dict[str, Any] = {
+        "width": width,
+        "gap": GAP,
+        "above": TITLE,
+        "labels": ("u [px]", "v [px], downwards"),
+    }
+    height = width * plane.half[1] / plane.half[0]
+    panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
+    for ax, moment in zip(panels, preview.moments, strict=True):
+        plane.times = (moment.t,)
+        plane.draw(ax, labels=False)
+        if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
+            ax.plot(
+                *np.concatenate((moment.pixels, moment.pixels[:1])).T,
+                color="#909090",
+                linewidth=0.9,
+                zorder=3.5,
+            )
+        numbered(ax, moment.pixels, within=plane.half)
+        ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
+        if count := len(moment.problems):
+            text = "1 warning" if count == 1 else f"{count} warnings"
+            ax.set_title(text, loc="right", color=OUTSIDE, fontsize=8, pad=4)
+    entries = [START | {"label": "marker 1, 2, …"}]
+    if any((np.abs(moment.pixels) > plane.half).any() for moment in preview.moments):
+        entries.append(START | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
+    sheet.legend([*entries, *plane.entries(forbidden="forbidden to markers")], 4)
+
+
+def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+    known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
+    if not known:
+        return
+    top = sheet.at + 0.12
+    height = min(width, 2.5)
+    viewpoint = viewpoint_of(preview.setup, known, width / height)
+    for first in range(0, len(preview.moments), columns):
+        row = preview.moments[first : first + columns]
+        tall = height if any(moment.q is not None for moment in row) else UNKNOWN_HEIGHT
+        for column, moment in enumerate(row):
+            left = LEFT + column * (width + GAP)
+            if moment.q is None:
+                sheet.text(
+                    left + 0.1,
+                    top + 0.5 * tall,
+                    f"{moment.name}: no configuration found",
+                    color=OUTSIDE,
+                )
+            else:
+                ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
+                draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
+        top += tall
+    sheet.at = top + 0.1
+
+
+def _rows(sheet: Sheet, preview: Preview) -> None:
+    """Draw the usage of the nearest rows in each moment, with distances and φ in their units."""
+    known = [row for row in preview.rows if np.isfinite(row.greatest)]
+    shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
+    if not shown:
+        sheet.text(LEFT, sheet.at + 0.1, "No rows, and no limits of joints.")
+        sheet.at += 0.3
+        return
+    names = [moment.name for moment in preview.moments]
+    marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
+    each = len(names) <= COLUMNS
+    cells = CELL * len(names) if each else NEAREST
+    top = sheet.at + 0.38
+    where = WIDTH - cells - 0.1
+    _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
+    if each:
+        for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
+            sheet.legend([mark | {"label": name}], 1, (where + k * CELL - 0.08, top - 0.22))
+    else:
+        entries = [
+            STARTED | {"label": names[0]},
+            EARLIER | {"label": "earlier goals"},
+            GOAL | {"label": names[-1]},
+        ]
+        sheet.legend(entries, 3, (LABELS, top - 0.22))
+    for y, row in enumerate(shown):
+        for column, k in enumerate(range(len(names)) if each else [int(np.nanargmax(row.usage))]):
+            text = row.text(k) if each else f"{names[k]}: {row.text(k)}"
+            colour = OUTSIDE if row.usage[k] > 1.0 else INK
+            place = where + column * CELL, top + ROW * (y + 0.5)
+            sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
+    sheet.at = top + ROW * len(shown) + 0.45
+    if any(row.limit for row in shown):
+        note = "limit[…]: the robot's own range, about which there is no row"
+        sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
+        sheet.at += 0.16
+
+
+def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
+    """Draw the used share of the allowed range of rows, with one mark for each moment."""
+    end = MAX_USAGE + 0.03
+    ax.set_xlim(-0.04, end)
+    ax.set_ylim(len(shown) - 0.5, -0.5)
+    ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
+    turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "zorder": 1.0}
+    ax.text(
+        0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned
+    )
+    ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
+    ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
+    ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
+    ax.tick_params(axis="y", length=0.0, labelsize=7.5)
+    ax.set_xlabel("usage of the allowed range: 1 is the boundary", labelpad=2)
+    for y, row in enumerate(shown):
+        usage = np.clip(row.usage, 0.0, MAX_USAGE)
+        ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
+        ax.plot(
+            [np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0
+        )
+        for u, mark in zip(usage, marks, strict=True):
+            if np.isfinite(u):
+                ax.plot(u, y, **mark, zorder=4.0, clip_on=False)
+
+
+#: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.
+FIGURE = Figure.told("preview", draw_preview)

@@ -1,0 +1,253 @@
+"""Film of runs with image and arm of each, for web pages, talks and papers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...comparisons.runs.files import replaced
+from ...errors import ConfigurationError
+from ...reports.plots.image import Plane, tracks
+from ...reports.plots.sheet import WIDTH, Sheet
+from ...reports.plots.style import INK, darker, shortened, symbol
+from ...rows import Array
+from ..setup_scene import draw_setup
+from .runs import (
+    ACTIVE,
+    HIGHLIGHTS,
+    VIOLATED,
+    Frames,
+    ReplayRun,
+    Thing,
+    check_same_scene,
+    colours_of,
+    things_of,
+)
+from .space import common_viewpoint
+
+FILMS = (".gif", ".mp4")
+#: Frames per second, longest duration of a film (longer runs are shown faster), and additional
+#: time of its last frame [s].
+RATE = 12.0
+MAX_TIME = 8.0
+REST = 1.0
+# Dots per inch of a film, and colours of a GIF.
+DPI = 100
+COLOURS = 96
+BITS = 5  # of each channel that are compared when the colours of a GIF are chosen
+LETTERS = 12.0  # of the text below an image, per inch of its width
+GOAL = symbol("*", INK, "white", 8.0)
+
+
+def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
+    """Write a film of up to four runs of one scene; return remarks for the reader.
+
+    ``path`` ends in ``.gif`` or ``.mp4``. The title is that of the scenario if none is given.
+    Raises ConfigurationError if the runs cannot be shown together, if the suffix is another one, or
+    if an MP4 is requested without the extra ``replay``; and OSError.
+    """
+    film_kind(path := Path(path))
+    check_same_scene(runs)
+    frames = Frames.of(runs, RATE, int(RATE * MAX_TIME))
+    write_pictures(list(pictures(runs, frames, title or runs[0].title)), path, RATE, REST)
+    return [text for text in [frames.remark(runs)] if text]
+
+
+def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[Array]:
+    """Yield each frame (height, width, 3) as bytes.
+
+    Each run has a column with the image above and the arm below.
+    """
+    plane = Plane.of(runs[0].setup)
+    viewpoint = common_viewpoint(runs)
+    several = len(runs) > 1
+    width = (WIDTH - 0.1) / max(len(runs), 2) - 0.1
+    tall = width * plane.half[1] / plane.half[0]
+    arm = 0.78 * width
+    sheet = Sheet(left=0.1)
+    speed = frames.period * RATE
+    faster = f"   ({speed:.1f} times as fast)" if speed > 1.05 else ""
+    sheet.text(0.1, 0.2, title + faster, fontsize=10.5, fontweight="bold", va="center")
+    clock = sheet.figure.text(
+        WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
+    )
+    drawn = []
+    for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
+        left = 0.1 + k * (width + 0.1)
+        place = (
+            (left, 1.0 + tall, width, arm)
+            if several
+            else (left + width + 0.1, 0.7, width, tall + 0.3)
+        )
+        image = sheet.axes(left, 0.7, width, tall)
+        space = sheet.axes(*place, projection="3d", computed_zorder=False)
+        drawn.append(
+            (run, colour, image, space, frames.samples(run), frames.states(run), things_of(run))
+        )
+    # Films need even numbers of pixels.
+    sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
+    sheet.figure.set_dpi(DPI)
+    sheet.placed()
+    for k, t in enumerate(frames.t.tolist()):
+        clock.set_text(f"{t:.2f} s")
+        plane.times = (t,)
+        for run, colour, image, space, samples, states, things in drawn:
+            trajectory = run.trajectory
+            sample = int(samples[k])
+            image.clear()
+            plane.draw(image, labels=False)
+            _draw_run(
+                image,
+                run,
+                colour,
+                sample,
+                list(zip(trajectory.labels, states[k].tolist(), things, strict=True)),
+            )
+            over = t > trajectory.t[-1] + 1e-9 or k == len(samples) - 1
+            image.set_title(trajectory.status if over else "", loc="right", fontsize=9, pad=4)
+            for old in list(space.collections):
+                old.remove()
+            draw_setup(space, run.setup, trajectory.q[sample], t, viewpoint)
+        sheet.canvas.draw()
+        yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
+
+
+def _draw_run(
+    ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]
+) -> None:
+    """Draw a run in the image plane up to a sample.
+
+    ``rows`` are labels and states of its rows, and the objects to which they apply.
+    """
+    pixels = run.trajectory.features_px
+    t = float(run.trajectory.t[sample])
+    ax.set_xticks([])
+    ax.set_yticks([])
+    letters = int(LETTERS * ax.get_position().width * WIDTH)
+    name = shortened(run.law, letters)
+    ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
+    ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
+    ax.plot(
+        *[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T,
+        **GOAL,
+        zorder=5,
+    )
+    tracks(
+        ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5
+    )
+    for i, marker in enumerate(pixels[sample], start=1):
+        state = max((state for _, state, thing in rows if thing == ("marker", i)), default=0)
+        spot = symbol("o", colour, HIGHLIGHTS.get(state, "white"), 8.5, zorder=6)
+        ax.plot(*marker, **spot | {"markeredgewidth": 2.5 if state else 0.9})
+    worst = max((state for _, state, _ in rows), default=0)
+    labels = [label for label, state, _ in rows if state == worst] if worst else []
+    word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
+    text = shortened(f"{word}{', '.join(labels)}", letters)
+    place = {
+        "transform": ax.transAxes,
+        "fontsize": 9,
+        "va": "top",
+        "fontweight": "bold",
+        "zorder": 7,
+    }
+    ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
+
+
+def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
+    """Return the suffix of a film, .gif or .mp4 or one of ``other``.
+
+    Raises ConfigurationError for any other suffix.
+    """
+    kind = path.suffix.lower()
+    if kind not in (*FILMS, *other):
+        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}{or_else}, not {path.name!r}")
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise ConfigurationError(
+            "a film as MP4 needs imageio_ffmpeg: pip install 'vsconstraints[replay]'"
+        )
+    return kind
+
+
+def write_pictures(
+    frames: Sequence[Any], path: Path, rate: float, rest: float = 0.0, colours: int = COLOURS
+) -> None:
+    """Write pictures (height, width, 3) as a film at ``rate`` frames per second.
+
+    The last picture is shown longer by ``rest`` [s].
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(path) as part:
+        if film_kind(path) == ".gif":
+            from PIL import Image
+
+            images = [Image.fromarray(pixels) for pixels in frames]
+            # One palette for all frames, without dithering: unchanged pixels then take no space.
+            palette = common_palette(frames, colours)
+            first, *others = (
+                image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
+            )
+            step = round(100.0 / rate) * 10
+            look: dict[str, Any] = {
+                "duration": [step] * len(others) + [step + int(1000.0 * rest)],
+                "loop": 0,
+            }
+            first.save(
+                part, format="GIF", save_all=True, append_images=others, optimize=True, **look
+            )
+            return
+        import imageio_ffmpeg
+
+        options: dict[str, Any] = {
+            "fps": rate,
+            "macro_block_size": 2,
+            "quality": 7,
+            "output_params": ["-f", "mp4"],
+        }
+        writer = imageio_ffmpeg.write_frames(str(part), frames[0].shape[1::-1], **options)
+        writer.send(None)
+        try:
+            for pixels in [*frames, *[frames[-1]] * int(rate * rest)]:
+                writer.send(np.ascontiguousarray(pixels))
+        finally:
+            writer.close()
+
+
+def common_palette(frames: Sequence[Array], colours: int) -> Any:
+    """Return an image whose palette has ``colours`` colours for all frames (height, width, 3).
+
+    The first quarter are the colours that cover most in any one frame. Each further one is the
+    colour that the chosen ones represent worst: its squared distance to the nearest of them, times
+    the square root of its covered area, is the largest. A colour that is visible for a moment on a
+    thin line is therefore included if no other is similar to it.
+    """
+    from PIL import Image
+
+    levels = 1 << BITS
+    largest = np.zeros(levels**3)
+    pixel_count = np.zeros(levels**3)
+    sums = np.zeros((3, levels**3))
+    for frame in frames:
+        channels = np.asarray(frame, dtype=np.int64).reshape(-1, 3).T
+        coarse = channels >> (8 - BITS)
+        cell = (coarse[0] * levels + coarse[1]) * levels + coarse[2]
+        count = np.bincount(cell, minlength=levels**3)
+        largest = np.maximum(largest, count)
+        pixel_count += count
+        for total, channel in zip(sums, channels, strict=True):
+            total += np.bincount(cell, weights=channel, minlength=levels**3)
+    present = np.flatnonzero(pixel_count)
+    means = (sums[:, present] / pixel_count[present]).T
+    covered = np.sqrt(largest[present])
+    chosen = np.argsort(-covered, kind="stable")[: colours // 4].tolist()
+    distance = np.min([((means - means[k]) ** 2).sum(axis=1) for k in chosen], axis=0)
+    for _ in range(min(colours, len(means)) - len(chosen)):
+        worst = int(np.argmax(distance * covered))
+        chosen.append(worst)
+        distance = np.minimum(distance, ((means - means[worst]) ** 2).sum(axis=1))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.rint(means[chosen]).astype(np.uint8).ravel().tolist())
+    return palette

@@ -1,0 +1,289 @@
+"""Runs of a replay: their selection by name, shown samples and highlighted rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
+from ...comparisons.metrics import NEGLIGIBLE
+from ...comparisons.record import run_file
+from ...comparisons.run import perform
+from ...controllers import CONTROLLERS
+from ...errors import ConfigurationError, unknown_name
+from ...reports.plots import looks
+from ...rows import Array
+from ...scenarios import Scenario
+from ...simulation import Setup, Trajectory
+
+# Frames per second, unless that gives more than MAX_FRAMES frames.
+RATE = 25.0
+MAX_FRAMES = 300
+# States of a constraint's row.
+INACTIVE = 0
+ACTIVE = 1
+VIOLATED = 2
+HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
+States = npt.NDArray[np.uint8]
+Thing = tuple[str, int] | None
+MAX_RUNS = 4  # more runs beside each other cannot be distinguished
+#: Texts that name a run.
+HOW = (
+    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a "
+    "campaign again, "
+    "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
+    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
+)
+
+
+@dataclass(frozen=True)
+class ReplayRun:
+    """Run to be replayed, with the unique name of its law and the title of its scenario."""
+
+    law: str
+    setup: Setup
+    trajectory: Trajectory
+    title: str = ""
+
+
+def check_same_scene(runs: Sequence[ReplayRun]) -> None:
+    """Raise ConfigurationError unless each run has a trajectory and all are of one scene."""
+    if not 0 < len(runs) <= MAX_RUNS:
+        raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
+
+    def shown(run: ReplayRun) -> tuple[object, ...]:
+        scene = run.setup.scene
+        return (
+            scene.robot.n,
+            scene.robot.name,
+            scene.camera.size,
+            scene.markers.tolist(),
+            run.setup.constraints.labels,
+        )
+
+    names = [run.law for run in runs]
+    for run in runs:
+        if len(run.trajectory.t) < 2:
+            why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
+            raise ConfigurationError(
+                f"the run of {run.law} left no trajectory that could be replayed{why}"
+            )
+        if shown(run) != shown(runs[0]):
+            alike = "a replay shows one robot, camera, target and the same rows"
+            raise ConfigurationError(
+                f"the runs of {runs[0].law} and {run.law} are of different scenes: {alike}"
+            )
+        if names.count(run.law) > 1:
+            raise ConfigurationError(
+                f"two of the runs are called {run.law!r}: give each its own name"
+            )
+
+
+def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
+    """Return the colours of the laws of these runs."""
+    return [look.colour for look in looks([run.law for run in runs]).values()]
+
+
+# --- Time ---
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Instants t (F,), ``period`` apart [s], from the start to the end of the longest run."""
+
+    t: Array
+    period: float
+
+    @classmethod
+    def of(cls, runs: Sequence[ReplayRun], rate: float = RATE, most: int = MAX_FRAMES) -> Frames:
+        """Return the instants for runs: ``rate`` per second, but at most ``most``."""
+        end = max(float(run.trajectory.t[-1]) for run in runs)
+        period = max(1.0 / rate, end / (most - 1))
+        return cls(period * np.arange(int(np.ceil(end / period - 1e-9)) + 1), period)
+
+    def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
+        """Return the sample (F,) of a run that each instant shows: the last one up to that time."""
+        shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
+        return np.maximum(shown, 0).astype(np.int64)
+
+    def states(self, run: ReplayRun) -> States:
+        """Return the state (F, m) of each row between one instant and the next.
+
+        A single sample is enough to show a state. After a run has ended, rows are inactive: from
+        the frame after the one that first shows its last sample.
+        """
+        every = states(run)
+        first = self.samples(run)
+        shown = np.maximum.reduceat(every, first, axis=0)
+        shown[1:][first[:-1] == len(every) - 1] = INACTIVE
+        return shown
+
+    def remark(self, runs: Sequence[ReplayRun]) -> str:
+        """Return a sentence on the number of samples that are shown, empty if all are."""
+        samples = max(len(run.trajectory.t) for run in runs)
+        rule = (
+            "a constraint is highlighted if it is active or violated in any sample up to the "
+            "next one shown"
+        )
+        return (
+            f"{len(self.t)} of {samples} samples are shown; {rule}."
+            if samples > len(self.t)
+            else ""
+        )
+
+
+def states(run: ReplayRun) -> States:
+    """Return the state (N, m) of each row at each sample."""
+    length = RunRecord.of(run.setup, run.trajectory, "").length
+    outside = (
+        np.minimum(run.trajectory.clearance, run.trajectory.between_clearance)
+        < -NEGLIGIBLE * length
+    )
+    return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(
+        np.uint8
+    )
+
+
+def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
+    """Return the states (F,) of all highlighted objects in space.
+
+    Keys are the kind of object, its number and the run: a ``marker`` or a ``joint``, counted from
+    1, or an ``obstacle`` by the index of its constraint. The run is 0 for objects that runs share:
+    markers and obstacles are highlighted by the rows of any run.
+    """
+    found: dict[tuple[str, int, int], States] = {}
+    for k, run in enumerate(runs):
+        for thing, own in zip(things_of(run), frames.states(run).T, strict=True):
+            if thing is not None and own.any():
+                carried = thing[0] == "marker" and run.setup.scene.camera.fixed is not None
+                key = (*thing, k if thing[0] == "joint" or carried else 0)
+                found[key] = np.maximum(found.get(key, INACTIVE), own).astype(np.uint8)
+    return found
+
+
+def things_of(run: ReplayRun) -> list[Thing]:
+    """Return the object (m,) to which each row applies: a marker, a joint or an obstacle.
+
+    Each has its number. None stands for rows on any other quantity.
+    """
+    constraints = run.setup.constraints
+    scene = run.setup.scene
+    counts = {"marker": len(scene.markers), "joint": scene.robot.n}
+    things = list[Thing]()
+    for k, (constraint, (_, count, _)) in enumerate(
+        zip(constraints.constraints, constraints.blocks(), strict=True)
+    ):
+        solid = bool(constraint.meshes(0.0, 1.0))
+        for label in constraints.labels[len(things) : len(things) + count]:
+            named = None if solid else re.search(r"(marker|joint) (\d+)\]", label)
+            known = named is not None and int(named[2]) <= counts[named[1]]
+            things.append(
+                ("obstacle", k) if solid else (named[1], int(named[2])) if named and known else None
+            )
+    return things
+
+
+# --- Names ---
+
+
+def select_run(
+    run: str,
+    seed: int = 0,
+    trust: bool = False,
+    on_remark: Callable[[str], None] = lambda remark: None,
+) -> ReplayRun:
+    """Return the run that a text names: a stored run, or a run that is simulated now.
+
+    For the forms of the text see :data:`HOW`. ``seed`` is the seed of simulated trials. Custom
+    constraints that a folder of results names run only with ``trust``; without it a scenario that
+    needs them cannot be shown. ``on_remark`` is called with remarks on the stored comparison.
+    Raises VsconstraintsError if the text names no run, or if the run cannot be read, built or
+    simulated.
+    """
+    if not run.endswith(".npz"):
+        return _simulated(run, seed)
+    file = Path(run)
+    parts = file.stem.split("--")
+    if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
+        form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
+        raise ConfigurationError(f"{file} is no trajectory of a comparison: {form}")
+    if not file.is_file():
+        raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
+    comparison = StoredComparison.load(file.parent.parent, trust)
+    for remark in comparison.remarks:
+        on_remark(remark)
+    known = {"scenario": comparison.scenarios, "controller": comparison.controllers}
+    for (what, names), name in zip(known.items(), parts, strict=False):
+        if name not in names:
+            raise unknown_name(f"{what} of {comparison.folder}", name, names)
+    return run_of(comparison, parts[0], parts[1], int(parts[2]))
+
+
+def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
+    """Return a run of a loaded comparison.
+
+    Raises ConfigurationError if its trajectory cannot be read, or if its rows are not those of the
+    scenario.
+    """
+    loaded = comparison.scenarios[scenario]
+    record = comparison.run(scenario, law, trial)
+    if record is None:
+        file = run_file(comparison.folder, scenario, law, trial).name
+        raise ConfigurationError(
+            f"the trajectory {file} cannot be read: it is missing, damaged, or of another version"
+        )
+    with chdir("."):  # custom parts may change the working directory
+        setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
+    if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
+        raise ConfigurationError(
+            f"the stored run of {law} on {scenario} has other rows than its scenario"
+        )
+    return ReplayRun(
+        f"{law}, trial {trial}" if trial else law, setup, record.trajectory, loaded.title
+    )
+
+
+def _simulated(run: str, seed: int) -> ReplayRun:
+    scenario, separator, rest = run.partition(":")
+    law, _, last = rest.rpartition(":")
+    law, trial = (law, int(last)) if law and last.isdecimal() else (rest, 0)
+    if not (scenario and separator and law):
+        raise ConfigurationError(f"{run!r} names no run: give {HOW}")
+    shipped, behind, _ = law.partition(":")
+    if behind and shipped in CONTROLLERS:
+        raise ConfigurationError(
+            f"{run!r} names no run: a trial is a number from 0 on, not {last!r}"
+        )
+    loaded = Scenario.load(scenario)
+    done = perform(
+        RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed)
+    )
+    return ReplayRun(
+        f"{law}, trial {trial}" if trial else law, done.setup, done.trajectory, loaded.title
+    )
+
+
+def campaign_run(run: str) -> list[str]:
+    """Return folder, family, scene, condition and controller of a run of a campaign.
+
+    The list is empty if the text does not name such a run.
+    """
+    parts = run.rsplit(":", 4)
+    return parts if len(parts) == 5 and parts[2].isdecimal() else []
+
+
+def name_of(run: str) -> str:
+    """Return the name of the scenario, or family and scene, in a text that names a run."""
+    if parts := campaign_run(run):
+        return "-".join(parts[1:3])
+    return (
+        Path(run).stem.partition("--")[0]
+        if run.endswith(".npz")
+        else Path(run.partition(":")[0]).stem
+    )

@@ -1,0 +1,267 @@
+"""Scene in space of several runs, as a viser page that plays them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...constraints.meshes import Mesh
+from ...reports.plots.style import paler, rgb
+from ...rows import Array
+from ..scene3d import REACH, Part, Placement, Scene3D, Viewpoint, ball, joint_poses, tube, visuals
+from ..setup_scene import (
+    add_robot,
+    add_surroundings,
+    obstacle_meshes,
+    points_in_view,
+    setup_frames,
+    view_axes,
+    viewpoint_of,
+)
+from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
+
+#: Colour of obstacles that are not highlighted; opacity of the arms after the first.
+OBSTACLE = "#8FA3BF"
+OTHERS = 0.45
+#: Distance between the surfaces of successive arms, for an arm of :data:`.REACH` [m]. Coinciding
+#: surfaces would flicker. With this inset the first arm is visible where arms coincide.
+INSET = 1.5e-3
+#: Most triangles of an arm; an arm with more is simplified: points closer than MERGED [m], or
+#: more if needed, become one.
+MAX_TRIANGLES = 36_000
+MERGED = 1e-3
+INSTANTS = 9  # of each run at which everything is in view
+#: Width over height of pictures; vertical field of view [rad] and least width over height of the
+#: view on the page; margin around the scene, relative to half the side of its cube.
+ASPECT = 1.25
+FIELD_OF_VIEW = 0.7
+NARROWEST = 0.72
+ROOM = 0.15
+
+
+def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
+    """Return the viser page of all runs in one space, and a remark on simplifications."""
+    import viser
+
+    with redirect_stdout(StringIO()):  # the server prints its address
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            viewpoint = common_viewpoint(runs)
+            eye = standpoint(runs, viewpoint)
+            camera = server.initial_camera
+            away = float(np.linalg.norm(eye - viewpoint.centre))
+            camera.position, camera.look_at, camera.up = (
+                tuple(eye),
+                tuple(viewpoint.centre),
+                (0.0, 0.0, 1.0),
+            )
+            camera.fov = FIELD_OF_VIEW
+            camera.near = 0.01 * away
+            camera.far = 100.0 * away
+            server.scene.set_up_direction("+z")
+            scene, remark = scene_of(runs, viewpoint.half / REACH)
+            return _recorded(server, scene, runs, frames, viewpoint.half), remark
+        finally:
+            server.stop()
+
+
+def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
+    """Return arms, cameras, target and obstacles of runs, and a remark.
+
+    They are fixed to the frames of :func:`frames_of`.
+    """
+    scene = Scene3D()
+    setup = runs[0].setup
+    arm, remark = visuals(setup.scene.robot, scale)
+    meshes = coarse([part.mesh for part in arm])
+    for k, colour in enumerate(colours_of(runs)):
+        own = [
+            part._replace(
+                mesh=inset(mesh, k * INSET * scale),
+                colour=paler(colour),
+                opacity=OTHERS if k else 1.0,
+            )
+            for part, mesh in zip(arm, meshes, strict=True)
+        ]
+        shared = k > 0 and setup.scene.camera.fixed is not None
+        add_robot(scene, setup, own, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
+        if shared:
+            scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
+    add_surroundings(scene, setup, scale * REACH, OBSTACLE)
+    return scene, remark
+
+
+def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[str, Placement]:
+    """Return the frames of :func:`.setup_frames` for all runs.
+
+    The frames of run k have ``k`` before their names; shared frames have no prefix.
+    """
+    every = [setup_frames(run.setup, own, t) for run, own in zip(runs, q, strict=True)]
+    own = {
+        f"{k} {name}": placement
+        for k, frames in enumerate(every)
+        for name, placement in frames.items()
+    }
+    return own | {
+        name: placement
+        for name, placement in every[0].items()
+        if name.startswith(("target", "obstacle"))
+    }
+
+
+def _recorded(
+    server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float
+) -> str:
+    nodes = Nodes(server.scene)
+    samples = [frames.samples(run) for run in runs]
+    for part in scene.parts:
+        nodes.add(part)
+    covers = []
+    for (what, number, run_number), states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(what, number, runs, run_number, half)
+        for state, colour in HIGHLIGHTS.items():
+            handle = nodes.add(Part(mesh, colour, frame, 0.85 if what == "marker" else 0.6))
+            covers.append((states == state, handle))
+    for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
+        name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
+        places = [
+            setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)
+        ]
+        if len(places) > 1:
+            pieces = np.stack((places[:-1], places[1:]), axis=1)
+            server.scene.add_line_segments(
+                f"/{k} path", pieces, rgb(colour), thickness=2.0, thickness_units="screen"
+            )
+    serializer = server.get_scene_serializer()
+    for k, t in enumerate(frames.t):
+        q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
+        nodes.place(frames_of(runs, q, float(t)))
+        for shown, handle in covers:
+            handle.visible = bool(shown[k])
+        serializer.insert_sleep(frames.period)
+    html: str = serializer.as_html()
+    return html
+
+
+class Nodes:
+    """Nodes of viser's scene: one for each frame, with the parts fixed to it below."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+        self.frames: dict[str, Any] = {}
+        self.rails: dict[str, Any] = {}
+        self.count = 0
+
+    def add(self, part: Part) -> Any:
+        """Add a part and return its handle."""
+        if part.frame not in self.frames:
+            self.frames[part.frame] = self.scene.add_frame(f"/{part.frame}", show_axes=False)
+        # Rounding to a quarter of a millimetre is invisible and makes the file much smaller.
+        points = np.round(part.mesh.points * 4096.0) / 4096.0
+        look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
+        shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
+        self.count += 1
+        name = f"/{part.frame}/{self.count}"
+        handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
+        if "slide" in part.frame:
+            self.rails[part.frame] = handle
+        return handle
+
+    def place(self, placements: dict[str, Placement]) -> None:
+        """Set the poses of the frames; viser sends only those that have changed."""
+        for name, frame in self.frames.items():
+            pose, stretch = placements[name]
+            frame.position, frame.wxyz = (
+                pose.t,
+                np.round(np.roll(pin.Quaternion(pose.R).coeffs(), 1), 6),
+            )
+            if name in self.rails:
+                self.rails[name].scale = (1.0, 1.0, stretch)
+
+
+def _cover(
+    what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float
+) -> tuple[Mesh, str]:
+    """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
+    setup = runs[run].setup
+    scale = half / REACH
+    if what == "marker":
+        return ball(
+            setup.scene.markers[number - 1], 0.021 * scale, 12
+        ), f"{run} target" if run else "target"
+    if what == "obstacle":
+        return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
+    poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
+    axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
+    return tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
+
+
+def inset(mesh: Mesh, depth: float) -> Mesh:
+    """Return a mesh whose surface is moved inwards by ``depth`` [m]."""
+    if depth == 0.0 or not len(mesh.triangles):
+        return mesh
+    import trimesh
+
+    # Merge corners of several faces at one place.
+    merged = trimesh.Trimesh(mesh.points, mesh.triangles)
+    outwards = float(np.sign(merged.volume)) or 1.0
+    return Mesh(
+        np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals,
+        np.asarray(merged.faces),
+    )
+
+
+def coarse(meshes: list[Mesh]) -> list[Mesh]:
+    """Return the meshes with at most :data:`MAX_TRIANGLES` triangles in all.
+
+    If they have more, points close to each other are merged.
+    """
+    cell = MERGED
+    fewer = meshes
+    while sum(len(mesh.triangles) for mesh in fewer) > MAX_TRIANGLES:
+        fewer = []
+        for mesh in meshes:
+            _, first, own = np.unique(
+                np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True
+            )
+            triangles = np.asarray(own).reshape(-1)[mesh.triangles]
+            a, b, c = triangles.T
+            fewer.append(Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)]))
+        cell *= 1.4
+    return fewer
+
+
+def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
+    """Return joint coordinates (n,) and times [s] from the starts of runs to their ends."""
+    every = [
+        (run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int))
+        for run in runs
+    ]
+    return [(trajectory.q[k], float(trajectory.t[k])) for trajectory, at in every for k in at]
+
+
+def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
+    """Return a viewpoint from which the motions of all runs are in view."""
+    return viewpoint_of(runs[0].setup, _instants(runs), ASPECT)
+
+
+def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
+    """Return the position (3,) of a camera that has the motions of all runs in view.
+
+    The camera has the field of view :data:`FIELD_OF_VIEW`. From a distance d it sees a point x to
+    the right of the centre, y above it and z nearer than it if |x| ≤ w (d − z) and |y| ≤ h (d − z).
+    The distance is the least such d.
+    """
+    axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
+    points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
+    across, up, towards = ((points - viewpoint.centre) @ axes).T
+    needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
+    eye: Array = (
+        viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]
+    )
+    return eye

@@ -1,0 +1,205 @@
+"""Parts of other packages, found by their entry points, and names of modules that moved."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.plugins import registry
+from vsconstraints.plugins.earlier_names import MOVED
+from vsconstraints.plugins.registry import OWN, Part, in_order, parts, registered
+
+ROOT = Path(__file__).parents[1]
+THEIRS = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+from vsconstraints.plugins.registry import Command, Listing, Part
+from vsconstraints.simulation.disturbances import Disturbances
+from vsconstraints.simulation.plant import Plant
+
+
+def greet(scenario: str, trial: int = 0) -> None:
+    """Greet a scenario."""
+    print(f"hello {scenario} {trial}")
+
+
+def grippers():
+    return [("claw", "Two fingers.")]
+
+
+@dataclass(frozen=True)
+class Stiff:
+    made_by: ClassVar[str] = "theirs:plant"
+    stiffness: float
+
+
+def plant(robot, settings, q0, qd0, period, limits):
+    made = Plant(q0, qd0, period, "acceleration", Disturbances(), limits)
+    made.stiffness = settings.stiffness
+    return made
+
+
+def section(results, scenario):
+    return f"Their words on {scenario}."
+
+
+PART = Part(
+    commands={"greet": Command("theirs:greet", "Theirs", "ur5-fov")},
+    listings={"grippers": Listing("theirs:grippers", before="metrics")},
+    scenario_tables={"plant": {"stiff": "theirs:Stiff"}},
+    report_sections={"words": "theirs:section"},
+)
+'''
+
+
+def installed(folder: Path, code: str, value: str = "theirs:PART") -> dict[str, str]:
+    """Install a package of others into a folder; return the environment that finds it."""
+    metadata = folder / "theirs-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[{registry.GROUP}]\nmy-part = {value}\n")
+    (folder / "theirs.py").write_text(code)
+    known = os.environ.get("PYTHONPATH", "")
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (known, str(folder))))}
+
+
+def python(environment: dict[str, str], program: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=300,
+    )
+
+
+def command(environment: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:
+    return python(
+        environment,
+        "import sys; from vsconstraints.cli import main; "
+        f"sys.argv = {['vsconstraints', *words]!r}; main()",
+    )
+
+
+def test_a_command_of_another_package_stands_beside_those_of_this_one(tmp_path: Path) -> None:
+    environment = installed(tmp_path, THEIRS)
+    shown = command(environment, "--help")
+    assert "Theirs" in shown.stdout, shown.stderr
+    assert "Greet a scenario." in shown.stdout
+    done = command(environment, "greet", "ur5-fov", "--trial", "3")
+    assert done.stdout == "hello ur5-fov 3\n"
+    listed = command(environment, "list", "grippers")
+    assert "Two fingers." in listed.stdout
+
+
+def test_a_scenario_names_the_plant_of_another_package(tmp_path: Path) -> None:
+    program = """
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.scenarios import Scenario
+scenario = Scenario.load("example-2d-fov")
+setup = scenario.with_override("plant", {"type": "stiff", "stiffness": 4.0}).setup()
+print(setup.plant().stiffness)
+try:
+    scenario.with_override("plant", {"type": "stif", "stiffness": 4.0}).setup()
+except ConfigurationError as error:
+    print(error)
+"""
+    done = python(installed(tmp_path, THEIRS), program)
+    value, error = done.stdout.splitlines()
+    assert value == "4.0"
+    assert "Did you mean 'stiff'?" in error
+    assert "dynamics, mujoco, stiff" in error
+
+
+@pytest.mark.parametrize(
+    ("code", "value", "told"),
+    [
+        ("raise RuntimeError('no licence')", "theirs:PART", "no licence"),
+        ("PART = 3", "theirs:PART", "must be a Part, not 3"),
+        ("", "theirs:PART", "has no attribute 'PART'"),
+        (THEIRS.replace('"greet": ', '"compare": '), "theirs:PART", "two parts register compare"),
+    ],
+)
+def test_a_broken_part_is_an_error_that_names_it(
+    code: str, value: str, told: str, tmp_path: Path
+) -> None:
+    done = command(installed(tmp_path, code, value), "list", "shapes")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert told in done.stderr
+    if "two parts" not in told:
+        assert "part my-part of theirs" in done.stderr
+
+
+def test_own_parts_need_no_metadata(tmp_path: Path) -> None:
+    """The command line of files alone, without any installed package that registers a part."""
+    program = """
+import importlib.metadata
+importlib.metadata.entry_points = lambda **selected: []
+from vsconstraints.plugins.registry import registered
+print(*registered("commands"))
+"""
+    done = python(dict(os.environ), program)
+    assert {"compare", "preview", "run", "evidence"} <= set(done.stdout.split()), done.stderr
+
+
+def test_every_folder_with_a_part_is_listed() -> None:
+    package = ROOT / "src" / "vsconstraints"
+    assert {file.parent.name for file in package.glob("*/part.py")} == {*OWN}
+
+
+def test_everything_that_own_parts_name_exists() -> None:
+    for part in parts():
+        names = [each.function for each in (*part.commands.values(), *part.listings.values())]
+        names += [name for types in part.scenario_tables.values() for name in types.values()]
+        names += [*part.figures, *part.report_sections.values(), *part.results.values()]
+        for name in names:
+            assert registry.load(name) is not None
+    assert {*registry.scenario_types("plant")} == {"dynamics", "mujoco"}
+    assert {*registry.scenario_types("sensor")} == {"images"}
+
+
+def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    twice = (Part(report_sections={"words": "a:b"}), Part(report_sections={"words": "c:d"}))
+    monkeypatch.setattr(registry, "parts", lambda: twice)
+    with pytest.raises(ConfigurationError, match="two parts register words as report sections"):
+        registered("report_sections")
+
+
+def test_order_is_that_of_the_parts_but_where_a_name_goes_before_another() -> None:
+    values = {"a": 1, "b": 2, "c": 3, "d": 4}
+    assert [*in_order(values, {"c": "b", "d": "unknown"})] == ["a", "c", "b", "d"]
+
+
+def test_an_earlier_name_is_the_module_of_today() -> None:
+    """In a process that has imported neither before."""
+    program = """
+from importlib import import_module
+from vsconstraints.plugins.earlier_names import MOVED
+for earlier, today in MOVED.items():
+    before = import_module(earlier)
+    now = import_module(today)
+    assert before is now, earlier
+    assert now.__name__ == now.__spec__.name == today
+print(len(MOVED))
+"""
+    done = python(dict(os.environ), program)
+    assert done.stdout == f"{len(MOVED)}\n", done.stderr
+
+
+def test_a_class_by_an_earlier_name_is_no_second_class() -> None:
+    from vsconstraints.bench.learning import Policy
+    from vsconstraints.bench.learning.policy import Policy as Within
+    from vsconstraints.plugins.classes import imported_class
+
+    assert imported_class("vsconstraints.learning:Policy", Policy) is Policy is Within
+    assert import_module("vsconstraints.vision.images.board") is import_module(
+        "vsconstraints.images.board"
+    )
