@@ -23,15 +23,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 CORE = [
-    "rows",
     "errors",
+    "rows",
     "plugins",
     "formulas",
+    "qp",
+    "compiled",
     "robots",
     "vision",
-    "compiled",
     "constraints",
-    "qp",
     "controllers",
     "control",
     "simulation",
@@ -40,7 +40,7 @@ CORE = [
     "reports",
     "cli",
 ]
-"""Rooms of the core in the order of their dependencies; no room of it imports an optional part."""
+"""Rooms of the core: each imports only those before it, and none imports an optional part."""
 
 PARTS = {
     "dynamics": set[str](),
@@ -219,16 +219,19 @@ def named(module: Module, names: set[str]) -> set[str]:
 def crossings(modules: dict[str, Module], graph: dict[str, set[str]]) -> list[str]:
     """Return a sentence for each module that imports or names a module across a border.
 
-    The core may name no part, and a part only those written down in :data:`PARTS`.
+    A room of the core may name no later one of :data:`CORE` and no part, and a part only those
+    parts that are written down in :data:`PARTS`.
     """
     sentences = []
+    order = {room: i for i, room in enumerate(CORE)}
     for name, module in modules.items():
         room = room_of(name)
         allowed = PARTS.get(room, set()) | NAMED.get(name, set())
         targets = graph[name] | named(module, {*modules})
         for target in sorted(targets):
-            part = room_of(target)
-            if part in PARTS and part not in allowed | {room}:
+            other = room_of(target)
+            to_part = other in PARTS and other not in allowed | {room}
+            if to_part or order.get(other, -1) > order.get(room, len(CORE)):
                 sentences.append(f"{name} imports {target}")
     return sentences
 

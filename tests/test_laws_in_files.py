@@ -7,27 +7,37 @@ import re
 from pathlib import Path
 
 import pytest
-from vsconstraints.comparisons.repetition import drawn_lines, moved_laws
-from vsconstraints.comparisons.study import Study
+from typer.testing import CliRunner
 
 from folder_laws import FOLDER, FOLDER_LAWS
 from vsconstraints.bench.evidence.own_files import own_folders
+from vsconstraints.bench.repetition import drawn_lines, moved_laws
+from vsconstraints.bench.study import Study
+from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.controllers import CONTROLLERS, MOVED, controller_class, make_controller
 from vsconstraints.errors import ConfigurationError
 
 ROOT = FOLDER.parent
-#: A law that imports a module beside it as late as in its first sample.
+#: A law that imports modules beside it as late as when it is made, and in its first sample.
 LATE = """
-from vsconstraints.controllers import Controller
+from vsconstraints.controllers import Controller, PredictiveControl
 
 class Late(Controller):
     name = "late"
 
+    def __init__(self):
+        import neighbour_of_made
+
     def solve(self, rows, task):
         from neighbour_of_late import TRACKING
         return TRACKING.solve(rows, task)
+
+class Nameless(Controller):
+    def solve(self, rows, task): ...
+
+class Inherited(PredictiveControl): ...
 """
 NEIGHBOUR = "from vsconstraints.controllers import Tracking\nTRACKING = Tracking()\n"
 
@@ -38,6 +48,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "laws").mkdir()
     (tmp_path / "laws" / "late.py").write_text(LATE, encoding="utf-8")
     (tmp_path / "laws" / "neighbour_of_late.py").write_text(NEIGHBOUR, encoding="utf-8")
+    (tmp_path / "laws" / "neighbour_of_made.py").touch()
     (tmp_path / "suites").mkdir()
     (tmp_path / "suites" / "suite.toml").write_text(
         'title = "late"\nscenarios = ["example-2d-fov"]\n'
@@ -79,6 +90,40 @@ def test_names_of_no_law_are_refused_with_what_is_right(
         make_controller(name)
     with pytest.raises(ConfigurationError, match=words):
         Suite.load().select(controllers=[name])
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("Nameless", "has no name: write name"),
+        ("Inherited", "has the name of a law of the package, 'predictive'"),
+    ],
+)
+def test_a_class_without_a_name_of_its_own_is_refused(law: str, words: str, folder: Path) -> None:
+    """Results would show it as another law."""
+    file = f"{folder}/laws/late.py:{law}"
+    with pytest.raises(ConfigurationError, match=words):
+        ControllerSpec.called(file)
+    assert ControllerSpec.called("vsconstraints.controllers:SlidingMode").name == "sliding-mode"
+
+
+def test_a_link_to_a_file_has_the_neighbours_of_the_file(folder: Path) -> None:
+    link = folder / "suites" / "link.py"
+    link.symlink_to(folder / "laws" / "late.py")
+    law = ControllerSpec.called(f"{link}:Late")
+    assert law.folder_of_neighbours == folder / "laws"
+    law.make()
+
+
+def test_a_run_on_an_arm_has_a_folder_named_after_the_law(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    command = ["run", "ur5-fov", "--controller", "laws/late.py:Late", "--no-figures"]
+    done = CliRunner().invoke(app, [*command, "--set", "scenario.duration=0.02"])
+    assert done.exit_code == 0, done.output
+    (made,) = (folder / "vsconstraints-runs").iterdir()
+    assert re.fullmatch(r"ur5-fov--late--\d{8}-\d{6}", made.name)
 
 
 def test_a_suite_finds_its_laws_and_their_neighbours_from_any_working_directory(

@@ -138,6 +138,16 @@ def test_a_broken_part_is_an_error_that_names_it(
         assert "part my-part of theirs" in done.stderr
 
 
+@pytest.mark.parametrize("function", ["theirs:nothing", "theirs_2:greet", "theirs"])
+def test_a_function_that_is_missing_is_an_error_that_names_it(
+    function: str, tmp_path: Path
+) -> None:
+    code = THEIRS.replace('Command("theirs:greet"', f'Command("{function}"')
+    done = command(installed(tmp_path, code), "greet", "ur5-fov")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {function}, which a part names, cannot be imported")
+
+
 def test_own_parts_need_no_metadata(tmp_path: Path) -> None:
     """The command line of files alone, without any installed package that registers a part."""
     program = """

@@ -158,6 +158,13 @@ def test_no_import_crosses_into_a_part(room, text, tmp_path):
     )
 
 
+@pytest.mark.parametrize("text", [text.replace("bench", "control") for text in CROSSING])
+def test_no_room_of_the_core_imports_a_later_one(text, tmp_path):
+    (found, *_) = tree(tmp_path, control="", vision=text)
+    assert found.startswith("vsconstraints.vision.deep imports vsconstraints.control")
+    assert tree(tmp_path, vision="", control=text.replace("control", "vision")) == []
+
+
 def test_imports_that_are_written_down_are_allowed(tmp_path):
     """Of the core by everyone, of a part by one that may, and a part's own; words are no imports."""
     from_core = "from ..control import x\nfrom . import y"

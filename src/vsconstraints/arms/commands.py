@@ -50,6 +50,7 @@ def run(
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
     from ..compiled import prepare
+    from ..plugins.classes import beside
     from ..plugins.processes import exit_code
     from ..scenarios import Scenario
     from . import Job, driver_for, image_source, real_time, run_on_arm, store
@@ -64,7 +65,8 @@ def run(
     suite = Suite("run", f"{chosen.title}, on an arm", (chosen,), chosen_entries((), [controller]))
     suite = suite.select(settings=settings)
     loaded = suite.scenarios[0]
-    law = suite.controllers[0].make()
+    entry = suite.controllers[0]
+    law = entry.make()
     setup = loaded.setup()
     note(*(text for own in suite.warnings().values() for text in own))
     driver = driver_for(robot, setup)
@@ -82,7 +84,7 @@ def run(
         )
     source = image_source(images or SIMULATED, setup, loaded.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
+    out = out or Path("vsconstraints-runs") / f"{loaded.name}--{entry.name}--{stamp}"
     require_own_folder(out)
     context.with_resource(locked(out, "a comparison"))
     prepare()
@@ -107,7 +109,9 @@ def run(
             console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
-        setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm), keep)
+        # custom parts may import neighbouring modules at any time
+        with beside(loaded.folder, entry.folder_of_neighbours):
+            setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm), keep)
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
     if log.cause:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
-from ..plugins.classes import beside, imported_class
+from ..plugins.classes import beside, folder_of_neighbours, imported_class
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller, Wrapper, innermost
@@ -174,7 +174,8 @@ def make_controller(
                 )
                 raise unknown_name(f"option of {name}", key, known)
     try:
-        with chdir("."), beside(folder):  # a custom law may change directory
+        # a custom law may change directory, and import modules beside it
+        with chdir("."), beside(folder, folder_of_neighbours(name, folder)):
             made = law(**options)
             if factors:
                 made.factors = RowFactors(**{**made.factors.options(), **factors})

@@ -99,7 +99,8 @@ def folder_of_neighbours(name: str, folder: Path | None) -> Path | None:
     It is that of the file for a path, and ``folder`` for ``module:Class`` and registered names.
     """
     where = name.rpartition(":")[0]
-    return _path_of(where, folder).parent if _is_path(where) else folder
+    # as at its import, the real folder of a file that is a link
+    return _path_of(where, folder).resolve().parent if _is_path(where) else folder
 
 
 def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:

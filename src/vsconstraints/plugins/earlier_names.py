@@ -1,6 +1,8 @@
 """Names under which modules could be imported before they moved into optional parts.
 
-Documentation, notebooks and stored results name them, such as ``vsconstraints.learning:Policy``.
+The documentation of version 0.1.0 names each of them, so that code of users imports them. Suites,
+stored campaigns and kept tables (``comparisons/policy.parquet``) name ``vsconstraints.learning``,
+and are part of an identity that a new name would change. Nothing in the package uses them.
 Importing such a name gives the module of today, no second copy of it.
 """
 

@@ -19,7 +19,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from ..errors import ConfigurationError, described, format_value
+from ..errors import ConfigurationError, VsconstraintsError, described, format_value
 
 Value = TypeVar("Value")
 
@@ -113,9 +113,19 @@ def _of_other_packages() -> Iterable[Part]:
 
 
 def load(reference: str) -> Any:
-    """Import the object that ``"module:name"`` names."""
+    """Import the object that ``"module:name"`` names.
+
+    Raises ConfigurationError that names it if this fails, and the package's own errors.
+    """
     module, _, name = reference.partition(":")
-    return getattr(import_module(module), name)
+    try:
+        return getattr(import_module(module), name)
+    except VsconstraintsError:
+        raise
+    except (Exception, SystemExit) as error:  # code of others may fail in any way
+        raise ConfigurationError(
+            f"{reference}, which a part names, cannot be imported: {described(error)}"
+        ) from error
 
 
 def registered(kind: str) -> dict[str, Any]:

@@ -102,6 +102,7 @@ def frames(
     A film also shows the detected tags.
     """
     from ..comparisons.runs.spec import ControllerSpec
+    from ..plugins.classes import beside
     from ..scenarios import Scenario
     from ..simulation import simulate
     from .frames import kind_of, write_frames
@@ -111,10 +112,13 @@ def frames(
     if "sensor" not in loaded.tables:
         loaded = loaded.with_override("sensor", "images")
     setup = loaded.setup(trial, seed)
-    law = ControllerSpec.called(controller, folder=Path()).make()
+    entry = ControllerSpec.called(controller, folder=Path())
+    law = entry.make()
     with progress() as show:
         show("simulating")
-        run = simulate(setup, law)
+        # custom parts may import neighbouring modules at any time
+        with beside(loaded.folder, entry.folder_of_neighbours):
+            run = simulate(setup, law)
         total = setup.photographer().settings.number(float(run.t[-1])) + 1
         written = count(1)
         images = write_frames(setup, run, out, lambda: show("writing images", next(written), total))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...compiled import prepare
-from ...controllers import controller_class, make_controller
+from ...controllers import CONTROLLERS, controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
 from ...plugins.classes import folder_of_neighbours, module_files
@@ -140,11 +140,20 @@ class ControllerSpec:
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
         """Return a controller by its registered name, ``module:Class`` or ``FILE.py:Class``.
 
-        If ``name`` is empty, it gets the name of its class or its registered name.
+        If ``name`` is empty, it gets the name of its class or its registered name. Raises
+        ConfigurationError if the class has no name, or only that of another law of the package.
         """
-        own = controller_class(law, folder).name if ":" in law else law
-        if not isinstance(own, str):
-            raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
+        own = law
+        if ":" in law:
+            kind = controller_class(law, folder)
+            own = getattr(kind, "name", "")
+            if not (isinstance(own, str) and own):
+                raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
+            if not name and CONTROLLERS.get(own, kind) is not kind:
+                raise ConfigurationError(
+                    f"{law} has the name of a law of the package, {own!r}: write another name = "
+                    f'"…" in the class'
+                )
         return cls(name or own, law, folder=folder if ":" in law else None)
 
     @classmethod
