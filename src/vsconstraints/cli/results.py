@@ -307,7 +307,9 @@ def print_laws(folder: Path) -> None:
     if last == IMPLEMENTATION and len(implementations) == 1:
         # a column with one value for all laws is replaced by a clause
         print_columns(laws.header[:-1], [line[:-1] for line in laws.lines])
-        timings = f"{timings}; all are of {implementations.pop()} code"
+        implementation = implementations.pop()
+        if implementation:
+            timings = f"{timings}; all are of {implementation} code"
     else:
         print_columns(laws.header, laws.lines)
     why = "the controller failed a run that another one solved, or violated a constraint"

@@ -24,7 +24,7 @@ from ..errors import ConfigurationError, described, format_value
 Value = TypeVar("Value")
 
 #: Folders that register something, in the order in which ``vsconstraints --help`` shows them.
-OWN = ("cli", "view", "arms", "paper", "bench", "dynamics", "images", "stacks")
+OWN = ("cli", "view", "arms", "score", "paper", "bench", "dynamics", "images", "stacks")
 GROUP = "vsconstraints.parts"  #: Group of the entry points of other packages.
 
 

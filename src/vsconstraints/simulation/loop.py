@@ -250,13 +250,13 @@ class Run:
                 stage == STEP
                 and self.sensor.renders
                 and self.bound is not None
-                and self.loop.parts[0]
+                and self.loop.parts["evaluate"][0]
             ):
                 seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
                 assert seen is not None
                 self.bound.packed.measure(seen)
                 # without a usable image no law is called and the arm brakes
-                self.loop.parts[3] = 0 if self.sensor.blind else self.law
+                self.loop.parts["law"] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
@@ -273,16 +273,15 @@ class Run:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = (
-            believed.step.evaluate,
-            believed.workspace.address,
-            true.packed.workspace.address,
-        )
+        loop.parts["evaluate"] = believed.step.evaluate
+        loop.parts["believed"] = believed.workspace.address
+        loop.parts["true"] = true.packed.workspace.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing and self.sensor.estimates:
             self._sensing = self.sensor.sensing(setup.samples_at_most)
             self._sensed = Workspace(self._sensing)
-            loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
+            loop.parts["observe"] = load("sensing").OBSERVE
+            loop.parts["sensing"] = self._sensed.address
         law = self.controller.bind(
             bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd
         )
@@ -290,9 +289,10 @@ class Run:
         if law is not None:
             self._given = bound.now.rows, bound.now.task
         self._laws = alone, law  # keeps alive the objects behind their arrays
-        loop.parts[4] = alone.workspace.address
+        loop.parts["baseline"] = alone.workspace.address
         if law is not None and not by_public_call:
-            loop.parts[3] = self.law = law.workspace.address
+            self.law = law.workspace.address
+            loop.parts["law"] = self.law
             # at the same rank tolerance, the law may use the unconstrained command of the baseline
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(
@@ -313,7 +313,9 @@ class Run:
 
     def _begin(self, loop: Loop) -> None:
         self.loop = loop
-        loop.parts[7:] = self.plant.mover
+        move, plant = self.plant.mover
+        loop.parts["move"] = move
+        loop.parts["plant"] = plant
         # True if Python moves the robot. In that case, and if images are rendered, samples run one
         # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0

@@ -33,8 +33,11 @@ def interaction_matrix(xy: Array, Z: Array) -> Array:
     """
     x = xy[:, 0]
     y = xy[:, 1]
-    rows = [[np.broadcast_to(entry, Z.shape) for entry in image_row(c, x, y, Z)] for c in (0, 1)]
-    return np.moveaxis(np.array(rows), 2, 0)
+    L = np.empty((len(Z), 2, 6))
+    for row in (0, 1):
+        for column, entry in enumerate(image_row(row, x, y, Z)):
+            L[:, row, column] = entry
+    return L
 
 
 @dataclass(frozen=True, slots=True)
