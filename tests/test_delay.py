@@ -16,6 +16,7 @@ from vsconstraints.compiled import load
 from vsconstraints.compiled.workspace import RowArrays
 from vsconstraints.controllers import (
     CONTROLLERS,
+    VELOCITY_LAWS,
     Controller,
     DelayCompensated,
     HierarchicalQP,
@@ -37,7 +38,16 @@ def late(delay: float, scenario: Scenario = STATIC) -> Scenario:
     return scenario.with_override("disturbances.command_delay", delay)
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+ACCELERATION_LAWS = [name for name, law in CONTROLLERS.items() if law not in VELOCITY_LAWS]
+
+
+@pytest.mark.parametrize("law", VELOCITY_LAWS, ids=lambda law: law.name)
+def test_the_delay_of_joint_speeds_is_not_compensated(law: type[Controller]) -> None:
+    with pytest.raises(ConfigurationError, match="this law commands joint speeds"):
+        make_controller(law.name, {"command_delay": 0.01})
+
+
+@pytest.mark.parametrize("name", ACCELERATION_LAWS)
 @pytest.mark.parametrize("delay", DELAYS)
 def test_the_commands_are_those_without_a_delay(name: str, delay: float) -> None:
     """From rest, nothing but the time at which they act is another one, since nothing in the scene

@@ -20,7 +20,6 @@ from browser import NAMES, browser, program
 from made_evidence import drawn_runs, frame, made, run
 from test_evidence_report import RATES, check, tables, written
 from vsconstraints.bench.families import Family, families
-from vsconstraints.bench.reports import replayed
 from vsconstraints.bench.reports.across import FEWEST, beyond, regrets
 from vsconstraints.bench.reports.dataset import Dataset, Factorial
 from vsconstraints.bench.reports.failures import Cell
@@ -30,6 +29,7 @@ from vsconstraints.bench.reports.report import write_report_of
 from vsconstraints.bench.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.page import html_page, page_of
+from vsconstraints.view.replay.campaigns import replayed
 from vsconstraints.view.replay.runs import name_of
 
 ROOT = Path(__file__).parents[1]

@@ -19,6 +19,7 @@ from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
     RESOLVERS,
+    VELOCITY_LAWS,
     Barrier,
     Choices,
     Hierarchy,
@@ -45,8 +46,16 @@ LAWS: list[Any] = [
 ]
 """Every name, every file of the folder controllers, every demand and every resolver."""
 
+VELOCITY_ARM = {"command": "velocity", "lag": 0.02, "acceleration": 20.0}
 MODEL = ("predictive", "robust-predictive", *FOLDER_LAWS.values())
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
+
+
+def scene_for(name: str, scenario: Scenario) -> Scenario:
+    """Return a scenario whose arm takes the commands of a law."""
+    if name in [law.name for law in VELOCITY_LAWS]:
+        return scenario.with_override("arm", VELOCITY_ARM)
+    return scenario
 
 
 def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> dict[str, Any]:
@@ -87,7 +96,7 @@ def test_any_values_inside_make_a_law_that_answers(name: str, options: dict[str,
     ranges = law_ranges(name, options)
     for _ in range(1 if name in MODEL else 3):
         law = make_controller(name, {**options, **drawn(ranges, rng)})
-        run = simulate(SCENE.setup(), law)
+        run = simulate(scene_for(name, SCENE).setup(), law)
         assert run.status != "failed", run.reason
         assert np.isfinite(run.qdd_command).all()
         assert len(run.t) > 2
@@ -121,6 +130,11 @@ def test_what_is_searched_of_each_law() -> None:
         "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
         "barrier-governor": {"speed", "margin", "alpha", "sharpness", "horizon"},
+        "resolved-rate": {"gain"},
+        "resolved-rate-avoidance": {"gain", "zone", "full", "tune"},
+        "velocity-qp": {"gain", "K"},
+        "velocity-hierarchical-qp": {"gain", "K"},
+        "velocity-damper": {"gain", "speed", "influence"},
         "cautious": set(),
         "gradual": set(),
         "careful": set(),
@@ -137,19 +151,24 @@ def test_what_is_searched_of_each_law() -> None:
     assert set(law_ranges("hierarchical-qp", {"rows": "active"})) == rows
 
 
-@pytest.mark.parametrize(("name", "options"), LAWS)
+#: Laws that declare what is searched; those of the guides do not.
+DECLARED = [law for law in LAWS if law.id not in ("cautious", "gradual", "careful")]
+
+
+@pytest.mark.parametrize(("name", "options"), DECLARED)
 def test_what_is_not_searched_of_the_rows_changes_nothing(
     name: str, options: dict[str, Any]
 ) -> None:
     left = {key: 1.7 for key in FACTORS if key not in law_ranges(name, options)}
-    setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
+    scenario = Scenario.load("case-study-6r").with_override("duration", 0.7)
+    setup = scene_for(name, scenario).setup()
     theirs, ours = (
         simulate(setup, make_controller(name, {**options, **factors})) for factors in ({}, left)
     )
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "options"), LAWS)
+@pytest.mark.parametrize(("name", "options"), DECLARED)
 def test_what_changes_nothing_is_said(name: str, options: dict[str, Any]) -> None:
     """Factors that no range is declared of are those that the law says it ignores."""
     law = make_controller(name, options)

@@ -28,7 +28,6 @@ from vsconstraints.constraints.meshes import Mesh
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
-from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.style import rgb
 from vsconstraints.robots import ready_made
@@ -55,6 +54,7 @@ from vsconstraints.view.replay.runs import (
     states,
     things_of,
 )
+from vsconstraints.view.replay.section import replayed_runs
 from vsconstraints.view.replay.space import (
     INSET,
     MAX_TRIANGLES,

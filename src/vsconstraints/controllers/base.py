@@ -49,7 +49,7 @@ class Controller(Part, ABC):
         try:
             # numbers beyond the range of floating point are detected below
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                command: Any = self.answer(rows, task)  # custom laws are not type-checked
+                command: Any = self._solved(rows, task)  # custom laws are not type-checked
             fault = fault_of(command, rows, task)
         except (np.linalg.LinAlgError, SolverError) as error:
             fault = f"{type(error).__name__}: {error}"
@@ -59,7 +59,7 @@ class Controller(Part, ABC):
         keep_box(rows, command)
         return command  # type: ignore[no-any-return]
 
-    def answer(self, rows: Rows, task: Task) -> Command:
+    def _solved(self, rows: Rows, task: Task) -> Command:
         """Return what :meth:`solve` computes, as a command of accelerations."""
         return self.solve(rows, task)
 

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..errors import InvalidInput, SceneError
+from ..errors import ConfigurationError, InvalidInput, SceneError
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .base import Controller, Wrapper, require_known, require_model
 from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import positive_number
+from .velocity.base import commands_velocity
 
 MAX_PENDING = 100  #: Largest number of pending commands.
 
@@ -48,6 +49,11 @@ class DelayCompensated(Wrapper):
     own_uses = ("T_s", "memory", "model")
 
     def __init__(self, law: Controller, *, command_delay: float) -> None:
+        if commands_velocity(law):
+            raise ConfigurationError(
+                f"command_delay of {law.name}: pending commands are predicted as accelerations, "
+                f"but this law commands joint speeds; leave command_delay out"
+            )
         self.law = law
         self.command_delay = command_delay
         self.factors = law.factors

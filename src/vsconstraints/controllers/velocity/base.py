@@ -53,7 +53,7 @@ class VelocityController(Controller):
         ``task.error_rate`` are given.
         """
 
-    def answer(self, rows: Rows, task: Task) -> Command:
+    def _solved(self, rows: Rows, task: Task) -> Command:
         """See :class:`.Controller`.
 
         Raises InvalidInput if the task lacks q̇, e or ė, or if the sampling period is unknown, and

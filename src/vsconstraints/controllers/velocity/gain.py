@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +27,12 @@ def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope_at_zer
     if span == 0.0:
         return at_zero
     return span * math.exp(-slope_at_zero / span * error) + at_infinity
+
+
+@cache
+def options_of(law: type) -> frozenset[str]:
+    """Return the names of the options that a law is made with."""
+    return frozenset(inspect.signature(law).parameters)
 
 
 class VelocityLaw(VelocityController):
@@ -61,6 +69,14 @@ class VelocityLaw(VelocityController):
                     f"gain_at_zero must be at least the gain far from the goal, {self.gain:g}, not "
                     f"{self.gain_at_zero:g}: the adaptive gain falls with the error"
                 )
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute; raises AttributeError for an option, which is fixed by the maker."""
+        if name in vars(self) and name in options_of(type(self)):
+            raise AttributeError(
+                f"{name} of {self.name} cannot be changed: make another controller with {name} = …"
+            )
+        super().__setattr__(name, value)
 
     def gain_of(self, error: Array) -> float:
         """Return λ [1/s] at an error (k,)."""

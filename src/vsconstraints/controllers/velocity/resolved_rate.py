@@ -23,6 +23,8 @@ class ResolvedRate(VelocityLaw):
     """
 
     name = "resolved-rate"
+    #: Rows change no command, so that neither does K.
+    ignores = (*VelocityLaw.ignores, "K")
 
     def __init__(
         self,
