@@ -16,7 +16,6 @@ import pytest
 from vsconstraints.arms import Job, driver_for, run_on_arm
 from vsconstraints.controllers import (
     VELOCITY_LAWS,
-    DelayCompensated,
     Observed,
     ResolvedRate,
     VelocityController,
@@ -303,7 +302,6 @@ def test_unusable_options_are_named(name: str, options: dict[str, Any], words: s
 def test_wrappers_of_velocity_laws_command_velocities() -> None:
     law = VelocityQP()
     assert commands_velocity(Observed(law))
-    assert commands_velocity(DelayCompensated(law, command_delay=0.02))
     assert not commands_velocity(make_controller("tracking"))
 
 

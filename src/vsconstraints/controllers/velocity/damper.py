@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import ConfigurationError
 from ...rows import Array, Rows, Task
 from ..ranges import Declared, Range, positive_number, share
+from .base import VelocityController
 from .quadratic import UNBOUNDED, VelocityQP
 
 
@@ -38,7 +39,7 @@ class VelocityDamper(VelocityQP):
         "influence": Range(0.05, 1.0),
     }
     #: The bounds do not depend on K of the rows either.
-    ignores = (*VelocityQP.ignores, "K")
+    ignores = (*VelocityController.ignores, "K")
 
     def __init__(
         self,

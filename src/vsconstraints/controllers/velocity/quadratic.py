@@ -238,4 +238,9 @@ class VelocityHierarchicalQP(QuadraticVelocity):
         self.weights = weights
         self.solver = solver
         self.damping = damping
-        self.rank_tolerance = rank_tolerance
+        self._rank_tolerance = rank_tolerance
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Tolerance that the law was made with; another one needs another law."""
+        return self._rank_tolerance

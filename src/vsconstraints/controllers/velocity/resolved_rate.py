@@ -23,8 +23,8 @@ class ResolvedRate(VelocityLaw):
     """
 
     name = "resolved-rate"
-    #: Rows change no command, so that neither does K.
-    ignores = (*VelocityLaw.ignores, "K")
+    #: Rows change no command.
+    ignores = (*VelocityLaw.ignores, "K", "dead_time")
 
     def __init__(
         self,
@@ -35,7 +35,16 @@ class ResolvedRate(VelocityLaw):
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
         super().__init__(gain=gain, gain_at_zero=gain_at_zero, slope_at_zero=slope_at_zero)
-        self.rank_tolerance = checked_tolerance(rank_tolerance)
+        self.rank_tolerance = rank_tolerance
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Fraction of the largest singular value, checked whenever it is set."""
+        return self._rank_tolerance
+
+    @rank_tolerance.setter
+    def rank_tolerance(self, value: float) -> None:
+        self._rank_tolerance = checked_tolerance(value)
 
     def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
         """See :class:`.VelocityController`."""
