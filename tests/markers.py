@@ -60,7 +60,7 @@ FULL = {
     "test_structure",
     # the compiler's internals
     "test_allocations",
-    "test_numba_internals",
+    "test_numba_interface",
     "test_scratch",
     "test_uncompiled",
     # documentation and the published results
