@@ -228,8 +228,9 @@ def test_an_arm_goes_where_positions_command_it(takes):
     scene = Scenario.load("ur5-fov").with_override("duration", 0.05)
     setup = scene.with_override("arm", {"command": takes}).setup()
     run = simulate(setup, Placed())
-    commanded = setup.q0 + 1e-4 * np.arange(len(run.t))[:, None]
-    assert np.abs(run.q - commanded).max() < 1e-9
+    # 0.05 rad/s at 40 rad/s²: a velocity arm stays behind by what it needs to get there
+    behind = setup.q0 + 1e-4 * (len(run.t) - 1) - run.q[-1]
+    assert np.abs(behind - (0.05**2 / 80.0 if takes == "velocity" else 0.0)).max() < 1e-9
     plain = Recorded.of(setup, Placed()).plain()
     again = replay(setup, Recorded.from_plain(plain, setup.scene.robot.n))
     assert np.abs(again.q - run.q).max() < 1e-12
