@@ -18,6 +18,7 @@ from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.programs import Observation
+from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, external
 from vsconstraints.stacks.description import describe
 from vsconstraints.stacks.protocol import USES
@@ -205,6 +206,40 @@ def test_a_velocity_arm_follows_the_commanded_velocities(setup):
     run = simulate(scene.setup(), Posed())
     assert np.abs(np.diff(run.qd, axis=0)).max() <= 8.0 * 0.002 + 1e-12
     assert (run.qd[-1] > 0.09).all()
+
+
+class Placed(Posed):
+    """Moves each joint by 0.1 mrad per period."""
+
+    output = "position"
+
+    def step(self, now):
+        self.asked += 1
+        return self.initial + 1e-4 * self.asked
+
+    def begin(self, setup):
+        self.initial = setup.q0
+        super().begin(setup)
+
+
+@pytest.mark.parametrize("takes", ["velocity", "position"])
+def test_an_arm_goes_where_positions_command_it(takes):
+    """Alike if the run is repeated from its recorded commands, as for laws in their own process."""
+    scene = Scenario.load("ur5-fov").with_override("duration", 0.05)
+    setup = scene.with_override("arm", {"command": takes}).setup()
+    run = simulate(setup, Placed())
+    # 0.05 rad/s at 40 rad/s²: a velocity arm stays behind by what it needs to get there
+    behind = setup.q0 + 1e-4 * (len(run.t) - 1) - run.q[-1]
+    assert np.abs(behind - (0.05**2 / 80.0 if takes == "velocity" else 0.0)).max() < 1e-9
+    plain = Recorded.of(setup, Placed()).plain()
+    again = replay(setup, Recorded.from_plain(plain, setup.scene.robot.n))
+    assert np.abs(again.q - run.q).max() < 1e-12
+
+
+def test_an_arm_that_takes_accelerations_takes_no_positions(setup):
+    run = simulate(setup, Placed())
+    assert run.status == "failed"
+    assert "commands positions" in run.reason
 
 
 def test_rows_and_a_task_are_refused(setup):
