@@ -309,3 +309,17 @@ def test_results_of_recorded_runs_need_no_trust_and_no_file_takes_the_place_of_t
     (tmp_path / "vsconstraints" / "score").mkdir(parents=True)
     (tmp_path / "vsconstraints" / "score" / "scored.py").write_text("raise SystemExit")
     assert imported_class(NAME_OF_LAW, Controller, tmp_path) is Recorded
+
+
+def test_what_an_arm_takes_is_no_matter_for_its_recorded_motion(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    arm = {"command": "velocity", "lag": 0.05, "acceleration": 8.0}
+    of_velocities = Scenario.load("ur5-fov").with_override("arm", arm).setup()
+    file = write(tmp_path / "run.csv", bad(run))
+    found = [
+        recorded_trajectory(one, read_recording(file, robot), "it")
+        for one in (setup, of_velocities)
+    ]
+    np.testing.assert_array_equal(found[0].q, found[1].q)
+    np.testing.assert_array_equal(found[0].clearance, found[1].clearance)

@@ -11,6 +11,7 @@ from ..controllers import Controller
 from ..formulas.limits import JointLimits
 from ..rows import Array, Command, IntArray, Rows, Task
 from .disturbances import Disturbances
+from .follower import ACCELERATIONS
 from .loop import simulate
 from .plant import Plant, cubic
 from .setup import Setup
@@ -87,6 +88,7 @@ def follow_measured(
         "dynamics": None,
         "images": None,
         "actuation": "acceleration",
+        "arm": ACCELERATIONS,
         "time_limit": None,
         "duration": (len(states) - 1) * setup.Ts,
     }
