@@ -66,6 +66,20 @@ def test_the_loop_moves_as_it_is_defined(
         np.testing.assert_allclose(x[[k.Q, k.QD], 0], expected[:2], atol=within)
 
 
+def test_an_acceleration_just_beyond_its_limit_is_at_it() -> None:
+    """A push beyond the limit brings a to its end, up to rounding, and holds it there."""
+    most, push, wanted = 0.175, -1.25, -0.01
+    arm = ArmInput("velocity", lag=0.1, acceleration=most, jerk=60.0)
+    loop = LowLevelLoop(arm, np.array([0.0]), np.array([-0.035]), T_S)
+    k = loop.kernels
+    loop.x[k.A] = np.nextafter(most, 1.0)
+    loop.x[-1] = push
+    loop.x[-2] = (wanted + 0.035) / T_S
+    k.follow_period(loop.workspace, loop.x)
+    assert loop.x[k.A, 0] == most
+    assert loop.x[k.QD, 0] == pytest.approx(-0.035 + T_S * (most + push))
+
+
 def plant_of(arm: ArmInput, n: int = 1, delay: float = 0.0) -> FollowingPlant:
     return FollowingPlant(arm, np.full(n, 0.3), np.zeros(n), T_S, Disturbances(command_delay=delay))
 
@@ -124,6 +138,19 @@ def test_an_arm_that_takes_positions_reaches_them(rate: float | None) -> None:
     assert lagging.q[0] == pytest.approx(0.3 + 2 * T_S, abs=1e-4)
 
 
+@pytest.mark.parametrize("rate", [None, 4.0 / T_S, 0.5 / T_S])
+@pytest.mark.parametrize("lag", [0.0, 0.003, 0.05])
+def test_an_arm_that_takes_positions_stops_at_the_last(lag: float, rate: float | None) -> None:
+    """From 2 rad/s at 8 rad/s² it needs 0.25 rad to stop: it passes q_c by no more, only once."""
+    plant = plant_of(ArmInput("position", lag=lag, acceleration=8.0, rate=rate))
+    reached = np.array(speeds(plant, [2.0] * 50 + [0.0] * 250))
+    at = plant.q[0]
+    assert at == pytest.approx(0.3 + 50 * 2.0 * T_S, abs=1e-6)
+    assert np.abs(reached[-10:]).max() < 1e-6
+    back = T_S * -reached[reached < 0.0].sum()
+    assert back == pytest.approx(0.25, abs=0.05)
+
+
 def test_accelerations_are_integrated_from_one_command_to_the_next() -> None:
     """The adapter of real arms: the order filter, not the measured speed."""
     plant = plant_of(ArmInput("velocity", lag=0.1))
@@ -165,6 +192,7 @@ def scene(**arm: Any) -> Scenario:
         ({"command": "velocity", "acceleration": 0.0}, r"arm\.acceleration must be positive"),
         ({"command": "velocity", "jerk": 100.0}, r"give arm\.lag, too"),
         ({"command": "velocity", "acceleration": [1.0, 2.0]}, r"arm\.acceleration must be one"),
+        ({"command": "velocity", "rate": 1e9}, r"at most 1000 times the sampling rate, 500 Hz"),
         ({"command": "velocity", "rate": 300.0}, r"multiple or a divisor of the sampling rate"),
         ({"lag": 0.02}, r"give disturbances\.time_constant"),
         ({"acceleration": 8.0}, r"give limits\.acceleration"),
@@ -173,6 +201,13 @@ def scene(**arm: Any) -> Scenario:
 def test_what_an_arm_cannot_be_is_refused(arm: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         scene(**arm).setup()
+
+
+@pytest.mark.parametrize("value", ["8", True, [None, 1.0], np.nan, -1.0])
+def test_values_that_are_no_numbers_are_refused_in_python(value: Any) -> None:
+    for name in ("acceleration", "rate", "lag"):
+        with pytest.raises(ConfigurationError, match=rf"arm\.{name} (must be|is)"):
+            ArmInput("velocity", **{name: value})
 
 
 def test_an_arm_is_described_once() -> None:

@@ -180,9 +180,10 @@ def test_avoidance_is_that_of_visp(at: float) -> None:
     assert "range[joint 5].lower" in command.active
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [*range(6), 8])
 @pytest.mark.parametrize("name", ["velocity-qp", "velocity-damper"])
 def test_quadratic_programs_are_solved_as_by_cvxpy(name: str, seed: int) -> None:
+    """Rows that fit (1, 3, 5), also beside a box of accelerations (8), and rows that do not."""
     rows, task = problem(seed, m=4)
     limit = None if seed % 2 else 30.0
     weighted = {"task_weights": [1.0, 2.0, 0.5, 1.0, 3.0, 1.0]} if name == "velocity-qp" else {}
@@ -192,20 +193,29 @@ def test_quadratic_programs_are_solved_as_by_cvxpy(name: str, seed: int) -> None
     J, v = task.velocity_form(1.5)
     x = cp.Variable(6)
     demands = h < 1e100
-    constraints = [G[demands] @ x <= h[demands]] if demands.any() else []
-    if limit is not None:
-        constraints += [cp.abs(x - task.qd) <= limit * T_S]
+    missed = np.zeros(int(demands.sum()))
+    box = [] if limit is None else [cp.abs(x - task.qd) <= limit * T_S]
     cost = cp.sum_squares(np.diag(weights) @ (J @ x - v)) + 1e-3 * cp.sum_squares(x)
-    program = cp.Problem(cp.Minimize(cost), constraints)
     tight = {"tol_gap_abs": 1e-13, "tol_gap_rel": 1e-13, "tol_feas": 1e-13}
+    program = cp.Problem(cp.Minimize(cost), [*box, G[demands] @ x <= h[demands]])
     program.solve(solver=cp.CLARABEL, **tight)
     command = law.command(rows, task)
-    if program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        assert command.status == "ok"
-        np.testing.assert_allclose(command.qd, x.value, rtol=1e-5, atol=1e-5)
-    else:
+    if program.status == cp.INFEASIBLE:
         assert command.status == "relaxed"
-        assert np.isfinite(command.qd).all()
+        s = cp.Variable(len(missed))
+        least = [*box, G[demands] @ x <= h[demands] + s]
+        cp.Problem(cp.Minimize(cp.sum_squares(s)), least).solve(solver=cp.CLARABEL, **tight)
+        missed = s.value
+        assert command.slack is not None
+        np.testing.assert_allclose(command.slack[demands], np.maximum(missed, 0.0), atol=1e-6)
+        # the violation of the first level is known to the accuracy of its solver
+        bounds = h[demands] + np.maximum(missed, 0.0) + 1e-9
+        program = cp.Problem(cp.Minimize(cost), [*box, G[demands] @ x <= bounds])
+        program.solve(solver=cp.CLARABEL)
+        np.testing.assert_allclose(command.qd, x.value, atol=1e-4)
+    else:
+        assert command.status == "ok"
+        np.testing.assert_allclose(command.qd, x.value, rtol=1e-7, atol=1e-7)
 
 
 def test_the_damper_is_that_of_faverjon_and_tournassoud() -> None:

@@ -5,8 +5,8 @@ Each joint follows a wanted speed u, q̈ = a + d with the disturbance d and a �
 constant a, and ramps with constant ȧ. It changes from one to the next at instants
 that are roots of polynomials of degree one or two, or of one exponential.
 
-A position command moves a reference linearly to it within a period; the loop then wants u = ṙ + κ
-(r − q), as cascaded drives do.
+A position command moves a reference linearly to it within a period; the loop then wants u = ṙ + w
+(r − q), as cascaded drives do: see :func:`approach`.
 """
 
 from __future__ import annotations
@@ -185,8 +185,8 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
             return
         asked = (x[WANTED, j] - x[QD, j]) / lag
         aim = min(max(asked, -most), most)
-        if jerk == math.inf:
-            x[A, j] = aim
+        # rounding may have left a just beyond its limit, from where a ramp would lead away
+        x[A, j] = aim if jerk == math.inf else min(max(x[A, j], -most), most)
         met = met or x[A, j] == aim
         total = x[A, j] + push
         grows = asked * total < 0.0
@@ -205,6 +205,17 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
 
 
 @in_place
+def approach(error: float, feedback: float, most: float) -> float:
+    """Return the speed w(e) at which a position loop reduces an error e = r − q.
+
+    w obeys |w|/κ + w²/(2A) = |e|: κ e near zero, and elsewhere no faster than a joint can stop at A
+    within the error. κ e alone would swing for ever where A does not suffice to follow it.
+    """
+    slowness = 1.0 / feedback
+    return 2.0 * error / (slowness + math.sqrt(slowness * slowness + 2.0 * abs(error) / most))
+
+
+@in_place
 def take_command(f: Follower, x: Array, tick: int, duration: float) -> None:
     """Let all joints take the command that is due at a tick, which lasts ``duration`` [s]."""
     row = COMMANDS + 2 * f.ages[tick]
@@ -214,7 +225,8 @@ def take_command(f: Follower, x: Array, tick: int, duration: float) -> None:
             continue
         if f.fresh[tick]:
             x[RATE, j] = (x[row, j] - x[REFERENCE, j]) / max(f.Ts, duration)
-        x[WANTED, j] = x[RATE, j] + f.feedback * (x[REFERENCE, j] - x[Q, j])
+        error = x[REFERENCE, j] - x[Q, j]
+        x[WANTED, j] = x[RATE, j] + approach(error, f.feedback, f.acceleration[j])
         x[REFERENCE, j] += duration * x[RATE, j]
 
 

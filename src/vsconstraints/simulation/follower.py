@@ -21,6 +21,8 @@ from .plant import Plant
 Commands = Literal["acceleration", "velocity", "position"]
 #: Largest difference between a number of periods and a whole one.
 WHOLE = 1e-9
+#: Most instants per period at which an arm takes commands.
+MOST_TICKS = 1000
 
 
 @dataclass(frozen=True)
@@ -48,15 +50,18 @@ class ArmInput:
                 f'arm.command is "acceleration", "velocity" or "position", not '
                 f"{format_value(self.command)}"
             )
-        if not (isinstance(self.lag, int | float) and 0.0 <= self.lag < math.inf):
+        lag: object = self.lag
+        number = isinstance(lag, int | float) and not isinstance(lag, bool)
+        if not (number and 0.0 <= self.lag < math.inf):
             raise ConfigurationError(
                 f"arm.lag is a number of seconds, 0 or more, not {format_value(self.lag)}"
             )
         for name in ("acceleration", "jerk", "rate"):
             value = getattr(self, name)
-            positive = value is None or np.all((np.array(value) > 0.0) & np.isfinite(value))
-            if not positive:
-                raise ConfigurationError(f"arm.{name} must be positive, not {format_value(value)}")
+            if not (value is None or _positive(value)):
+                raise ConfigurationError(
+                    f"arm.{name} must be positive and finite, not {format_value(value)}"
+                )
         if self.command == "acceleration":
             self._refuse_loop()
         elif self.jerk is not None and self.lag == 0.0:
@@ -84,6 +89,17 @@ class ArmInput:
         return self.command != "acceleration"
 
 
+def _positive(value: object) -> bool:
+    """True if a value is one positive number, or a sequence of them."""
+    if isinstance(value, bool | str):
+        return False
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return False
+    return bool(((numbers > 0.0) & np.isfinite(numbers)).all())
+
+
 ACCELERATIONS = ArmInput()  #: An arm that takes accelerations.
 
 
@@ -91,11 +107,16 @@ def periods_of(rate: float | None, Ts: float) -> tuple[int, int]:
     """Return the instants per period at which an arm takes commands, and the periods per instant.
 
     One of the two is 1. Raises ConfigurationError unless the rate [Hz] is a multiple or a divisor
-    of 1/T_s.
+    of 1/T_s, and at most MOST_TICKS times as high.
     """
     if rate is None:
         return 1, 1
     ticks = rate * Ts
+    if ticks > MOST_TICKS:
+        raise ConfigurationError(
+            f"arm.rate must be at most {MOST_TICKS} times the sampling rate, {1.0 / Ts:g} Hz, not "
+            f"{rate:g} Hz"
+        )
     for number, pair in ((ticks, (round(ticks), 1)), (1.0 / ticks, (1, round(1.0 / ticks)))):
         if number >= 1.0 - WHOLE and abs(number - round(number)) <= WHOLE * number:
             return pair
