@@ -240,7 +240,7 @@ def verify(folder: Path) -> None:
         errors.print(problem if problem.startswith(str(folder)) else f"{folder}: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    console.print(f"{folder} is whole: {contents}.")
+    console.print(f"{folder} is complete and unchanged: {contents}.")
 
 
 def _write_comparison(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:

@@ -107,7 +107,7 @@ def print_paragraph(text: str) -> None:
 def note(*remarks: str) -> None:
     """Print remarks on the error stream."""
     for remark in remarks:
-        errors.print(f"note: {remark}", soft_wrap=not errors.is_terminal)
+        errors.print(f"warning: {remark}", soft_wrap=not errors.is_terminal)
 
 
 def typed_command() -> list[str]:
@@ -124,7 +124,7 @@ def note_processes(jobs: int | None) -> None:
 
     used = process_count(jobs)
     if jobs is not None and used < jobs:
-        note(f"--jobs {jobs}: there are cores and memory for {used}; {used} used")
+        note(f"--jobs {jobs}: cores and memory suffice for {used}; {used} used")
 
 
 def stop(signal: int, what: str, then: str = "continues") -> NoReturn:

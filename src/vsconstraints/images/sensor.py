@@ -173,9 +173,9 @@ class ImageSensor(Sensor):
         for name in POSTULATED:
             if getattr(disturbances, name):
                 raise ConfigurationError(
-                    f"disturbances.{name} is of markers that are seen without images: with sensor "
-                    f'= "images", rate_hz, '
-                    "latency_s, noise and blur_px of the sensor say what an image is like"
+                    f"disturbances.{name} applies to markers that are measured without images: "
+                    'with sensor = "images", set rate_hz, latency_s, noise and blur_px of the '
+                    "sensor"
                 )
         super().__init__(scene, disturbances, Ts)
         self.settings = settings
@@ -230,7 +230,7 @@ class ImageSensor(Sensor):
                 why = ": those that are seen are not where those of the board can be"
             elif tags.foreign:
                 why = f", but tags {', '.join(map(str, tags.foreign))}"
-            raise SceneError(f"no tag that is looked for is seen in the first image{why}")
+            raise SceneError(f"none of the expected tags is seen in the first image{why}")
         self.blind = (
             t - last.taken
             > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s

@@ -238,7 +238,7 @@ def require_no_placement(tree: Any, where: str) -> None:
     A condition must not have one, since a scene is placed once for all conditions.
     """
     if isinstance(tree, Placed):
-        raise ConfigurationError(f"{where}: {tree.name} stands in the family, not in a condition")
+        raise ConfigurationError(f"{where}: {tree.name} belongs in the family, not in a condition")
     inside = (
         tree.items()
         if isinstance(tree, dict)

@@ -196,6 +196,6 @@ def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
             moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
         except (VsconstraintsError, KeyError, TypeError):
             moments.append(
-                nowhere(setup, name, 0.0, nothing, "where the robot is there is not known")
+                nowhere(setup, name, 0.0, nothing, "the robot's configuration there is unknown")
             )
     return tuple(moments)
