@@ -401,7 +401,7 @@ def test_an_option_that_concerns_no_row_is_told_of_in_the_reason() -> None:
     for solver in ("auto", "daqp"):
         law = HierarchicalQP(solver=solver, weights={"fov": 2.0, "rnage": 3.0})
         assert simulate(setup(constraints=[fov]), law).reason.endswith(
-            "weights that begin no row's label: 'rnage'"
+            "weights that match the beginning of no row's label: 'rnage'"
         )
 
 

@@ -63,7 +63,7 @@ def warnings_of(*scenarios: Scenario) -> dict[str, list[str]]:
         ),
         (
             {"task": BY_IMAGE},
-            "goal: no pose of the camera was found from which the markers look like this",
+            "goal: no camera pose was found from which the markers appear at these pixels",
         ),
         ({"constraints.0.margin": 0.3}, "goal: fov[marker 3] is violated: "),
         ({"constraints.0.switching_gain": 5e4}, "moves φ by 100 times the whole allowed range"),

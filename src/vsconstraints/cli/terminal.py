@@ -105,7 +105,7 @@ def print_paragraph(text: str) -> None:
 
 
 def note(*remarks: str) -> None:
-    """Print remarks on the error stream."""
+    """Print warnings on the error stream."""
     for remark in remarks:
         errors.print(f"warning: {remark}", soft_wrap=not errors.is_terminal)
 
@@ -119,7 +119,7 @@ def typed_command() -> list[str]:
 
 
 def note_processes(jobs: int | None) -> None:
-    """Print a note if fewer processes are used than requested by ``--jobs``."""
+    """Warn if fewer processes are used than requested by ``--jobs``."""
     from ..comparisons.runs.machine import process_count
 
     used = process_count(jobs)
