@@ -683,7 +683,7 @@ def test_numbers_beyond_the_range_fail_with_a_reason_or_are_refused(exponents, s
     )
     task = Task(j * rng.normal(size=(2, 2)), b * rng.normal(size=2))
     if (rows.phi > FARTHEST).any():
-        with pytest.raises(InvalidInput, match="φ is more than .* times its scale"):
+        with pytest.raises(InvalidInput, match=r"φ is more than .* times its scale"):
             HierarchicalQP().command(rows, task)
         return
     command = HierarchicalQP().command(rows, task)

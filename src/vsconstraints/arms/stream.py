@@ -179,8 +179,10 @@ class Stream:
                 self.safe = True
             except BaseException as error:  # as above; then it is reported
                 failed = f"{trouble}THE STOP COMMAND COULD NOT BE SENT ({_why(error)})"
-                self.stop = 
-                    f"{failed}: its watchdog, or the emergency stop, must stop the arm", False
+                self.stop = (
+                    f"{failed}: its watchdog, or the emergency stop, must stop the arm",
+                    False,
+                )
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
         """Send setpoints until the arm is at rest; return a description. Raises ArmError."""

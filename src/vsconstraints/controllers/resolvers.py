@@ -157,8 +157,9 @@ class Hierarchy(Resolver):
             for prefix in weights
             if not any(label.startswith(prefix) for label in labels)
         ]
-        return 
-            f"weights that match the beginning of no row's label: {', '.join(idle)}" if idle and labels else ""
+        if not idle or not labels:
+            return ""
+        return f"weights that match the beginning of no row's label: {', '.join(idle)}"
 
     def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :class:`.Resolver`."""
