@@ -280,7 +280,7 @@ class Own(Controller):
 @pytest.mark.parametrize(
     ("begin", "code", "words"),
     [
-        ("", 1, "every run of the controllers that were to be compared failed"),
+        ("", 1, "all runs of the compared controllers failed"),
         ("import sys; sys.exit()", 2, "cannot import 'law': SystemExit"),
     ],
 )

@@ -216,7 +216,7 @@ def test_without_a_tag_in_the_first_image_a_run_fails() -> None:
     wrong = simulate(made(0.1, sensor__printed=[5, 6, 7, 8]), SlidingMode())
     assert "is seen in the first image, but tags 5, 6, 7, 8" in wrong.reason
     swapped = simulate(made(0.1, sensor__printed=[1, 0, 2, 3]), SlidingMode())
-    assert "those that are seen are not where those of the board can be" in swapped.reason
+    assert "the board cannot be where the tags that are seen would put it" in swapped.reason
 
 
 def test_a_wrong_tag_is_left_out_and_told() -> None:

@@ -175,7 +175,7 @@ def _with(line: str, **changes: Any) -> str:
             "number 1 with conditions nominal, disturbd, limited; they are nominal, disturbed, "
             "limited",
         ),
-        (lambda line: _with(line, number=2), "says that it is number 2"),
+        (lambda line: _with(line, number=2), "states number 2"),
         (lambda line: _with(line, noise="many"), "Expected `int`, got `str`"),
         (lambda line: _with(line, nose=1), "unknown field `nose`"),
         (lambda line: line[: len(line) // 2], "truncated"),
@@ -286,8 +286,8 @@ def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path)
     [
         (("--family", "planer-arm"), "Did you mean 'planar-arm'"),
         (("--half", "secret"), "Available: held-out, training"),
-        (("--scenes", "4"), "has 3 held-out scenes of each family; 4 are asked for"),
-        (("--secret-seed", "0"), "seed 0 is their own"),
+        (("--scenes", "4"), "has 3 held-out scenes of each family; 4 are requested"),
+        (("--secret-seed", "0"), "seed 0 is that of the test set"),
         (("--slower", "20"), "need --time-passes"),
     ],
 )

@@ -164,9 +164,7 @@ class Study:
         )
         if not names or not len(study.runs) or not whole.all():
             why = "it is empty" if whole.all() else "not every law has one run in each scene"
-            raise ConfigurationError(
-                f"{path} is no study of laws that come with the package: {why}"
-            )
+            raise ConfigurationError(f"{path} is not a study of the package's laws: {why}")
         for name in study.laws:
             if name not in study.requires:
                 raise ConfigurationError(

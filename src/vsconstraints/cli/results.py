@@ -192,8 +192,7 @@ def compare(
     console.print(f"{total} runs in {result.wall_time:.1f} s. {report_file}")
     if result.all_failed:
         errors.print(
-            "error: every run of the controllers that were to be compared failed; the report says "
-            "why"
+            "error: all runs of the compared controllers failed; see the report for the reasons"
         )
         raise typer.Exit(NOTHING_DONE)
 

@@ -58,7 +58,7 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
             f"{folder} holds another comparison, which would be lost: {scenario} with "
             f"{controller}, trial {trial}"
         )
-        instead = "Give another folder with --out, or --fresh to replace what is there"
+        instead = "Give another folder with --out, or --fresh to replace the folder's content"
         raise FolderTaken(f"{lost}, {why}. {instead}", f"{lost}, {why}")
 
 

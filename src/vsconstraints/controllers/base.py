@@ -112,7 +112,7 @@ class Controller(Part, ABC):
             if key not in used and not (key == "observer" and "dead_time" in used)
         ]
         return (
-            f"no command of the law depends on {' or '.join(names)}, which it is given"
+            f"{' or '.join(names)} is given, but no command of the law depends on it"
             if names
             else ""
         )

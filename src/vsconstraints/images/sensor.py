@@ -227,7 +227,7 @@ class ImageSensor(Sensor):
             tags = self.exposures[0].tags
             why = ""
             if tags.unfit:
-                why = ": those that are seen are not where those of the board can be"
+                why = ": the board cannot be where the tags that are seen would put it"
             elif tags.foreign:
                 why = f", but tags {', '.join(map(str, tags.foreign))}"
             raise SceneError(f"none of the expected tags is seen in the first image{why}")
@@ -270,7 +270,7 @@ class ImageSensor(Sensor):
             )
         unfit = sum(image.tags.unfit for image in exposures)
         if unfit:
-            remarks.append(f"in {unfit} images the tags were not where those of the board can be")
+            remarks.append(f"in {unfit} images the tags were where those of the board cannot be")
         foreign = sorted({number for image in exposures for number in image.tags.foreign})
         if foreign:
             remarks.append(
@@ -278,6 +278,6 @@ class ImageSensor(Sensor):
             )
         if self._braked:
             remarks.append(
-                f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s"
+                f"without a usable image, the arm was braked for {self._braked * self._Ts:.3g} s"
             )
         return remarks

@@ -201,10 +201,7 @@ def run_campaign(
     if plan.shard.of == 1:
         console.print(write_report(out, wanted))
     if state.all_failed:
-        errors.print(
-            "error: every run of the controllers that were to be compared failed; column reason "
-            "says why"
-        )
+        errors.print("error: all runs of the compared controllers failed; see column reason")
         raise typer.Exit(NOTHING_DONE)
 
 

@@ -84,7 +84,7 @@ class CallTimes:
                 f"laws are called as often as {1e6 * self.budget_s:g} µs per T_s of the scene allow"
             )
         return (
-            f"how long after the beginning of a period a law's command begins to act [µs]: "
+            "delay from the beginning of a period until a law's command begins to act [µs]: "
             f"{'; '.join(said)}."
         )
 

@@ -114,7 +114,7 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
             f"{where} must be finite, and less than 1e300, not {format_value(value)}"
         )
     if both[0].size == 0:
-        raise ConfigurationError(f"{where} is of no number at all: {format_value(value)}")
+        raise ConfigurationError(f"{where} has no number: {format_value(value)}")
     if not np.all(rule.holds(*both)):
         numbers = [part.tolist() for part in both]
         raise ConfigurationError(

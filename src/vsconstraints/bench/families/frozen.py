@@ -119,9 +119,8 @@ class FrozenFamily(Family):
         tables = said["tables"]
         if {*tables} != {*self.conditions} or said["number"] != scene.number:
             raise ConfigurationError(
-                f"{where} says that it is number {said['number']} with conditions "
-                f"{', '.join(tables)}; they are "
-                f"{', '.join(self.conditions)}"
+                f"{where} states number {said['number']} with conditions {', '.join(tables)}; "
+                f"they are {', '.join(self.conditions)}"
             )
         said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
         return replace(
@@ -312,9 +311,9 @@ class TestSet:
         )
         if secret_seed == self.seed or (most or 1) > there:
             why = (
-                f"seed {self.seed} is their own"
+                f"seed {self.seed} is that of the test set"
                 if secret_seed == self.seed
-                else f"{most} are asked for"
+                else f"{most} are requested"
             )
             raise ConfigurationError(
                 f"test set {self.version} has {there} {half} scenes of each family; {why}"

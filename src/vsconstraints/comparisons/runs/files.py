@@ -151,7 +151,7 @@ def recorded(folder: Path) -> Sums | None:
     sums = {}
     for number, line in enumerate(lines[:-1], start=1):
         if (parts := re.fullmatch(r"([0-9a-f]{64})  (.+)", line)) is None:
-            raise ConfigurationError(f"{path} was changed: line {number} is no checksum")
+            raise ConfigurationError(f"{path} was changed: line {number} is not a checksum")
         sums[parts[2]] = parts[1]
     return sums
 

@@ -179,7 +179,7 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
             sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
     sheet.at = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
-        note = "limit[…]: the robot's own range, about which there is no row"
+        note = "limit[…]: a range of the robot that no row bounds"
         sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
         sheet.at += 0.16
 
