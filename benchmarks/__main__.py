@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
-from . import beside_peers, forms, growth, laws, loop, measured, own, startup, steps
+from . import beside_peers, forms, growth, laws, loop, measured, own, stacks, startup, steps
 from .part import FULL, QUICK, Effort, Part
 from .report import write
 
@@ -32,6 +32,7 @@ PARTS: dict[str, Callable[[Effort], Part]] = {
     "loop": loop.measure,
     "trials": loop.measure_trials,
     "scenes": loop.measure_scenes,
+    "stacks": stacks.measure,
     "startup": startup.measure,
     "first": startup.measure_first_calls,
     "comparison": startup.measure_default_comparison,

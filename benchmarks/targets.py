@@ -45,6 +45,9 @@ class Target:
 COMMAND_ALONE = 0.15
 """Upper bound for laws in closed form, for rows and task that are given."""
 
+IN_PROCESS = "joints, in this process: µs"
+IN_ANOTHER = "joints, in another process: µs"
+
 TARGETS = (
     Target(
         "sliding mode, case study, state in, command out",
@@ -131,6 +134,8 @@ TARGETS = (
         for law in ("SlidingMode", "PotentialField", "Tracking")
     ),
     Target("HierarchicalQP, the same", "forms", "HierarchicalQP.command: ratio", 0.35),
+    Target("a stack in this process, beside its own time", "stacks", IN_PROCESS, 50.0, "µs"),
+    Target("a stack in another process, the same", "stacks", IN_ANOTHER, 100.0, "µs"),
     Target(
         "one step of the closed loop, scores only, sliding mode",
         "loop",

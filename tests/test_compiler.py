@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from vsconstraints import compiled as kernels
-from vsconstraints.compiled import checksums
+from vsconstraints.compiled import cache, checksums
 
 SCRIPT = """
 import sys, numpy as np
@@ -89,7 +89,7 @@ def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
             timeout=120,
         )
         assert done.returncode == 0, done.stderr
-        (file,) = tmp_path.rglob(f"polylines.search-*.{cut}")
+        (file,) = tmp_path.rglob(f"polylines.search_*.{cut}")
         assert file.stat().st_size > 100
         os.truncate(file, 40)
 
@@ -119,7 +119,7 @@ def load_polylines(cache, code="", **variables):
 def test_a_damaged_compiled_file_is_made_again_with_a_note(tmp_path, kind):
     """Machine code with flipped bits would end every process that runs it, without an error."""
     load_polylines(tmp_path)
-    (file,) = tmp_path.rglob(f"polylines.search-*.{kind}")
+    (file,) = tmp_path.rglob(f"polylines.search_*.{kind}")
     whole = bytearray(file.read_bytes())
     for k in range(10):
         whole[(2 * k + 1) * len(whole) // 20] ^= 1 << (k % 8)
@@ -132,7 +132,7 @@ def test_a_damaged_compiled_file_is_made_again_with_a_note(tmp_path, kind):
 def test_a_file_whose_checksum_was_not_written_is_made_again_without_a_note(tmp_path):
     """As where the process was ended in between."""
     load_polylines(tmp_path)
-    (file,) = tmp_path.rglob("polylines.search-*.nbc.sha256")
+    (file,) = tmp_path.rglob("polylines.search_*.nbc.sha256")
     file.unlink()
     begun = file.with_suffix("").stat().st_mtime_ns
     assert "damaged" not in load_polylines(tmp_path)
@@ -177,12 +177,6 @@ def nobody(*arguments):
 pwd.getpwuid = pwd.getpwnam = nobody
 from vsconstraints import compiled as kernels
 assert kernels.load("polylines") and kernels.load("compiler").compiles()
-candidates = kernels.load("compiler").cache_candidates()
-del os.environ["NUMBA_CACHE_DIR"]
-beside = kernels.load("compiler").cache_candidates()
-assert len(candidates) == 1 and [folder.name for folder in beside] == ["__pycache__"], (candidates, beside)
-os.environ["XDG_CACHE_HOME"] = "/elsewhere"
-assert str(kernels.load("compiler").cache_candidates()[1]) == "/elsewhere/vsconstraints"
 """
 
 
@@ -207,17 +201,17 @@ def test_that_something_is_compiled_once_is_said_once(tmp_path):
 
 
 NESTED = """
-from vsconstraints.compiled import load
+from vsconstraints.compiled.cache import state_of
 
 def shaped(x):
     names = x in {"a", "b", "c", "d", "e"}
     return sum(map(lambda each: each if names else 2.0 * each, [x]))
 
-print(load("compiler").cache_folder(load("polylines").search, (shaped,)).name)
+print(state_of("", (shaped,)))
 """
 
 
-def test_a_formula_has_the_same_folder_in_every_process(tmp_path):
+def test_a_formula_has_the_same_state_in_every_process(tmp_path):
     """Also one with functions inside, whose addresses differ, and with sets, whose order does."""
     names = set()
     for seed in ("1", "2", "3"):
@@ -264,34 +258,38 @@ assert kernels.load("polylines") is not None
 
 def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     """As of an image that one user builds and another one runs."""
-    cache = tmp_path / "cache"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
+    cache_folder = tmp_path / "cache"
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(cache_folder),
+        "VSCONSTRAINTS_COMPILE": "alone",
+    }
     fill = "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
     subprocess.run(
         [sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300
     )
 
     def files():
-        return {path: path.stat().st_mtime_ns for path in cache.rglob("*") if path.is_file()}
+        return {path: path.stat().st_mtime_ns for path in cache_folder.rglob("*") if path.is_file()}
 
     before = files()
-    for path in (cache, *cache.rglob("*")):
+    for path in (cache_folder, *cache_folder.rglob("*")):
         path.chmod(0o555 if path.is_dir() else 0o444)
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", READ_ONLY, str(cache)],
+        [sys.executable, "-W", "error", "-c", READ_ONLY, str(cache_folder)],
         env={**environment, "TMPDIR": str(tmp_path)},
         capture_output=True,
         text=True,
         timeout=300,
     )
-    for path in (cache, *cache.rglob("*")):
+    for path in (cache_folder, *cache_folder.rglob("*")):
         path.chmod(0o755)
     assert (done.returncode, done.stderr) == (0, "")
     assert files() == before
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-PYTHON = {"checksums", "compiler", "numba_internals"}
+PYTHON = {"accelerator", "cache", "checksums", "compiler", "numba_interface", "signatures"}
 """Modules in which nothing is compiled."""
 
 
@@ -301,7 +299,7 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     """
     compiler = kernels.load("compiler")
     package = Path(kernels.__file__).parents[1]
-    files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler.sources()}
+    files = {file.relative_to(package).with_suffix("").as_posix() for file in cache.sources()}
     types = {"rows", "errors"}  # neither holds constants
     for kernel in (package / "compiled").glob("*.py"):
         assert f"compiled/{kernel.stem}" in files
@@ -318,9 +316,12 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
                     else [module]
                 )
                 assert set(names) <= files, f"{kernel.name} imports from {names}"
-    assert all(file.is_file() for file in compiler.sources())
-    folder = compiler.cache_folder(kernels.load("task_priority").priority)
-    assert any(folder.rglob("*priority*.nbi"))
+    assert all(file.is_file() for file in cache.sources())
+    folder = compiler.interface.cache_folder(kernels.load("polylines").search.py_func)
+    state = cache.state_of(
+        f"{compiler.numba.__version__} {sys.version} {compiler.interface.settings()}"
+    )
+    assert any(folder.glob(f"polylines.search_{state}-*.nbi"))
 
 
 def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
@@ -338,7 +339,7 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
         "other = 'from vsconstraints.compiled import load; load(\"delay\")'\n"
         "subprocess.run([sys.executable, '-c', other], check=True)\n"
         "for name in sys.argv[2:]:\n"
-        "    while not any(Path(sys.argv[1]).glob(name + '-*/**/*.nbi')): time.sleep(0.2)"
+        "    while not any(Path(sys.argv[1]).rglob(name + '.*.nbi')): time.sleep(0.2)"
     )
     for name, variables in (("alone", {"VSCONSTRAINTS_COMPILE": "alone"}), ("together", {})):
         kept = tmp_path / name
@@ -349,15 +350,10 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
             env=environment, capture_output=True, text=True, timeout=240, check=True,
         )  # fmt: skip
         assert done.stderr.count("compiling the control step, once, for") == 1
-        assert any(kept.glob("polylines-*/**/*.nbi"))
-    assert {folder.name.partition("-")[0] for folder in (tmp_path / "alone").iterdir()} >= {
-        "polylines",
-        "delay",
-    }
-    assert not [
-        *(tmp_path / "alone").glob("task_priority-*"),
-        *(tmp_path / "alone").glob("projection-*"),
-    ]
+        assert any(kept.rglob("polylines.*.nbi"))
+    compiled = {file.name.partition(".")[0] for file in (tmp_path / "alone").rglob("*.nbi")}
+    assert compiled >= {"polylines", "delay"}
+    assert not compiled & {"task_priority", "projection"}
     found = (
         "import os; from vsconstraints.compiled import load\n"
         "load('polylines')\n"
@@ -372,31 +368,37 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
 
 
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
-    compiler = kernels.load("compiler")
-    law = kernels.load("task_priority").priority
-    for i in range(12):
-        old = tmp_path / f"task_priority-{i:016}"
-        (old / "inner").mkdir(parents=True)
-        os.utime(old, (1e9 + i, 1e9 + i))
-    (tmp_path / "task_priority_of_others").mkdir()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder = compiler.cache_of(law, ())
-    kept = {path.name for path in tmp_path.iterdir()}
-    last = {f"task_priority-{i:016}" for i in range(12 - compiler.KEPT + 1, 12)}
-    assert kept == {folder.name, "task_priority_of_others", *last}
+
+    def law():
+        """A function of this module."""
+
+    for i in range(12):
+        for name in (f"test_compiler.law_{i:016}-1.py311", f"test_compiler.law_{i:016}-1.py311.1"):
+            file = tmp_path / f"{name}.{'nbc' if name.endswith('.1') else 'nbi'}"
+            file.touch()
+            checksums.sum_file(file).touch()
+            os.utime(checksums.sum_file(file), (1e9 + i, 1e9 + i))
+    (tmp_path / "test_compiler.laws_0123456789abcdef-1.py311.nbi").touch()
+    cache.CachedFunction(law, "0123456789abcdef", tmp_path).remove_old(8)
+    kept = {path.name.partition("-")[0] for path in tmp_path.iterdir()}
+    last = {f"test_compiler.law_{i:016}" for i in range(4, 12)}
+    assert kept == {"test_compiler.laws_0123456789abcdef", *last}
 
 
-def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
-    """The others wait: a lock of one folder is not held twice."""
-    compiler = pytest.importorskip("vsconstraints.compiled.compiler")
+def test_of_several_that_need_a_function_one_compiles_it(tmp_path, monkeypatch):
+    """The others wait: a function's lock is not held twice."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     order = []
 
     def other():
-        with compiler.compile_lock(tmp_path):
+        with made.lock():
             order.append("second")
 
+    made = cache.CachedFunction(other, "0123456789abcdef", tmp_path)
+
     waiting = threading.Thread(target=other)
-    with compiler.compile_lock(tmp_path):
+    with made.lock():
         waiting.start()
         waiting.join(0.2)
         order.append("first")

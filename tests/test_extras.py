@@ -19,7 +19,7 @@ from vsconstraints.scenarios.toml import read_toml
 @pytest.mark.parametrize("name", extras.EXTRAS)
 def test_what_is_installed_is_not_complained_of(name: str) -> None:
     # which have no wheels for some machines, or need not be there
-    if name in ("gym", "physics", "ur-rtde"):
+    if name in ("bags", "gym", "physics", "ur-rtde"):
         for module in extras.EXTRAS[name].modules:
             pytest.importorskip(module)
     extras.demand(name)

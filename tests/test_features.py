@@ -51,7 +51,10 @@ def at(x: float, y: float, Z: float) -> View:
 
 
 def test_polar_coordinates_and_depths_are_those_of_visp() -> None:
-    """ViSP 3.5: vpFeaturePointPolar, and vpFeatureDepth at x = 0.1, y = 0.2, Z = 1.3."""
+    """ViSP 3.5: vpFeaturePointPolar, and vpFeatureDepth at x = 0.1, y = 0.2, Z = 1.3.
+
+    visjac_p_polar of machinevision-toolbox 2.4.1 has the opposite sign, against its own visjac_p.
+    """
     cases = json.loads((Path(__file__).parent / "data" / "visp_features.json").read_text())
     for case in cases["polar"]:
         rho, theta = case["rho"], case["theta"]
@@ -76,7 +79,10 @@ def test_matrices_are_the_derivatives_of_the_values(kind: type[ViewFeature]) -> 
 
 
 def test_a_line_has_the_matrix_of_its_plane() -> None:
-    """Espiau, Chaumette and Rives (1992), for a plane A X + B Y + C Z + D = 0 through the line."""
+    """Espiau, Chaumette and Rives (1992), for a plane A X + B Y + C Z + D = 0 through the line.
+
+    It is also that of machinevision-toolbox 2.4.1 (visjac_l).
+    """
     feature = Line()
     view = feature.seen(VIEW)
     rho, theta = feature.value(view, view)

@@ -16,7 +16,8 @@ from vsconstraints.dynamics import ArmDynamics
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array, Command
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import Disturbances, simulate
+from vsconstraints.simulation import simulate
+from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.follower import ArmInput, FollowingPlant, LowLevelLoop, periods_of
 
 T_S = 0.02

@@ -28,6 +28,7 @@ from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_type
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
+from vsconstraints.simulation.follower import ArmInput
 from vsconstraints.vision.distortion import Distortion
 from vsconstraints.vision.features import FEATURES
 from vsconstraints.vision.motion import Motion
@@ -54,6 +55,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "tolerances": (Tolerances,),
     "limits": (ActuatorLimits,),
     "disturbances": (Disturbances,),
+    "arm": (ArmInput,),
     "plant": (ArmDynamics,),
     "sensor": (ImageSettings,),
     "plant.payload": (Payload,),

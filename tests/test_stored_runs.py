@@ -280,7 +280,7 @@ def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
     before = job.fingerprint
-    monkeypatch.setattr("vsconstraints.compiled.compiler.internals", None)
+    monkeypatch.setattr("vsconstraints.compiled.compiler.interface", None)
     assert job.fingerprint != before
 
 

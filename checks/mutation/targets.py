@@ -62,7 +62,17 @@ GROUPS: dict[str, tuple[str, ...]] = {
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")
 """Folders that have named mutants, but no required share."""
 
-COMPILER = ("checksums", "compiler", "numba_internals", "parts", "scratch", "__init__")
+COMPILER = (
+    "accelerator",
+    "cache",
+    "checksums",
+    "compiler",
+    "numba_interface",
+    "parts",
+    "scratch",
+    "signatures",
+    "__init__",
+)
 """Files on the compilation of functions, which does not happen here."""
 
 

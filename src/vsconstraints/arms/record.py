@@ -19,14 +19,12 @@ from ..comparisons.record import RunRecord, run_file
 from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
 from ..comparisons.stored import ARM_LOG
-from ..controllers import Controller
 from ..errors import ConfigurationError, StorageError, VsconstraintsError, described
 from ..plugins.provenance import digests
 from ..reports.plots import Figure, Sheet, decades, logarithmic
-from ..rows import Array, BoolArray, Command, Rows, Task
-from ..simulation import Setup, Trajectory, simulate
-from ..simulation.disturbances import Disturbances
-from ..simulation.plant import Plant
+from ..rows import Array, BoolArray
+from ..simulation import Setup, Trajectory
+from ..simulation.measured import follow_measured
 
 LONG_STOP = 5.0  #: Length of a stop for which the log reserves room [s].
 RESERVED = "arm-log.reserved"  #: File that reserves disk space for the log while the arm moves.
@@ -173,42 +171,6 @@ _LEGEND = "Delays of periods. The line marks a whole period; periods to its righ
 LATENESS = Figure("lateness", "How late periods began", _LEGEND, _draw)
 
 
-class _Recorded(Plant):
-    """Robot that takes the recorded positions."""
-
-    follows = True
-
-    def __init__(self, states: Array, Ts: float) -> None:
-        super().__init__(states[0, 0], states[0, 1], Ts, "acceleration", Disturbances())
-        self._states = states
-        self._at = 0
-
-    def follow(self) -> None:
-        """Go to the next measurement."""
-        self._at = min(self._at + 1, len(self._states) - 1)
-        self.x[:2] = self._states[self._at]
-
-    step = follow
-
-
-class _Repeated(Controller):
-    name = "recorded"
-
-    def __init__(self, qdd: Array) -> None:
-        self._commands = iter(qdd)
-
-    def solve(self, rows: Rows, task: Task) -> Command:
-        """Return the next recorded command."""
-        return Command(
-            next(self._commands).copy(),
-            "ok",
-            np.zeros(len(rows.labels), dtype=np.bool_),
-            rows.labels,
-        )
-
-    command = define = solve
-
-
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
     """Return the trajectory of a run on an arm of at least two periods, scored as a simulation is.
 
@@ -216,23 +178,10 @@ def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
     those of the model there. A run that ended early includes the periods of its stop. Status and
     reason state that it was on an arm.
     """
-
-    class Recorded(Setup):
-        def plant(self) -> Plant:
-            return _Recorded(states, self.Ts)
-
     done = log.ended == "done"
     kept = ~log.braking if done else np.ones(len(log.periods), dtype=np.bool_)
     states = np.stack([log.column("q")[kept], log.column("qd")[kept]], axis=1)
-    undisturbed = {
-        "disturbances": Disturbances(),
-        "dynamics": None,
-        "images": None,
-        "actuation": "acceleration",
-    }
-    settings = {each.name: getattr(setup, each.name) for each in fields(Setup)} | undisturbed
-    settings["duration"] = (len(states) - 1) * setup.Ts
-    run = simulate(Recorded(**settings), _Repeated(log.column("qdd")[kept]), remarks=())
+    run = follow_measured(setup, states, log.column("qdd")[kept])
     status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(
         log.ended, run.status
     )

@@ -106,6 +106,7 @@ def compare(
     suite: Path | None = None,
     scenarios: Names = None,
     controllers: Names = None,
+    stacks: Names = None,
     out: Path = Path("vsconstraints-results"),
     jobs: int | None = None,
     seed: int | None = None,
@@ -128,7 +129,8 @@ def compare(
 
     kept = parse_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
-    chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed, settings or ())
+    chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed)
+    chosen = chosen.with_stacks(stacks or ()).with_settings(settings or ()).checked()
     warnings = chosen.warnings()
     note(*(f"{name}: {text}" for name, own in warnings.items() for text in own))
     runs = chosen.with_baseline().runs()
@@ -304,7 +306,9 @@ def print_laws(folder: Path) -> None:
     if last == IMPLEMENTATION and len(implementations) == 1:
         # a column with one value for all laws is replaced by a clause
         print_columns(laws.header[:-1], [line[:-1] for line in laws.lines])
-        timings = f"{timings}; all are of {implementations.pop()} code"
+        implementation = implementations.pop()
+        if implementation:
+            timings = f"{timings}; all are of {implementation} code"
     else:
         print_columns(laws.header, laws.lines)
     why = "the controller failed a run that another one solved, or violated a constraint"

@@ -51,6 +51,18 @@ class Experiment:
             **{what: chosen, "controllers": chosen_entries(self.controllers, controllers)}
         )
 
+    def with_stacks(self, commands: Iterable[str]) -> Self:
+        """Return a copy with the stacks of these command lines as further controllers.
+
+        Raises ConfigurationError if a command is empty or a name is used twice.
+        """
+        stacks = tuple(map(ControllerSpec.of_stack, commands))
+        if not stacks:
+            return self
+        changed = self.changed(controllers=(*self.controllers, *stacks))
+        changed.require_controllers()
+        return changed
+
     def with_settings(self, settings: Iterable[str]) -> Self:
         """Return a copy with the settings ``KEY=VALUE`` applied, VALUE as in TOML.
 

@@ -196,14 +196,14 @@ class MetricInputs:
         return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
 
     def missed_periods(self) -> float:
-        """Count the samples, except the first, that took longer than a period; NaN without samples.
+        """Count the samples, except the first, that took longer than a period; NaN without times.
 
         On an arm, this is the number of periods that the control loop missed.
         """
         if self.record.missed is not None:
             return self.record.missed
         both = self.step_times + self.rows_times
-        return int((both > 1e6 * self.Ts).sum()) if len(both) else np.nan
+        return int((both > 1e6 * self.Ts).sum()) if np.isfinite(both).any() else np.nan
 
 
 Measured = MetricInputs  #: Former name, for custom metrics that use it.

@@ -12,8 +12,9 @@ compiler.
 - ``closed_loop`` runs step, law and robot together. ``samples`` scores and records each sample.
 - ``sensing`` computes the measurements of the controller. ``arm`` and ``drives`` are an arm with
   mass.
-- ``compiler`` and ``numba_internals`` compile these functions, or leave them to Python for
-  debugging.
+- ``compiler`` compiles these functions, or leaves them to Python for debugging.
+  ``numba_interface`` contains what it asks of numba, and ``accelerator`` private parts of numba
+  that it can do without.
 """
 
 from __future__ import annotations
@@ -69,11 +70,10 @@ def entry(function: Any) -> Any:
     The caller must pass arguments of the compiled types. A function that is not compiled is
     returned unchanged.
     """
-    return (
-        function.overloads[function.signatures[0]].entry_point
-        if hasattr(function, "overloads")
-        else function
-    )
+    interface = load("compiler").interface
+    if interface is None or not hasattr(function, "signatures"):
+        return function
+    return interface.accelerator.entry_point(function)
 
 
 def prepare(*others: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray, IntArray
-from .workspace import BOOL, F8, I8, zeros
+from .workspace import BOOL, F8, I8, V3, Records, record, zeros
 
 #: Joint controllers: computed torque; a speed loop inside a position loop; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)
@@ -31,6 +31,21 @@ class BodyArrays(NamedTuple):
     gravity: Annotated[Array, F8, 3]
 
 
+#: Body while inertia and bias are computed, in the axes of the base: velocity at the base's origin,
+#: and angular velocity, of a motion of its joint with speed 1; force and moment about the base's
+#: origin that accelerate it; mass, first moment, and inertia (xx, xy, xz, yy, yz, zz) about the
+#: base's origin. The last five are then those of the body together with all bodies behind it.
+LINK = record(
+    ("velocity", V3),
+    ("turn", V3),
+    ("force", V3),
+    ("moment", V3),
+    "mass",
+    ("first_moment", V3),
+    ("inertia", (6,)),
+)
+
+
 class Motion(NamedTuple):
     """Inertia M(q), its Cholesky factor and the bias h(q, q̇), with M q̈ + h = τ.
 
@@ -40,7 +55,7 @@ class Motion(NamedTuple):
     M: Annotated[Array, F8, "n", "n"]
     L: Annotated[Array, F8, "n", "n"]
     bias: Annotated[Array, F8, "n"]
-    work: Annotated[Array, F8, "n", 32]
+    links: Annotated[Records, LINK, "n"]
 
 
 class Drive(NamedTuple):

@@ -16,7 +16,8 @@ from pathlib import Path
 SUFFIX = ".sha256"  #: Suffix added to a file's name.
 
 
-def _sum_file(file: Path) -> Path:
+def sum_file(file: Path) -> Path:
+    """Return the file that holds the checksum of a file."""
     return file.with_name(file.name + SUFFIX)
 
 
@@ -26,7 +27,7 @@ def _sum_of(file: Path) -> str:
 
 def written_sum(file: Path) -> str:
     """Return the checksum that is written beside a file. Raises OSError."""
-    return _sum_file(file).read_text("ascii", "replace")
+    return sum_file(file).read_text("ascii", "replace")
 
 
 def _is_intact(file: Path) -> bool:
@@ -40,7 +41,7 @@ def _is_intact(file: Path) -> bool:
 def _is_sealed(file: Path) -> bool:
     """True if a file has not been written since its checksum was."""
     try:
-        return file.stat().st_mtime_ns <= _sum_file(file).stat().st_mtime_ns
+        return file.stat().st_mtime_ns <= sum_file(file).stat().st_mtime_ns
     except OSError:
         return False
 
@@ -50,8 +51,8 @@ def remove_damaged(files: Sequence[Path]) -> None:
 
     If a file is damaged, a note is printed to stderr.
     """
-    sums = [_sum_file(file) for file in files]
-    if all(sum_file.is_file() for sum_file in sums):
+    sums = [sum_file(file) for file in files]
+    if all(written.is_file() for written in sums):
         damaged = [file for file in files if not _is_intact(file)]
         if not damaged:
             return
@@ -59,9 +60,9 @@ def remove_damaged(files: Sequence[Path]) -> None:
         print(note, file=sys.stderr, flush=True)
     for file in files:
         file.unlink(missing_ok=True)  # an error is raised: a damaged file must not be run
-    for sum_file in sums:
+    for written in sums:
         with suppress(OSError):
-            sum_file.unlink(missing_ok=True)
+            written.unlink(missing_ok=True)
 
 
 def seal(files: Sequence[Path]) -> None:
@@ -71,8 +72,8 @@ def seal(files: Sequence[Path]) -> None:
     """
     for file in files:
         if not _is_sealed(file):
-            sum_file = _sum_file(file)
-            part = sum_file.with_name(f"{sum_file.name}.{os.getpid()}")
+            written = sum_file(file)
+            part = written.with_name(f"{written.name}.{os.getpid()}")
             with suppress(OSError):
                 part.write_text(_sum_of(file), "ascii")
-                part.replace(sum_file)
+                part.replace(written)

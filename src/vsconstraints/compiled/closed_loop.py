@@ -10,7 +10,8 @@ from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import apply_law, load_law
 from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Loop
-from .workspace import RELAXED_ROWS, SOLVED, Answer, zeros
+from .signatures import INT, signature
+from .workspace import RELAXED_ROWS, SOLVED, TOLERANCE, Answer, zeros
 
 for name in (
     "put",
@@ -48,7 +49,7 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
 
 
 @checked(Loop)
-@compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
+@compiled(signature((INT, INT), INT, INT, INT, INT), IN_PLACE)
 def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     """Continue with sample k from the given stage until sample ``end``.
 
@@ -58,7 +59,10 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         The sample and its stage that Python has to execute; ``end`` and ``STEP`` if all is done.
     """
     loop = load_loop(loop_address)
-    evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
+    parts = loop.parts[0]
+    evaluate = parts.evaluate
+    believed = parts.believed
+    true = parts.true
     q = loop.plant.x[0]
     qd = loop.plant.x[1]
     kept = loop.kept
@@ -71,7 +75,8 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             ):
                 return k, STEP
             # the simulated world precedes; the controller's time starts here
-            if observe != 0 and call_int_pointer(observe, (sensing, true, believed, t, k)) != 0:
+            sample = parts.sensing, true, believed, t, k
+            if parts.observe != 0 and call_int_pointer(parts.observe, sample) != 0:
                 return k, STEP
             started = now(loop.clock)
             if call_int_pointer(evaluate, (believed, t, q, qd)) != 0:
@@ -81,22 +86,21 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         if stage == LAW:
             loop.alone[0] = math.nan
             started = now(loop.clock)
-            if law == 0 or not law_solved(law, loop, loop.answer):
+            if parts.law == 0 or not law_solved(parts.law, loop, loop.answer):
                 return k, LAW
             kept.step_time[at] = now(loop.clock) - started
             stage = ALONE
         # the law may already have computed the baseline
         if stage == ALONE and math.isnan(loop.alone[0]):
-            tracking = load_law(alone)
+            tracking = load_law(parts.baseline)
             task = loop.task
-            call_int_pointer(
-                tracking.track,
-                (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone),
-            )
+            tolerance = tracking.options[TOLERANCE]
+            arguments = tracking.scratch, task.J, task.b, tolerance, task.rest, loop.alone
+            call_int_pointer(tracking.track, arguments)
         samples.finish(loop, k)
         k = k + 1
         stage = STEP
         # Python reports an unbounded motion
-        if move != 0 and call_int_pointer(move, (moved, loop.plant.x)) != 0:
+        if parts.move != 0 and call_int_pointer(parts.move, (parts.plant, loop.plant.x)) != 0:
             return k, STEP
     return k, STEP

@@ -1,51 +1,32 @@
-"""Compilation of this package's functions, their fallback to Python, and the disk cache."""
+"""Compilation of this package's functions, and their fallback to Python."""
 
 from __future__ import annotations
 
 import gc
-import hashlib
-import inspect
-import math
 import multiprocessing
 import os
-import re
-import shutil
 import subprocess
 import sys
-import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, wraps
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import wraps
 from importlib import import_module
-from numbers import Real
 from pathlib import Path
-from types import CodeType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from ..formulas import FORMULAS
-from ..plugins import portable
 from . import COMPLAINT, MODULES, VARIABLE
+from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, is_compiled, state_of
 from .checksums import remove_damaged, seal
+from .signatures import Signature, flatten
 
 F = TypeVar("F", bound=Callable[..., Any])
-Formulas = Sequence[Callable[..., Any]]
 
-#: Division by zero gives an infinity, as in NumPy. Sums are never reordered, so that results are
-#: reproducible bit by bit.
-OPTIONS = {"error_model": "numpy", "fastmath": False}
-#: For functions that make no arrays. Counting the references to every view of an array takes as
-#: long as the computation.
-IN_PLACE = {**OPTIONS, "_nrt": False}
 #: Value of the environment variable with which a process compiles everything without a helper.
 SINGLE_PROCESS = "alone"
-#: Number of states of a module's code whose compiled files are kept, most recently used first: of
-#: functions without formulas of their own, and with them. Length of the hash in folder names.
-KEPT = 8
-KEPT_PARTS = 64
-HASH = 16
 _warned: list[Exception] = []  #: Reason why nothing is compiled, once a warning has given it.
 
 
@@ -60,37 +41,27 @@ def _warn(error: Exception) -> None:
         )
 
 
-def _internals() -> Any:
-    """Return :mod:`.numba_internals`, or None if functions stay in Python.
+def _interface() -> Any:
+    """Return :mod:`.numba_interface`, or None if functions stay in Python.
 
     They stay in Python if the environment requires it, or if numba is missing or broken.
     """
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
-        return import_module(f"{__package__}.numba_internals")
+        return import_module(f"{__package__}.numba_interface")
     except Exception as error:  # whatever the failure of the compiler, Python can run the functions
         _warn(error)
         return None
 
 
-internals = _internals()
-numba: Any = internals and internals.numba
-#: Types in signatures; None if nothing is compiled.
-VOID, INT, FLOAT, VECTOR, MATRIX = (
-    getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
-)
-#: ``math`` for functions that run in Python. As in compiled code, the result is NaN or infinity
-#: where ``math`` raises.
-QUIET = SimpleNamespace(
-    **{
-        **vars(math),
-        **{
-            name: getattr(np, name)
-            for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]
-        },
-    }
-)
+interface = _interface()
+numba: Any = interface and interface.numba
+#: Division by zero gives an infinity, as in NumPy. Sums are never reordered, so that results are
+#: reproducible bit by bit.
+OPTIONS = {"error_model": "numpy", "fastmath": False}
+#: For functions that make no arrays.
+IN_PLACE = {**OPTIONS, **(interface.accelerator.IN_PLACE if interface else {})}
 
 
 def compiles() -> bool:
@@ -98,23 +69,7 @@ def compiles() -> bool:
 
     Otherwise they run in Python, about 200 times slower, with the same results.
     """
-    return internals is not None
-
-
-def type_of(example: Any) -> Any:
-    """Return the compiler's type of a structure of arrays, or None if nothing is compiled."""
-    return None if internals is None else numba.typeof(example)
-
-
-def signature(result: Any, *arguments: Any) -> Any:
-    """Return the signature of a function of these types, or None if nothing is compiled."""
-    return None if internals is None else result(*arguments)
-
-
-def _as_compiled(function: Callable[..., Any]) -> None:
-    """Make a function that stays in Python compute as if it were compiled."""
-    if function.__globals__.get("math") is math:
-        function.__globals__["math"] = QUIET
+    return interface is not None
 
 
 _registered: set[Callable[..., Any]] = set()  #: Formulas that compiled code can call.
@@ -126,17 +81,15 @@ def register_formulas(*formulas: Callable[..., Any]) -> None:
     See :mod:`vsconstraints.formulas`.
     """
     for function in (*FORMULAS, *formulas):
-        if function not in _registered and internals is not None:
+        if function not in _registered and interface is not None:
             _registered.add(function)
-            internals.part_of_others(function, {"error_model": "numpy"})
+            interface.part_of_others(function, {"error_model": "numpy"})
 
 
 def inner(function: F, options: dict[str, Any] = OPTIONS) -> F:
     """Let compiled functions call this one, which stays unchanged in Python."""
-    if internals is None:
-        _as_compiled(function)
-    else:
-        internals.part_of_others(function, options)
+    if interface is not None:
+        interface.part_of_others(function, options)
     return function
 
 
@@ -146,7 +99,7 @@ def in_place(function: F) -> F:
 
 
 def compiled(
-    signature: Any,
+    signature: Signature,
     options: dict[str, Any] = OPTIONS,
     formulas: Formulas = (),
     from_python: bool = True,
@@ -154,9 +107,8 @@ def compiled(
     """Make a decorator that compiles for this signature and caches the result on disk.
 
     ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`. The function may call ``formulas`` besides
-    the marked ones. Arguments of other types raise TypeError. A function that is only called by its
-    address, with ``from_python=False``, compiles faster, because code that unpacks whole structures
-    takes long to compile.
+    the marked ones. Arguments of other types raise TypeError. Python does not call a function with
+    ``from_python=False``: compiled code calls it by its address.
 
     If nothing is compiled, the function runs in Python. If the compiler fails for a function with
     ``formulas``, its error is raised. If it fails for another function, a RuntimeWarning gives the
@@ -164,37 +116,33 @@ def compiled(
     """
 
     def decorate(function: F) -> F:
-        global internals
-        if internals is None:
-            return in_python(function, signature)
+        global interface
+        if interface is None:
+            return in_python(function, signature if from_python else None)
         register_formulas(*formulas)
         try:
-            return _compiled(function, internals.jit(signature, from_python, options), formulas)
+            return _compiled(function, interface.jit(signature, from_python, options), formulas)
         except Exception as error:
             if formulas:
                 raise
-            internals = None
+            interface = None
             _warn(error)
-            return in_python(function, signature)
+            return in_python(function, signature if from_python else None)
 
     return decorate
 
 
-def in_python(function: F, signature: Any = None) -> F:
+def in_python(function: F, signature: Signature | None = None) -> F:
     """Return the function as Python runs it, without floating-point warnings.
 
-    If its signature is text, it checks arrays and numbers, and raises TypeError for other types.
+    If a signature is given, arrays and numbers of other types raise TypeError.
     """
-    _as_compiled(function)
-    checks = (
-        _checks(signature) if isinstance(signature, str) and "UniTuple" not in signature else []
-    )
+    declared = flatten(signature.arguments) if signature is not None else []
 
     @wraps(function)
     def quiet(*arguments: Any) -> Any:
-        flat = [x for each in arguments for x in (each if isinstance(each, tuple) else (each,))]
-        for check, argument in zip(checks, flat, strict=False):
-            if not check(argument):
+        for kind, argument in zip(declared, flatten(arguments), strict=False):
+            if not kind.accepts(argument):
                 raise TypeError(f"{function.__name__} does not take {argument!r}")
         with np.errstate(all="ignore"):
             return function(*arguments)
@@ -202,46 +150,19 @@ def in_python(function: F, signature: Any = None) -> F:
     return cast("F", quiet)
 
 
-def _checks(signature: str) -> list[Callable[[Any], bool]]:
-    """Return predicates that check arguments, and entries of tuples, as the compiler would."""
-
-    def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
-        if not (constant or dtype):
-            return lambda x: isinstance(x, (Real, np.bool_))
-        kind = np.dtype((constant or dtype).replace("boolean", "bool"))
-        ndim = int(d or layout.count(",") + 1)
-        any_layout = bool(dtype) and "1" not in layout
-        return lambda x: (
-            isinstance(x, np.ndarray)
-            and x.dtype == kind
-            and x.ndim == ndim
-            and (any_layout or x.flags.c_contiguous)
-        )
-
-    arguments = signature.partition("(")[2].replace("Tuple", "")
-    parts = re.findall(
-        r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments
-    )
-    return [check(*part) for part in parts]
-
-
 def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
-    config = numba.config
-    before = config.CACHE_DIR, config.LOOP_VECTORIZE
-    with _writable(cache_of(function, formulas)) as folder:
-        # loops run over a few joints or rows: vectorisation makes no step faster, but compilation
-        # 10 % slower
-        config.CACHE_DIR = str(folder)
-        config.LOOP_VECTORIZE = 0
-        try:
-            with compile_lock(folder):
-                pattern = f"*.{function.__name__}-*.nb[ci]"
-                remove_damaged([*folder.rglob(pattern)])
-                result = _compile_or_read(jit, function)
-                seal([*folder.rglob(pattern)])
-                return result
-        finally:
-            config.CACHE_DIR, config.LOOP_VECTORIZE = before
+    settings = f"{numba.__version__} {sys.version} {interface.settings()}"
+    made = CachedFunction(function, state_of(settings, formulas), interface.cache_folder(function))
+    if made.files:
+        made.note_use()
+    else:
+        _announce(function, formulas, made.folder, is_compiled(made.folder, state_of(settings)))
+        made.remove_old((KEPT_WITH_FORMULAS if formulas else KEPT) - 1)
+    with made.lock(), interface.accelerator.without_vectorization():
+        remove_damaged(made.files)
+        result = _compile_or_read(jit, function)
+        seal(made.files)
+        return result
 
 
 def _compile_or_read(jit: Any, function: F) -> F:
@@ -259,154 +180,38 @@ def _compile_or_read(jit: Any, function: F) -> F:
     return result
 
 
-@contextmanager
-def compile_lock(folder: Path) -> Iterator[None]:
-    """Lock a cache folder, so that one process compiles a function and the others read it."""
-    with ExitStack() as stack:
-        # without file locks, each process compiles for itself
-        with suppress(OSError):
-            portable.lock(stack.enter_context((folder / "lock").open("w")), wait=True)
-        yield
-
-
-@contextmanager
-def _writable(folder: Path) -> Iterator[Path]:
-    """Yield the folder or, if it cannot be written, a temporary copy of it.
-
-    Numba needs a writable folder, even to read.
-    """
-    if os.access(folder, os.W_OK | os.X_OK):
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(prefix="vsconstraints-") as copy:
-        shutil.copytree(folder, copy, copy_function=shutil.copyfile, dirs_exist_ok=True)
-        for path in (Path(copy), *Path(copy).rglob("*")):
-            path.chmod(0o755)
-        yield Path(copy)
-
-
-#: Files outside this folder and ``formulas`` that define constants of compiled code. Compiled code
-#: contains no reference to them.
-OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
-
-
-def sources() -> list[Path]:
-    """List every file that compiled code may be made of."""
-    package = Path(__file__).parent.parent
-    folders = (package / "compiled", package / "formulas")
-    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
-    return [*files, *(package / other for other in OTHERS)]
-
-
-@cache
-def _state() -> bytes:
-    """Hash of this package's code, the compiler, Python and the processor."""
-    processor = import_module("llvmlite.binding").get_host_cpu_name()
-    texts = b"".join(file.read_bytes() for file in sources())
-    made_by = f"{numba.__version__} {sys.version} {processor} {internals.CHECKS_BOUNDS}"
-    return hashlib.sha256(texts + made_by.encode()).digest()
-
-
-def _meaning(code: CodeType) -> bytes:
-    """Return bytes that identify the behaviour of a function and are equal in every process.
-
-    The ``repr`` of its constants would differ: it contains the addresses of inner functions, and
-    sets of strings in any order.
-    """
-    constants = []
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            constants.append(_meaning(constant))
-        elif isinstance(constant, frozenset):
-            constants.append(repr(sorted(map(repr, constant))).encode())
-        else:
-            constants.append(repr(constant).encode())
-    return b"\0".join([code.co_code, *constants])
-
-
-def cache_candidates() -> list[Path]:
-    """List the folders in which compiled code may be stored.
-
-    This is ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is a folder beside the code, then the
-    user's cache, which a user without a home does not have.
-    """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen:
-        return [Path(chosen)]
-    beside = Path(__file__).parent / "__pycache__"
-    users = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    # without a home, ``~`` is not expanded
-    return [beside] if users.startswith("~") else [beside, Path(users) / "vsconstraints"]
-
-
-def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
-    """Return the folder in which a compiled function is stored.
-
-    Each state of the function's code, the compiler, Python and the processor has its own folder.
-    Numba alone would compare only the file of the function, and would miss changes of the functions
-    that it calls. The folder is created in the first of :func:`cache_candidates` that can be
-    written. A folder that cannot be written but contains the function is accepted as well.
-
-    Raises
-    ------
-    OSError
-        if none of these can be written.
-    """
-    state = hashlib.sha256(_state())
-    for formula in formulas:
-        # the module of a custom formula may contain the functions that it calls
-        with suppress(OSError):
-            state.update(Path(inspect.getsourcefile(formula) or "").read_bytes())
-        state.update(_meaning(formula.__code__))
-    made_for = "".join(f".{formula.__name__}" for formula in formulas)
-    name = f"{function.__module__.rpartition('.')[2]}{made_for}-{state.hexdigest()[:HASH]}"
-    candidates = cache_candidates()
-    for folder in candidates:
-        with suppress(OSError):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-        if os.access(folder / name, os.W_OK | os.X_OK):
-            return folder / name
-        if next((folder / name).rglob(f"*.{function.__name__}-*.nbi"), None) is not None:
-            return folder / name
-    refused = " or ".join(map(str, candidates))
-    raise OSError(
-        f"no folder to keep compiled code in: cannot write {refused}; NUMBA_CACHE_DIR names "
-        f"another one"
-    )
-
-
 #: Kept, because Python warns about a process that nothing refers to.
 _helpers: list[subprocess.Popen[bytes]] = []
-_announced: set[Path] = set()  #: Caches that this process has announced to fill.
+_announced = False  #: True if this process has announced a compilation.
 
 
-def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
-    """Return the cache folder and remove old ones; announce a compilation if it is needed."""
-    folder = cache_folder(function, formulas)
-    with suppress(OSError):
-        os.utime(folder)
-        states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
-        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[
-            KEPT_PARTS if formulas else KEPT :
-        ]:
-            shutil.rmtree(old, ignore_errors=True)
-    missing = next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None
+def _announce(
+    function: Callable[..., Any], formulas: Formulas, folder: Path, has_others: bool
+) -> None:
+    """Announce once that something is compiled, and let another process compile the rest.
+
+    ``has_others`` is true if other functions are compiled already.
+    """
+    global _announced
     # workers compile what their command has already announced
-    if missing and folder.parent not in _announced and multiprocessing.parent_process() is None:
-        _announced.add(folder.parent)
-        part = folder.name.rpartition("-")[0]
-        print(f"vsconstraints: {_announcement(part, folder.parent)}", file=sys.stderr, flush=True)
-        own = function.__module__.rpartition(".")[2]
-        _share(name for name in reversed(MODULES) if name != own)
-    return folder
-
-
-def _announcement(part: str, kept_in: Path) -> str:
-    """Return the message about a compilation: of the control step, or of a missing part."""
-    state = hashlib.sha256(_state()).hexdigest()[:HASH]
-    if next(kept_in.glob(f"*-{state}/**/*.nbi"), None) is None:
-        return f"compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
-    return f"compiling more, from {part} on, which nothing has needed before; kept in {kept_in}"
+    if _announced or multiprocessing.parent_process() is not None:
+        return
+    _announced = True
+    module = function.__module__.rpartition(".")[2]
+    part = ".".join([module, *(formula.__name__ for formula in formulas)])
+    what = (
+        f"compiling more, from {part} on, which nothing has needed before"
+        if has_others
+        else "compiling the control step, once, for 10 to 30 s"
+    )
+    slow = (
+        ""
+        if interface.accelerator.is_known()
+        else (f"; numba {numba.__version__} is newer than those whose compilation is accelerated")
+    )
+    note = f"vsconstraints: {what}{slow}; kept in {folder}"
+    print(note, file=sys.stderr, flush=True)
+    _share(name for name in reversed(MODULES) if name != module)
 
 
 def _share(modules: Iterable[str]) -> None:

@@ -27,6 +27,7 @@ from . import load
 from .compiler import IN_PLACE, OPTIONS, compiled, in_place
 from .kinematics import point_jacobian
 from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
+from .signatures import INT, VOID, signature
 from .workspace import Step
 
 WriteRows = Callable[[int, int], None]
@@ -313,7 +314,7 @@ def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], co
         options = OPTIONS
     try:
         return make_part(
-            template, formulas, (count,) if formulas else (), "void(int64, int64)", options
+            template, formulas, (count,) if formulas else (), signature(VOID, INT, INT), options
         )
     except Exception as error:  # numba raises any exception for code that it does not support
         if all(formula is None for formula in formulas):
@@ -328,7 +329,7 @@ def rows_address(kind: str, formulas: tuple[Callable[..., Any] | None, ...], cou
     return 0 if function is None else address(function)
 
 
-@compiled("void(int64, int64)", IN_PLACE, from_python=False)
+@compiled(signature(VOID, INT, INT), IN_PLACE, from_python=False)
 def apply_gradient_error(step_address: int, in_phi: int) -> None:
     """Replace ∇σ by ∇σ_e in the rows of a step: in L_gφ and, if ``in_phi``, in φ and L_fφ.
 

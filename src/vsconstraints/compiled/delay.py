@@ -9,9 +9,9 @@ import numpy as np
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
-from .laws import RESOLVER, apply_law, load_law, within
-from .parts import call_int_pointer, load_step, struct_loader
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+from .laws import RESOLVER, apply_law, load_law, share_without_baseline, within
+from .parts import call_int_pointer, load_step, share, struct_loader
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
 
 class DelayArrays(NamedTuple):
@@ -29,6 +29,9 @@ class DelayArrays(NamedTuple):
     first: float
     sent: Array  #: (w, n) pending commands, in the order in which they act.
     now: Array  #: (1 + 2n,) t, q, q̇.
+    #: Predicted rows with the current limits of q̈, and the answer to them.
+    ahead: RowArrays
+    answer: Answer
 
     @classmethod
     def of(
@@ -54,6 +57,8 @@ class DelayArrays(NamedTuple):
             first,
             np.zeros((under_way, n)),
             np.zeros(1 + 2 * n),
+            zeros(RowArrays),
+            zeros(Answer),
         )
 
 
@@ -100,21 +105,24 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     ):
         return NEEDS_PYTHON
     then = step.rows
-    ahead = RowArrays(
-        then.phi,
-        then.Lg,
-        then.Lf,
-        then.sigma,
-        then.sigma_dot,
-        then.K,
-        then.switching_gain,
-        then.scale,
-        rows.qdd_min,
-        rows.qdd_max,
+    share(
+        own.ahead,
+        (
+            then.phi,
+            then.Lg,
+            then.Lf,
+            then.sigma,
+            then.sigma_dot,
+            then.K,
+            then.switching_gain,
+            then.scale,
+            rows.qdd_min,
+            rows.qdd_max,
+        ),
     )
     # the baseline of the predicted state is not that of the current one: do not report it
-    own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
-    code = apply_law(own.law, ahead, step.task, own_answer)
+    share_without_baseline(own.answer, answer)
+    code = apply_law(own.law, own.ahead, step.task, own.answer)
     if code == SOLVED or code >= RELAXED_ROWS:
         send(own, rows, answer.qdd)
     return code

@@ -13,6 +13,9 @@ takes 120 µs.
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
@@ -30,7 +33,9 @@ from ..formulas.vectors import (
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
-from .parts import address, checked, struct_loader
+from .kinematics import put
+from .parts import address, call_int_pointer, checked, struct_loader
+from .signatures import FLAG, INT, MATRIX, VOID, signature
 from .workspace import zeros
 
 register_formulas()
@@ -53,7 +58,7 @@ def factor(M: Array, L: Array) -> None:
         for k in range(j):
             rest -= L[j, k] * L[j, k]
         # NaN if M is not positive definite: the speeds become NaN as well, which is detected
-        inverse = 1.0 / math.sqrt(rest) if rest > 0.0 else math.nan
+        inverse = 1.0 / np.sqrt(rest) if rest > 0.0 else math.nan
         L[j, j] = inverse
         for i in range(j + 1, len(M)):
             rest = M[i, j]
@@ -85,17 +90,14 @@ def accelerate(motion: Motion, torque: Array, friction: Array, qdd: Array) -> No
 
 
 @in_place
-def symmetric(row: Array, at: int, v: Vector) -> Vector:
-    """Return S v for a symmetric matrix S.
-
-    Its entries xx, xy, xz, yy, yz and zz begin at entry ``at`` of ``row``.
-    """
-    xx = row[at]
-    xy = row[at + 1]
-    xz = row[at + 2]
-    yy = row[at + 3]
-    yz = row[at + 4]
-    zz = row[at + 5]
+def symmetric(S: Array, v: Vector) -> Vector:
+    """Return S v for a symmetric matrix S with the entries xx, xy, xz, yy, yz and zz."""
+    xx = S[0]
+    xy = S[1]
+    xz = S[2]
+    yy = S[3]
+    yz = S[4]
+    zz = S[5]
     return (
         xx * v[0] + xy * v[1] + xz * v[2],
         xy * v[0] + yy * v[1] + yz * v[2],
@@ -104,10 +106,35 @@ def symmetric(row: Array, at: int, v: Vector) -> Vector:
 
 
 @in_place
+def write_symmetric(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, S: Array
+) -> None:
+    """Write the entries of a symmetric matrix."""
+    S[0] = xx
+    S[1] = xy
+    S[2] = xz
+    S[3] = yy
+    S[4] = yz
+    S[5] = zz
+
+
+@in_place
+def add_link(link: Any, behind: Any) -> None:
+    """Add force, moment, mass, first moment and inertia of the bodies behind a body to its own."""
+    for k in range(3):
+        link.force[k] += behind.force[k]
+        link.moment[k] += behind.moment[k]
+        link.first_moment[k] += behind.first_moment[k]
+    link.mass += behind.mass
+    for k in range(6):
+        link.inertia[k] += behind.inertia[k]
+
+
+@in_place
 def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
     """Write M(q) (its lower half), h(q, q̇) and the factor of M."""
     n = len(q)
-    work = motion.work
+    links = motion.links
     R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     o = (0.0, 0.0, 0.0)
     omega = (0.0, 0.0, 0.0)
@@ -122,7 +149,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         if bodies.prismatic[i]:
             along = q[i]
         else:
-            placement = product(placement, turn_about(axis, math.sin(q[i]), math.cos(q[i])))
+            placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
         R = product(R, placement)
         z = rotate(R, axis)
         r = add_scaled(r, along, z)
@@ -145,51 +172,46 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         # inertia in the base's axes
         local = matrix(bodies.inertia[i])
         half = product(R, local)
-        row = work[i]
+        link = links[i]
         xx = dot(half[0], R[0])
         xy = dot(half[0], R[1])
         xz = dot(half[0], R[2])
         yy = dot(half[1], R[1])
         yz = dot(half[1], R[2])
         zz = dot(half[2], R[2])
-        row[16] = xx
-        row[17] = xy
-        row[18] = xz
-        row[19] = yy
-        row[20] = yz
-        row[21] = zz
-        spin = cross(omega, symmetric(row, 16, omega))
-        moment = plus(plus(symmetric(row, 16, alpha), spin), cross(c, force))
-        row[0], row[1], row[2] = S
-        row[3], row[4], row[5] = turn
-        row[6], row[7], row[8] = force
-        row[9], row[10], row[11] = moment
-        # mass, first moment and inertia about the base's origin
-        row[12] = m
-        row[13], row[14], row[15] = m * c[0], m * c[1], m * c[2]
-        row[16] = xx + m * (c[1] * c[1] + c[2] * c[2])
-        row[17] = xy - m * c[0] * c[1]
-        row[18] = xz - m * c[0] * c[2]
-        row[19] = yy + m * (c[0] * c[0] + c[2] * c[2])
-        row[20] = yz - m * c[1] * c[2]
-        row[21] = zz + m * (c[0] * c[0] + c[1] * c[1])
+        write_symmetric(xx, xy, xz, yy, yz, zz, link.inertia)
+        spin = cross(omega, symmetric(link.inertia, omega))
+        moment = plus(plus(symmetric(link.inertia, alpha), spin), cross(c, force))
+        put(S, link.velocity)
+        put(turn, link.turn)
+        put(force, link.force)
+        put(moment, link.moment)
+        link.mass = m
+        put(times(m, c), link.first_moment)
+        # about the base's origin, by Steiner's theorem
+        write_symmetric(
+            xx + m * (c[1] * c[1] + c[2] * c[2]),
+            xy - m * c[0] * c[1],
+            xz - m * c[0] * c[2],
+            yy + m * (c[0] * c[0] + c[2] * c[2]),
+            yz - m * c[1] * c[2],
+            zz + m * (c[0] * c[0] + c[1] * c[1]),
+            link.inertia,
+        )
     for i in range(n - 1, -1, -1):
-        row = work[i]
+        link = links[i]
         if i + 1 < n:
-            for k in range(6, 22):
-                row[k] += work[i + 1, k]
-        S = (row[0], row[1], row[2])
-        turn = (row[3], row[4], row[5])
-        motion.bias[i] = dot(S, (row[6], row[7], row[8])) + dot(turn, (row[9], row[10], row[11]))
-        p = (row[13], row[14], row[15])
+            add_link(link, links[i + 1])
+        S = vector(link.velocity)
+        turn = vector(link.turn)
+        motion.bias[i] = dot(S, vector(link.force)) + dot(turn, vector(link.moment))
+        p = vector(link.first_moment)
         # momentum of all bodies behind the joint if it alone moves, with speed 1
-        P = plus(times(row[12], S), cross(turn, p))
-        L = plus(symmetric(row, 16, turn), cross(p, S))
+        P = plus(times(link.mass, S), cross(turn, p))
+        L = plus(symmetric(link.inertia, turn), cross(p, S))
         for j in range(i + 1):
-            other = work[j]
-            motion.M[i, j] = dot((other[0], other[1], other[2]), P) + dot(
-                (other[3], other[4], other[5]), L
-            )
+            other = links[j]
+            motion.M[i, j] = dot(vector(other.velocity), P) + dot(vector(other.turn), L)
         motion.M[i, i] += bodies.rotor[i]
     factor(motion.M, motion.L)
 
@@ -284,7 +306,7 @@ def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
         speed = memory.qd_c[j] + h * command[j]
         memory.q_c[j] += h * memory.qd_c[j]
         if abs(speed) > drive.speed[j]:
-            speed = math.copysign(drive.speed[j], speed)
+            speed = np.copysign(drive.speed[j], speed)
             memory.q_c[j] += 0.5 * h * (speed - memory.qd_c[j])
         else:
             memory.q_c[j] += 0.5 * h * h * command[j]
@@ -298,7 +320,7 @@ def dry_friction(drive: Drive, j: int, speed: float) -> float:
     if more == 0.0:
         return float(drive.coulomb[j])
     ratio = speed / drive.stribeck[j]
-    return float(drive.coulomb[j] + more * math.exp(-ratio * ratio))
+    return float(drive.coulomb[j] + more * np.exp(-ratio * ratio))
 
 
 @in_place
@@ -332,7 +354,7 @@ def apply_friction(arm: Arm, qd: Array) -> None:
                 if k != j:
                     pull -= M[max(j, k), min(j, k)] * (v[k] - arm.after[k])
             left = abs(pull) - h * dry_friction(drive, j, qd[j])
-            speed = math.copysign(max(left, 0.0) / (M[j, j] + h * drive.viscous[j]), pull)
+            speed = np.copysign(max(left, 0.0) / (M[j, j] + h * drive.viscous[j]), pull)
             change = max(change, abs(speed - v[j]))
             v[j] = speed
         if change <= SETTLED * greatest:
@@ -410,7 +432,7 @@ load_arm = struct_loader(zeros(Arm))
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX), IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
     """Begin a run at the state x (s, n).
 
@@ -423,7 +445,8 @@ def begin(arm_address: int, x: Array) -> None:
     effort = arm.drive.effort
     update_gravity(arm, q)
     for j in range(len(q)):
-        memory.q_c[j], memory.qd_c[j] = q[j], qd[j]
+        memory.q_c[j] = q[j]
+        memory.qd_c[j] = qd[j]
         arm.speed[j] = 0.0
     update_motion(arm, q, qd)
     command_torque(arm, q, qd, arm.speed)
@@ -433,9 +456,8 @@ def begin(arm_address: int, x: Array) -> None:
             memory.under_way[i, j] = memory.torque[j]
 
 
-@checked(Arm)
-@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
-def drive_period(arm_address: int, x: Array) -> int:
+@compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
+def drive_period_at(arm_address: int, x: Array) -> int:
     """Move the arm through a period. Return 0, or 1 if the motion is unbounded.
 
     The state x (s, n) contains q and q̇ first, and the command last but one.
@@ -458,17 +480,25 @@ def drive_period(arm_address: int, x: Array) -> int:
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX, FLAG), IN_PLACE)
 def drive_substep(arm_address: int, x: Array, first: bool) -> None:
     """Call :func:`drive` in a simulation whose motion another program integrates."""
     drive(load_arm(arm_address), x[0], x[1], x[-2], first)
 
 
 @checked(Arm)
-@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX), IN_PLACE)
 def end_substep(arm_address: int, x: Array) -> None:
     """Call :func:`update_motion` in a simulation whose motion another program integrates."""
     update_motion(load_arm(arm_address), x[0], x[1])
 
 
-MOVE = address(drive_period)  #: Address of the function that moves an arm through a period.
+MOVE = address(drive_period_at)  #: Address of the function that moves an arm through a period.
+
+
+@checked(Arm, calls=MOVE)
+@compiled(signature(INT, INT, INT, MATRIX), IN_PLACE)
+def drive_period(function: int, arm_address: int, x: Array) -> int:
+    """Call :func:`drive_period_at` from Python."""
+    code: int = call_int_pointer(function, (arm_address, x))
+    return code

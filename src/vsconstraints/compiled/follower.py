@@ -14,9 +14,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
 from .parts import address, call_int_pointer, checked, struct_loader
+from .signatures import FLOAT, INT, MATRIX, VOID, signature
 from .workspace import F8, I8, zeros
 
 #: Rows of the state of a joint: coordinate, speed and the loop's acceleration a; wanted speed u;
@@ -67,7 +70,7 @@ def first_root(a: float, b: float, c: float) -> float:
     if square < 0.0:
         return math.inf
     # the form without cancellation
-    half = -0.5 * (b + math.copysign(math.sqrt(square), b))
+    half = -0.5 * (b + np.copysign(np.sqrt(square), b))
     one = half / a
     other = c / half if half != 0.0 else one
     least = math.inf
@@ -92,7 +95,7 @@ def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
 def lag_behind(x: Array, j: int, t: float, lag: float, push: float) -> None:
     """Move joint j for t [s] with a = (u − q̇)/τ: q̇ approaches u + τ d."""
     total = x[A, j] + push
-    faded = -lag * math.expm1(-t / lag)
+    faded = -lag * np.expm1(-t / lag)
     # q̈ decays as exp(−t/τ)
     x[Q, j] += t * x[QD, j] + lag * total * (t - faded)
     x[QD, j] += total * faded
@@ -110,7 +113,7 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
     away = x[WANTED, j] - x[QD, j]
     until = 0.0
     if away != 0.0:
-        x[A, j] = math.copysign(most, away)
+        x[A, j] = np.copysign(most, away)
         total = x[A, j] + push
         until = away / total if away * total > 0.0 else math.inf
         glide(x, j, min(t, until), 0.0, push)
@@ -126,7 +129,7 @@ def saturated(f: Follower, x: Array, j: int, left: float, asked: float) -> float
     """Move joint j with a at its limit until the loop asks for less; return the time left."""
     push = x[-1, j]
     away = (abs(asked) - f.acceleration[j]) * f.lag
-    rate = math.copysign(1.0, asked) * (x[A, j] + push)
+    rate = np.copysign(1.0, asked) * (x[A, j] + push)
     until = away / rate if rate > 0.0 else math.inf
     glide(x, j, min(left, until), 0.0, push)
     if until < left:
@@ -139,8 +142,8 @@ def exceeding(a: float, most: float, push: float, lag: float) -> float:
     """Return the time after which |a| of a lagging joint exceeds A, which only |d| > A causes."""
     if abs(push) <= most:
         return math.inf
-    share = (math.copysign(most, -push) + push) / (a + push)
-    return -lag * math.log(share) if 0.0 < share < 1.0 else math.inf
+    share = (np.copysign(most, -push) + push) / (a + push)
+    return -lag * np.log(share) if 0.0 < share < 1.0 else math.inf
 
 
 @in_place
@@ -157,7 +160,7 @@ def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> 
     # the root of a − (u − q̇)/τ
     away = 0.0 if met else a - (x[WANTED, j] - x[QD, j]) / lag
     until = first_root(0.5 * jerk / lag, jerk + (a + push) / lag, away)
-    end = math.copysign(most, jerk)
+    end = np.copysign(most, jerk)
     to_end = (end - a) / jerk if most < math.inf else math.inf
     at_end = 0.0 < to_end <= until
     until = to_end if at_end else until
@@ -188,7 +191,7 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
         total = x[A, j] + push
         grows = asked * total < 0.0
         if not met:
-            left, met = ramp(f, x, j, left, math.copysign(jerk, aim - x[A, j]), False)
+            left, met = ramp(f, x, j, left, np.copysign(jerk, aim - x[A, j]), False)
         elif abs(asked) > most * (1.0 + SAME) or (abs(asked) >= most * (1.0 - SAME) and grows):
             left = saturated(f, x, j, left, asked)
         elif abs(total) <= jerk * lag * (1.0 + SAME):
@@ -197,7 +200,7 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
             left -= until
         else:
             # the lag would change a faster than the jerk allows
-            left, met = ramp(f, x, j, left, math.copysign(jerk, -total), True)
+            left, met = ramp(f, x, j, left, np.copysign(jerk, -total), True)
     glide(x, j, max(left, 0.0), 0.0, push)
 
 
@@ -249,9 +252,8 @@ def integrate_command(f: Follower, x: Array) -> None:
 load_follower = struct_loader(zeros(Follower))
 
 
-@checked(Follower)
-@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
-def follow_period(follower_address: int, x: Array) -> int:
+@compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
+def follow_period_at(follower_address: int, x: Array) -> int:
     """Move the joints through a period with the command x[-2]. Return 0."""
     f = load_follower(follower_address)
     integrate_command(f, x)
@@ -262,7 +264,7 @@ def follow_period(follower_address: int, x: Array) -> int:
 
 
 @checked(Follower)
-@compiled("void(int64, float64[:, ::1], float64)", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX, FLOAT), IN_PLACE)
 def follow_part(follower_address: int, x: Array, span: float) -> None:
     """Move the joints through the first ``span`` [s] of a period with the command x[-2]."""
     f = load_follower(follower_address)
@@ -284,8 +286,7 @@ def write_reference(f: Follower, x: Array) -> None:
         x[-2, j] = (x[-2, j] + own[QD, j]) / f.Ts
 
 
-@checked(Follower)
-@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
 def follow_with_mass(follower_address: int, x: Array) -> int:
     """Move an arm whose joint controllers follow the loop's motion as their reference.
 
@@ -297,11 +298,19 @@ def follow_with_mass(follower_address: int, x: Array) -> int:
 
 
 @checked(Follower)
-@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+@compiled(signature(VOID, INT, MATRIX), IN_PLACE)
 def refer(follower_address: int, x: Array) -> None:
     """Call :func:`write_reference` for an arm that another program moves."""
     write_reference(load_follower(follower_address), x)
 
 
-MOVE = address(follow_period)  #: Address of the function that moves an arm without mass.
+MOVE = address(follow_period_at)  #: Address of the function that moves an arm without mass.
 MOVE_WITH_MASS = address(follow_with_mass)
+
+
+@checked(Follower, calls=MOVE)
+@compiled(signature(INT, INT, INT, MATRIX), IN_PLACE)
+def follow_period(function: int, follower_address: int, x: Array) -> int:
+    """Call :func:`follow_period_at` from Python."""
+    code: int = call_int_pointer(function, (follower_address, x))
+    return code

@@ -7,6 +7,7 @@ from .compiler import IN_PLACE, compiled, in_place
 from .laws import apply_law, load_answer
 from .linear import copy_vector
 from .parts import call_int_pointer, checked, load_step
+from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
 from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
 
 REFUSED = -1  #: The step cannot be evaluated; the NumPy version reports the reason.
@@ -23,8 +24,10 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
     n = now.size // 2
     now[0] = source.time[0]
     for j in range(n):
-        now[1 + j], now[1 + n + j] = source.q[j], source.qd[j]
-    target.last[0].goal, target.last[0].time = source.last[0].goal, source.last[0].time
+        now[1 + j] = source.q[j]
+        now[1 + n + j] = source.qd[j]
+    target.last[0].goal = source.last[0].goal
+    target.last[0].time = source.last[0].time
     copy_vector(target.last_error, source.last_error)
     copy_vector(target.last_partial, source.last_partial)
     copy_vector(target.last_command, source.last_command)
@@ -35,7 +38,7 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
 
 
 @checked(Step, LawArrays, Answer)
-@compiled("int64(int64, int64, int64, float64, float64[::1], float64[::1])", IN_PLACE)
+@compiled(signature(INT, INT, INT, INT, FLOAT, VECTOR, VECTOR), IN_PLACE)
 def command_by(
     step_address: int, law: int, answer_address: int, t: float, q: Array, qd: Array
 ) -> int:
@@ -55,10 +58,7 @@ def command_by(
 
 
 @checked(Step)
-@compiled(
-    "int64(int64, float64[::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])",
-    IN_PLACE,
-)
+@compiled(signature(INT, INT, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX), IN_PLACE)
 def predict(step_address: int, t: Array, q: Array, qd: Array, now: Array, out: Array) -> int:
     """Write a step's outputs at N states to ``out`` (N, s).
 

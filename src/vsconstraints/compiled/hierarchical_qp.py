@@ -5,7 +5,7 @@ They pass their bounds and objectives to :func:`vsconstraints.compiled.hierarchy
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..formulas.row import BOUND, share
 from ..rows import Array
@@ -19,12 +19,16 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, filled, flags, matrix
 from .walls import Demands, Resolved, count_resisting
 from .workspace import (
+    DAMPING,
     FAILED,
+    LIMIT,
     NEAREST,
     NEEDS_PYTHON,
+    OBJECTIVE,
     SCALED,
     SOLVED,
     STRICT,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -42,7 +46,7 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     for j in range(qdd.size):
         kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
     for i in range(rows.phi.size):
-        influenced = math.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
+        influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
         law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
         kappa = min(kappa, law.tracked[i])
     for j in range(qdd.size):
@@ -63,17 +67,18 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
-    bound = law.options[1]
-    damping = law.options[2]
-    aim = law.options[3]
+    tolerance = law.options[TOLERANCE]
+    bound = law.options[LIMIT]
+    damping = law.options[DAMPING]
+    aim = law.options[OBJECTIVE]
     m = rows.phi.size
     n = answer.qdd.size
     qdd = answer.qdd
     scratch = emptied(law)
     box = matrix(scratch, 2, n)
     for j in range(n):
-        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
+        box[LEAST, j] = within(rows, j, -bound)
+        box[GREATEST, j] = within(rows, j, bound)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON

@@ -6,8 +6,9 @@ compares them.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
+
+import numpy as np
 
 from ..rows import Array
 from ..rows.tolerances import MET
@@ -154,7 +155,7 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
     n = row.shape[1]
     copy(row, START, normals, i, n)
     apply_transposed(aim.F, aim.T, aim.rank, row, START)
-    moved = math.sqrt(dot(row, START, row, START, aim.rank, n))
+    moved = np.sqrt(dot(row, START, row, START, aim.rank, n))
     return not moved <= MET * length(row, START, n)
 
 
@@ -176,7 +177,7 @@ def solve_in_span(
     G, X, F, T, rank, gain = aim
     n = X.shape[1]
     w = walls.held.size
-    if not gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
+    if not gain > 2.0 * max(tolerance, np.sqrt(damping)) * np.sqrt(squares(G, n)):
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):

@@ -11,8 +11,17 @@ import numpy as np
 
 from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
-from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
-from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
+from .compiler import IN_PLACE, compiled, in_place
+from .parts import (
+    call_int_pointer,
+    checked,
+    make_part,
+    share,
+    struct_loader,
+    to_fixed_tuple,
+    warn_refused,
+)
+from .signatures import CONSTANT, FLAGS, INT, INTEGERS, MATRIX, VECTOR, Reference, signature
 from .workspace import (
     NEEDS_PYTHON,
     RELAXED_ROWS,
@@ -22,40 +31,20 @@ from .workspace import (
     RowArrays,
     Scratch,
     TaskArrays,
+    zeros,
 )
 
-_one = np.zeros(1)
-_two = np.zeros((1, 1))
-_count = np.zeros(1, dtype=np.int64)
-_law = LawArrays(
-    1,
-    1,
-    1,
-    1,
-    1,
-    1.0,
-    _one,
-    _one,
-    _one,
-    _two,
-    *(_one,) * 3,
-    _two,
-    _one,
-    _one,
-    Scratch(_one, _count),
-)
-_answer = Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one)
-
-ROWS = type_of(RowArrays(_one, _two, *(_one,) * 8))
-TASK = type_of(TaskArrays(_two, *(_one,) * 4))
-SCRATCH = type_of(_law.scratch)
+ROWS = Reference(zeros(RowArrays))
+TASK = Reference(zeros(TaskArrays))
+ANSWER = Reference(zeros(Answer))
+SCRATCH = Reference(zeros(Scratch))
 
 #: Signature of a resolver, and therefore of a law: see :class:`.LawArrays`.
-RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
+RESOLVER = signature(INT, INT, ROWS, TASK, ANSWER)
 #: Signature of a demand: see :func:`require_part`.
 DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
-load_law = struct_loader(_law)  #: Loaders of the law and of the answer at an address.
-load_answer = struct_loader(_answer)
+load_law = struct_loader(zeros(LawArrays))  #: Loaders of the law and of the answer at an address.
+load_answer = struct_loader(zeros(Answer))
 
 
 @in_place
@@ -98,7 +87,7 @@ def require_part(
                 rows.switching_gain[i],
                 rows.scale[i],
                 or_nan(tracked, i),
-                math.sqrt(law.squared[i]),
+                np.sqrt(law.squared[i]),
                 total,
                 law.effort[0],
                 or_nan(law.last_rates, i),
@@ -164,6 +153,13 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 
 @in_place
+def share_without_baseline(inner: Answer, answer: Answer) -> None:
+    """Let an inner law write to the arrays of an answer, except its unconstrained command."""
+    outputs = answer.qdd, answer.acted, answer.slack, answer.iterations
+    share(inner, (*outputs, answer.alone[:0]))
+
+
+@in_place
 def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Call the resolver of the law at an address, and clip its answer to the box of the rows.
 
@@ -196,18 +192,16 @@ def fits(x: Array, size: int) -> bool:
     return not wrong
 
 
-#: Types of a vector, of a vector that may be read-only like those of a set of constraints, of a
-#: matrix, and of the outputs.
-V = "float64[::1]"
-CONSTANT = "Array(float64, 1, 'C', readonly=True)"
-M = "float64[:, ::1]"
-OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
+#: Types of q̈, active rows, slack and iterations, which laws write.
+OUTPUTS = VECTOR, FLAGS, VECTOR, INTEGERS
+#: Types of φ, L_gφ, L_fφ, switching gain and scale, and of all fields of rows and of a task.
+MAIN_ROWS = VECTOR, MATRIX, VECTOR, CONSTANT, CONSTANT
+ALL_ROWS = VECTOR, MATRIX, VECTOR, *(CONSTANT,) * 7
+WHOLE_TASK = MATRIX, VECTOR, *(CONSTANT,) * 3
 
 
 @checked(LawArrays)
-@compiled(
-    f"int64(int64, Tuple(({V}, {M}, {V}, {CONSTANT}, {CONSTANT})), {M}, {V}, {OUTPUTS})", IN_PLACE
-)
+@compiled(signature(INT, INT, MAIN_ROWS, MATRIX, VECTOR, *OUTPUTS), IN_PLACE)
 def follow(
     law: int, of_rows: tuple[Array, ...], J: Array, b: Array,
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
@@ -218,25 +212,20 @@ def follow(
     four times as long to find the types of a named one.
     """
     phi, Lg, Lf, gain, scale = of_rows
-    m = load_law(law).asked.size
+    arrays = load_law(law)
+    m = arrays.asked.size
     none = phi[:0]
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
-    rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
-    task = TaskArrays(J, b, none, none, none)
-    code: int = call_int_pointer(
-        load_law(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none))
-    )
+    share(arrays.rows, (phi, Lg, Lf, none, none, none, gain, scale, none, none))
+    share(arrays.task, (J, b, none, none, none))
+    share(arrays.answer, (qdd, acted, slack, iterations, none))
+    code: int = call_int_pointer(arrays.resolver, (law, arrays.rows, arrays.task, arrays.answer))
     return code
 
 
 @checked(LawArrays)
-@compiled(
-    f"int64(int64, Tuple(({V}, {M}, {V}, {', '.join([CONSTANT] * 7)})), Tuple(({M}, {V}, "
-    f"{', '.join([CONSTANT] * 3)})),"
-    f" {OUTPUTS})",
-    IN_PLACE,
-)
+@compiled(signature(INT, INT, ALL_ROWS, WHOLE_TASK, *OUTPUTS), IN_PLACE)
 def follow_whole(
     law: int, of_rows: tuple[Array, ...], of_task: tuple[Array, ...],
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
@@ -245,9 +234,13 @@ def follow_whole(
 
     The fields are those of :class:`.RowArrays` and :class:`.TaskArrays`.
     """
-    rows = RowArrays(*of_rows)
-    task = TaskArrays(*of_task)
-    m = load_law(law).asked.size
+    arrays = load_law(law)
+    rows = arrays.rows
+    task = arrays.task
+    share(rows, of_rows)
+    share(task, of_task)
+    share(arrays.answer, (qdd, acted, slack, iterations, of_rows[0][:0]))
+    m = arrays.asked.size
     if rows.phi.size != m or acted.size != m:
         return NEEDS_PYTHON
     if not (
@@ -261,5 +254,5 @@ def follow_whole(
         return NEEDS_PYTHON
     if not bounds(rows.qdd_min, rows.qdd_max, qdd.size):
         return NEEDS_PYTHON
-    code: int = apply_law(law, rows, task, Answer(qdd, acted, slack, iterations, rows.phi[:0]))
+    code: int = apply_law(law, rows, task, arrays.answer)
     return code

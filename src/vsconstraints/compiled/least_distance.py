@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..rows import Array, IntArray
 from . import linear as la
 from .compiler import in_place, inner
@@ -50,7 +52,7 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
         la.add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
         rows[MULTIPLIER, i] = 0.0
-        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
+        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / np.sqrt(rows[EXCESS, i])
         if rows[EXCESS, i] > 0.0:
             rows[SIDE, i] *= rows[EXCESS, i]
             if not abs(rows[SIDE, i]) < math.inf:
@@ -117,7 +119,7 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
     la.solve_upper(F, T, q, X, RATIO)
     outside = la.dot(X, turned, X, turned, q, p)
     leaving, step = longest_step(X, q)
-    if math.sqrt(outside) > DEPENDENT:
+    if np.sqrt(outside) > DEPENDENT:
         full = excess / outside
         if full <= step:
             leaving = NONE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import WELL_CONDITIONED
@@ -34,7 +34,7 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
     for j in range(n):
         F[q, j] = A[i, j] / size
     la.apply_transposed(F, T, q, F, q)
-    if math.sqrt(la.dot(F, q, F, q, q, n)) <= DEPENDENT:
+    if np.sqrt(la.dot(F, q, F, q, q, n)) <= DEPENDENT:
         return 0
     la.make_reflection(F, T, q)
     return 1
@@ -66,7 +66,8 @@ def task_step(
         for i in range(k):
             moved += la.dot(G, i, Y, ONE, START, n) ** 2
     scratch.taken[0] = taken
-    return math.sqrt(moved)
+    distance: float = np.sqrt(moved)
+    return distance
 
 
 @inner
@@ -127,7 +128,7 @@ def least_residual(
     Y = blank(scratch, S_ROWS, n)
     order = integers(scratch, n)
     count = 0
-    size = math.sqrt(la.squares(G, n))
+    size = np.sqrt(la.squares(G, n))
     for i in range(w):
         if active[i] and count < n:
             order[count] = i
@@ -182,5 +183,6 @@ def cut(G: Array, n: int, damping: float, tolerance: float, scratch: Scratch) ->
     largest = orthogonalise(W, k, START, n)
     for i in range(k):
         if tolerance * largest < la.length(W, i, n) < WELL_CONDITIONED * largest:
-            return max(tolerance, math.sqrt(damping))
+            cut: float = max(tolerance, np.sqrt(damping))
+            return cut
     return tolerance

@@ -7,7 +7,7 @@ This is common: the part of a redundant arm's task that rows leave loses ranks b
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..rows import Array
 from . import linear as la
@@ -41,11 +41,11 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
     b = la.dot(X, q, X, q, first, last)
     d = la.dot(X, p, X, q, first, last)
     # the direction of a row of rounding errors does not matter
-    if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * math.sqrt(a) * math.sqrt(b):
+    if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * np.sqrt(a) * np.sqrt(b):
         return False
     z = (b - a) / (2.0 * d)
-    t = math.copysign(1.0, z) / (abs(z) + math.sqrt(1.0 + z * z))
-    c = 1.0 / math.sqrt(1.0 + t * t)
+    t = np.copysign(1.0, z) / (abs(z) + np.sqrt(1.0 + z * z))
+    c = 1.0 / np.sqrt(1.0 + t * t)
     for i in range(first, X.shape[1]):
         u = X[p, i]
         X[p, i] = c * (u - t * X[q, i])
@@ -73,7 +73,8 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
             break
     for i in range(rows):
         largest = max(largest, la.dot(X, i, X, i, first, last))
-    return math.sqrt(largest)
+    norm: float = np.sqrt(largest)
+    return norm
 
 
 @inner
@@ -100,8 +101,10 @@ def largest_of_whole(
                 for b in range(n):
                     for j in range(n):
                         X[b, j] += (whole[a, b] / scale) * (whole[a, j] / scale)
-            return math.sqrt(orthogonalise(X, n, START, n))
-    return math.sqrt(size)
+            norm: float = np.sqrt(orthogonalise(X, n, START, n))
+            return norm
+    bound: float = np.sqrt(size)
+    return bound
 
 
 @inner
@@ -127,7 +130,7 @@ def shorten(
     if first > 0:
         largest = largest_of_whole(W, rows, first, tolerance, whole, scale, blank(scratch, n, n))
     for i in range(rows):
-        kept = math.sqrt(la.dot(W, i, W, i, first, n)) > tolerance * largest
+        kept = np.sqrt(la.dot(W, i, W, i, first, n)) > tolerance * largest
         for j in range(first, n + 1):
             value = W[i, j] if kept else 0.0
             W[i, j] = 0.0
@@ -180,7 +183,7 @@ def pseudoinverse(
     p = n - first
     rows = k
     tall = k >= n - first
-    size = math.sqrt(la.squares(whole, n))
+    size = np.sqrt(la.squares(whole, n))
     S = matrix(scratch, S_ROWS, k if tall else p)
     for again in range(2):
         c = p if tall else rows
@@ -288,7 +291,7 @@ def bring(
         for j in range(n):
             size += A[i, j] * A[i, j]
         la.solve_lower(F, S, n, L, i)
-    if not la.factor(L, T) * least > max(CERTAIN * tolerance, WELL) * math.sqrt(size):
+    if not la.factor(L, T) * least > max(CERTAIN * tolerance, WELL) * np.sqrt(size):
         return False
     for i in range(n):
         T[WORK, i] = 0.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
@@ -212,7 +214,7 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
     for j in range(x.size):
         x[j] += t * step[0, j]
         if t >= limit and longest[j] <= limit:
-            rows.held[j] = math.copysign(1.0, step[0, j])
+            rows.held[j] = np.copysign(1.0, step[0, j])
             x[j] = box[GREATEST if step[0, j] > 0.0 else LEAST, j]
     return t >= limit
 
@@ -253,7 +255,7 @@ def least_violation(
         if met:
             return SOLVED
         newton_step(rows, step, Y, scratch)
-        still = CONVERGED * math.sqrt(value)
+        still = CONVERGED * np.sqrt(value)
         stationary, blocked = look_along(rows, step, still)
         if blocked:
             continue

@@ -11,21 +11,17 @@ from .least_residual import ROWS_OF_POINT, least_residual
 from .least_violation import least_violation
 from .linear import copy_vector
 from .scratch import matrix, no_scratch
-
-VECTOR = "float64[::1]"
-MATRIX = "float64[:, ::1]"
+from .signatures import FLAG, FLAGS, FLOAT, INT, MATRIX, VECTOR, signature
 
 
-@compiled(f"int64({MATRIX}, {VECTOR}, {VECTOR}, {MATRIX}, {VECTOR})")
+@compiled(signature(INT, MATRIX, VECTOR, VECTOR, MATRIX, VECTOR))
 def violate_least(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
     """Minimise the violation from x (n,); see :func:`.least_violation`."""
     code: int = least_violation(A, c, weights, box, x, no_scratch())
     return code
 
 
-@compiled(
-    f"boolean({MATRIX}, {VECTOR}, {MATRIX}, {MATRIX}, {VECTOR}, {VECTOR}, boolean[::1], float64)"
-)
+@compiled(signature(FLAG, MATRIX, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, FLAGS, FLOAT))
 def track_best(
     G: Array,
     center: Array,

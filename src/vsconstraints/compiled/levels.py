@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..rows import Array, BoolArray
 from ..rows.tolerances import DEPENDENT, MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
 from .compiler import in_place, inner
@@ -41,15 +43,15 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
         for i in range(p):
             R[j, i] = 0.0
         if j < p:
-            R[j, j] = math.sqrt(damping)
+            R[j, j] = np.sqrt(damping)
         elif reduced:
             for i in range(p):
-                R[p, i] = math.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
+                R[p, i] = np.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
         for i in range(k if size > 0.0 else START):
             if j < p:
-                B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / math.sqrt(size)
+                B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / np.sqrt(size)
             else:
-                B[j, i] = dot(G, i, X, OFFSET, START, n) / math.sqrt(size)
+                B[j, i] = dot(G, i, X, OFFSET, START, n) / np.sqrt(size)
 
 
 @inner
@@ -71,7 +73,7 @@ def metric(
     B = blank(scratch, p + 1, k)
     stack(G, damping, Z, X, R, B)
     for j in range(p):
-        size = math.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
+        size = np.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
         head = R[j, j] + size
         for other in range(j + 1, p + 1):
             scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (size * head)
@@ -149,7 +151,7 @@ def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, f
         far += way * way
         X[NEW, j] += damping * way
         terms += abs(point[0, j]) + abs(X[CENTER, j])
-    return math.sqrt(cost + damping * far), terms
+    return np.sqrt(cost + damping * far), terms
 
 
 @in_place
@@ -187,7 +189,7 @@ def optimal(
     if p == 0:
         rest = dot(X, NEW, X, NEW, START, n)
     return (
-        math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms
+        np.sqrt(rest) <= CHECKED * np.sqrt(damping) * cost + ROUNDED * terms
         and loose <= CHECKED * cost * cost
     )
 
@@ -205,9 +207,9 @@ def damped(G: Array, X: Array, point: Array) -> bool:
     for j in range(n):
         far += (point[0, j] - X[CENTER, j]) ** 2
         size += point[0, j] ** 2
-    return math.sqrt(residual) > math.sqrt(squares(G, n)) * (
-        STRICT * math.sqrt(far) + MET * math.sqrt(size)
-    )
+    tolerated = np.sqrt(squares(G, n)) * (STRICT * np.sqrt(far) + MET * np.sqrt(size))
+    increased: bool = np.sqrt(residual) > tolerated
+    return increased
 
 
 @in_place
@@ -246,7 +248,7 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
     """Return rows of E, held walls and task, of unit norm, as [A | 0]."""
     n = walls.shape[1]
     at = E.shape[0]
-    size = math.sqrt(squares(G, walls.shape[1]))
+    size = np.sqrt(squares(G, walls.shape[1]))
     A = blank(scratch, at + walls.shape[0] + G.shape[0], n + 1)
     for i in range(at):
         copy(A, i, E, i, n)

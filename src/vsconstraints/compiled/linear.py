@@ -69,7 +69,8 @@ def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
 @in_place
 def length(X: Array, i: int, last: int) -> float:
     """Return ‖X[i]‖ up to entry ``last``."""
-    return math.sqrt(dot(X, i, X, i, START, last))
+    norm: float = np.sqrt(dot(X, i, X, i, START, last))
+    return norm
 
 
 @in_place
@@ -125,8 +126,8 @@ def make_reflection(F: Array, S: Array, j: int) -> None:
 
     The previous reflections must have been applied to F[j].
     """
-    size = math.sqrt(dot(F, j, F, j, j, F.shape[1]))
-    outward = math.copysign(size, F[j, j])
+    size = np.sqrt(dot(F, j, F, j, j, F.shape[1]))
+    outward = np.copysign(size, F[j, j])
     F[j, j] += outward
     # 1 / outward equals beta F[j, j] and saves another division
     beta = 1.0 / (outward * F[j, j]) if size > 0.0 else 0.0
@@ -200,4 +201,5 @@ def factor(F: Array, S: Array) -> float:
             total += entry * entry
             for i in range(j + 1, c):
                 S[WORK, i] -= F[i, j] * entry
-    return 1.0 / math.sqrt(total)
+    bound: float = 1.0 / np.sqrt(total)
+    return bound

@@ -90,7 +90,7 @@ def singular(M: Array, s: Array, U: Array) -> Array:
     for m in range(c):
         best = m
         for o in range(m, c):
-            s[o] = math.sqrt(dot(X, o, X, o, START, l))
+            s[o] = np.sqrt(dot(X, o, X, o, START, l))
             best = o if s[o] > s[best] else best
         s[m], s[best] = s[best], s[m]
         for i in range(l + c):
@@ -114,7 +114,7 @@ def singular(M: Array, s: Array, U: Array) -> Array:
     for _ in range(2):
         for m in range(last):
             add(U, last, -dot(U, m, U, last, START, l), U, m, START, l)
-        size = math.sqrt(dot(U, last, U, last, START, l))
+        size = np.sqrt(dot(U, last, U, last, START, l))
         for i in range(l):
             U[last, i] /= size
     return X

@@ -12,8 +12,11 @@ from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, load_law
 from .linear import copy_vector
-from .parts import call_int_pointer, struct_loader
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+from .parts import call_int_pointer, share, struct_loader
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
+
+#: Rows of an observation.
+SIGMA, SIGMA_DOT, DRIFT = range(3)
 
 
 class ObserverArrays(NamedTuple):
@@ -23,7 +26,7 @@ class ObserverArrays(NamedTuple):
     period: float  #: T_s [s].
     time_constant: float
     dead_time: float
-    #: (3, m) σ and σ̇ of the previous sample, NaN if there was none, and the drift d̂ [1/s].
+    #: (3, m) SIGMA and SIGMA_DOT of the previous sample, NaN if there was none, and DRIFT d̂ [1/s].
     seen: Array
     after: Array  #: (3, m) values of this sample, stored once the law has answered.
     #: (m,) fields of the corrected rows.
@@ -31,6 +34,7 @@ class ObserverArrays(NamedTuple):
     Lf: Array
     sigma: Array
     sigma_dot: Array
+    corrected: RowArrays  #: Corrected rows, which share the other fields of the rows.
 
     @classmethod
     def of(
@@ -38,9 +42,20 @@ class ObserverArrays(NamedTuple):
     ) -> ObserverArrays:
         """Return an observer that has no observations yet."""
         seen = np.full((3, m), math.nan)
-        rows = [np.zeros(m) for _ in range(4)]
-        seen[2] = 0.0
-        return cls(law, period, time_constant, dead_time, seen, seen.copy(), *rows)
+        seen[DRIFT] = 0.0
+        return cls(
+            law,
+            period,
+            time_constant,
+            dead_time,
+            seen,
+            after=seen.copy(),
+            phi=np.zeros(m),
+            Lf=np.zeros(m),
+            sigma=np.zeros(m),
+            sigma_dot=np.zeros(m),
+            corrected=zeros(RowArrays),
+        )
 
 
 load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
@@ -56,14 +71,16 @@ def correct(own: ObserverArrays, rows: RowArrays) -> None:
         drift = 0.0
         if rows.K[i] > 0.0:
             drift = observed_drift(
-                own.seen[2, i],
-                rows.sigma[i] - own.seen[0, i],
-                0.5 * (rows.sigma_dot[i] + own.seen[1, i]),
+                own.seen[DRIFT, i],
+                rows.sigma[i] - own.seen[SIGMA, i],
+                0.5 * (rows.sigma_dot[i] + own.seen[SIGMA_DOT, i]),
                 rows.switching_gain[i],
                 own.period,
                 own.time_constant,
             )
-        own.after[0, i], own.after[1, i], own.after[2, i] = rows.sigma[i], rows.sigma_dot[i], drift
+        own.after[SIGMA, i] = rows.sigma[i]
+        own.after[SIGMA_DOT, i] = rows.sigma_dot[i]
+        own.after[DRIFT, i] = drift
         late = own.dead_time * drift
         own.sigma[i] = rows.sigma[i] + late
         own.sigma_dot[i] = rows.sigma_dot[i] + drift
@@ -79,19 +96,23 @@ def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if rows.sigma.size != m or rows.sigma_dot.size != m or rows.K.size != m or rows.phi.size != m:
         return NEEDS_PYTHON
     correct(own, rows)
-    corrected = RowArrays(
-        own.phi,
-        rows.Lg,
-        own.Lf,
-        own.sigma,
-        own.sigma_dot,
-        rows.K,
-        rows.switching_gain,
-        rows.scale,
-        rows.qdd_min,
-        rows.qdd_max,
+    share(
+        own.corrected,
+        (
+            own.phi,
+            rows.Lg,
+            own.Lf,
+            own.sigma,
+            own.sigma_dot,
+            rows.K,
+            rows.switching_gain,
+            rows.scale,
+            rows.qdd_min,
+            rows.qdd_max,
+        ),
     )
-    code: int = call_int_pointer(load_law(own.law).resolver, (own.law, corrected, task, answer))
+    resolver = load_law(own.law).resolver
+    code: int = call_int_pointer(resolver, (own.law, own.corrected, task, answer))
     if code == SOLVED or code >= RELAXED_ROWS:
         for part in range(3):
             copy_vector(own.seen[part], own.after[part])

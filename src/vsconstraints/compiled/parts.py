@@ -13,12 +13,14 @@ import inspect
 import time
 import warnings
 from collections.abc import Callable
-from functools import lru_cache, partial, wraps
+from functools import partial, wraps
 from typing import Any, TypeVar
 
 from ..rows import Array, IntArray
 from . import compiler, entry
-from .compiler import IN_PLACE, INT, VOID, compiled, in_python
+from .cache import identify
+from .compiler import IN_PLACE, OPTIONS, compiled, in_python
+from .signatures import Signature
 from .workspace import Size, require_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -27,16 +29,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 _functions: dict[int, Callable[..., Any]] = {}
 
 
-@lru_cache(maxsize=256)
 def address(function: Any) -> int:
-    """Return the address of a function of one signature, valid as long as the function is kept.
+    """Return the address of a function, valid as long as the function is kept.
 
-    The result is cached: numba needs as long as ten control steps to find it.
+    The function is compiled with ``from_python=False``, or stays in Python.
     """
-    function = getattr(function, "unchecked", function)
-    is_compiled = hasattr(function, "overloads") and compiler.internals is not None
-    at = compiler.internals.address(function) if is_compiled else id(function)
-    _functions[at] = function.py_func if is_compiled else function
+    is_compiled = hasattr(function, "address")
+    at = int(function.address) if is_compiled else id(function)
+    _functions[at] = function.__wrapped__ if is_compiled else function
     return at
 
 
@@ -78,34 +78,44 @@ def struct_loader(example: Any) -> Callable[[int], Any]:
     def load_struct(address: int) -> Any:
         return structure_at(address)
 
-    if compiler.internals is not None:
-        compiler.internals.load_as(load_struct, example)
+    if compiler.interface is not None:
+        compiler.interface.load_as(load_struct, example)
     return load_struct
 
 
-if compiler.internals is not None:
-    compiler.internals.call_as(call_void_pointer, VOID)
-    compiler.internals.call_as(call_int_pointer, INT)
-    compiler.internals.fixed_tuple_as(to_fixed_tuple)
-    compiler.internals.matrix_at_as(matrix_at)
-    compiler.internals.monotonic_as(monotonic, getattr(time, "CLOCK_MONOTONIC", 1))
+def share(structure: Any, arrays: tuple[Any, ...]) -> None:
+    """Let the fields of a structure refer to these arrays, in the order of the fields."""
+    for name, array in zip(vars(structure), arrays, strict=True):
+        setattr(structure, name, array)
 
 
-def checked(*kinds: type) -> Callable[[Any], Any]:
+if compiler.interface is not None:
+    compiler.interface.call_as(call_void_pointer, compiler.interface.VOID)
+    compiler.interface.call_as(call_int_pointer, compiler.interface.INT)
+    compiler.interface.fixed_tuple_as(to_fixed_tuple)
+    compiler.interface.matrix_at_as(matrix_at)
+    compiler.interface.monotonic_as(monotonic, getattr(time, "CLOCK_MONOTONIC", 1))
+    compiler.interface.share_as(share)
+
+
+def checked(*kinds: type, calls: int | None = None) -> Callable[[Any], Any]:
     """Make a decorator of a compiled function whose first arguments are addresses of structures.
 
     ``kinds`` are the classes of these structures. Python calls the result with workspaces instead:
     anything else raises InvalidInput. Its ``bind(*workspaces)`` checks them once, and returns a
-    function of the other arguments for loops, whose types are only checked if ``typed``.
-    ``unchecked`` is the function that takes addresses.
+    function of the other arguments for loops, whose types are only checked if ``typed``. If the
+    function ``calls`` another one, it takes the address of that one first.
     """
 
     def decorate(function: Any) -> Any:
+        called = [] if calls is None else [calls]
+
         def addresses(workspaces: tuple[Any, ...]) -> list[int]:
-            return [
+            structures = [
                 require_workspace(*each, function.__name__)
                 for each in zip(workspaces, kinds, strict=True)
             ]
+            return called + structures
 
         @wraps(getattr(function, "py_func", function))
         def demanding(*arguments: Any) -> Any:
@@ -116,7 +126,7 @@ def checked(*kinds: type) -> Callable[[Any], Any]:
             # the workspaces live as long as the function
             return _with(bound, workspaces=workspaces)
 
-        return _with(demanding, bind=bind, unchecked=function)
+        return _with(demanding, bind=bind)
 
     return decorate
 
@@ -134,25 +144,29 @@ def make_part(
     template: Callable[..., Any],
     formulas: tuple[Callable[..., Any] | None, ...],
     constants: tuple[int, ...],
-    signature: Any,
+    signature: Signature,
     options: dict[str, Any] = IN_PLACE,
-    from_python: bool = False,
 ) -> Any:
     """Compile the function ``template(*formulas, *constants)`` and cache it on disk.
 
-    ``formulas`` are elementwise functions, or None if absent. The last three arguments are those of
-    :func:`.compiled`. The function is compiled for ``signature``.
+    Compiled code calls it by its address. ``formulas`` are elementwise functions, or None if
+    absent. The last two arguments are those of :func:`.compiled`.
     """
     function = template(*formulas, *constants)
-    if compiler.internals is None:
-        return in_python(function, signature)
+    if compiler.interface is None:
+        return in_python(function)
     own = tuple(formula for formula in formulas if formula is not None)
     # cached functions are found by their names, and numba's own counters differ between processes
-    made_of = hashlib.sha256(
-        repr(constants).encode() + compiler.internals.state_of(formulas)
-    ).hexdigest()[:16]
-    function.__name__ = function.__qualname__ = f"{template.__name__}_{made_of}"
-    return compiled(signature, options, own, from_python)(function)
+    parts = b"\0".join(identify(part) for part in (*constants, *formulas))
+    function.__name__ = f"{template.__name__}_{hashlib.sha256(parts).hexdigest()[:16]}"
+    function.__qualname__ = function.__name__
+    try:
+        return compiled(signature, options, own, from_python=False)(function)
+    except Exception:
+        if options == OPTIONS:
+            raise
+        # the formula may make arrays
+        return compiled(signature, OPTIONS, own, from_python=False)(function)
 
 
 def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:

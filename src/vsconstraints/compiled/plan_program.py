@@ -12,7 +12,9 @@ plan is the point nearest to the origin, which a dual active-set method finds (G
 adjoint recursion.
 
 If rows contradict each other, each has a slack zᵢ ≥ 0, common to all instants, with the cost ½zᵢ² +
-π zᵢ.
+π zᵢ = ½(zᵢ + π)² − ½π². Therefore zᵢ + π is stored, as one more coordinate behind those of w: the
+plan is still the point nearest to the origin, a slack is zero where its coordinate is π, and the
+side of a row that it relaxes increases by π times its coefficient.
 """
 
 from __future__ import annotations
@@ -214,7 +216,7 @@ def eliminate(k: int, factor: Factor) -> bool:
             if i == j:
                 if not L[j, j] > 0.0:
                     return False
-                inverse[j] = 1.0 / math.sqrt(L[j, j])
+                inverse[j] = 1.0 / np.sqrt(L[j, j])
             L[i, j] *= inverse[j]
     for i in range(n):
         for c in range(i):
@@ -432,11 +434,9 @@ def drop(space: Space, leaving: int, q: int) -> None:
     F = space.F
     p = space.p
     for j in range(leaving, q):
-        space.active[j], X[FORCE, j], X[SIDE, j] = (
-            space.active[j + 1],
-            X[FORCE, j + 1],
-            X[SIDE, j + 1],
-        )
+        space.active[j] = space.active[j + 1]
+        X[FORCE, j] = X[FORCE, j + 1]
+        X[SIDE, j] = X[SIDE, j + 1]
         copy(space.normals, j, space.normals, j + 1, p)
         copy(F, j, space.normals, j, p)
         apply_transposed(F, space.T, j, F, j)
@@ -502,22 +502,25 @@ def state_row(
     first = limits.low.size
     bounds = limits.left.size + 2 * first
     if row >= bounds:
+        # z ≥ 0, i.e. −(z + π) ≤ −π
         X[NEW] = 0.0
         X[NEW, first + row - bounds] = -1.0
         return -penalty
     differentiate(cost, factor, limits, row, space.adjoint, X)
     side = dot(X, NEW, X, POINT, START, first) - excess(limits, space, row)
     if space.p > first and row < limits.left.size:
+        # a slack z allows an excess of gives z = gives (z + π) − gives π
         i = row % m
         X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
-    length = math.sqrt(dot(X, NEW, X, NEW, START, space.p))
+    length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
     # the gradient of a bound of the box cannot vanish, and there may be no other rows
     if row < limits.left.size and length <= ZERO_GRADIENT * limits.scale[row % m]:
         return math.nan
     for j in range(space.p):
         X[NEW, j] /= length
-    return side / length
+    distance: float = side / length
+    return distance
 
 
 @in_place
@@ -647,14 +650,14 @@ def soften(
         over = excess(limits, space, row)
         if over > 0.0:
             differentiate(cost, factor, limits, row, space.adjoint, X)
-            length = math.sqrt(dot(X, NEW, X, NEW, START, first))
+            length = np.sqrt(dot(X, NEW, X, NEW, START, first))
             if length > ZERO_GRADIENT * limits.scale[row % m]:
                 size = max(size, over / length)
-                total += math.log(length * weights[row % m] / limits.scale[row % m])
+                total += np.log(length * weights[row % m] / limits.scale[row % m])
                 count += 1
     penalty = strength * (size if size > 0.0 else 1.0)
     for i in range(m):
-        space.gives[i] = math.exp(total / max(count, 1)) * limits.scale[i] / weights[i]
+        space.gives[i] = np.exp(total / max(count, 1)) * limits.scale[i] / weights[i]
         X[NEW] = 0.0
         X[NEW, first + i] = -1.0
         copy(X, TURNED, X, NEW, space.p)

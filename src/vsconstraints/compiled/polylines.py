@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from ..formulas import polylines
 from .compiler import IN_PLACE, compiled
+from .signatures import INT, INTEGERS, MATRIX, VECTOR, VOID, signature
 
-CHORDS = "float64[:, ::1]"
-NUMBERS = "int64[::1]"
+#: See :func:`vsconstraints.formulas.polylines.search`.
+CHORDS = MATRIX, MATRIX, MATRIX, MATRIX, INTEGERS, INTEGERS, VECTOR
 
-search = compiled(
-    f"void({CHORDS}, Tuple(({CHORDS}, {CHORDS}, {CHORDS}, {CHORDS}, {NUMBERS}, {NUMBERS}, "
-    f"float64[::1])), int64, "
-    f"{NUMBERS}, float64[::1])",
-    IN_PLACE,
-)(polylines.search)
+search = compiled(signature(VOID, MATRIX, CHORDS, INT, INTEGERS, VECTOR), IN_PLACE)(
+    polylines.search
+)

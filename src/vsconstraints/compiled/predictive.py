@@ -32,9 +32,15 @@ from .plan_program import (
 from .resolving import finished, follow_alone, measurable
 from .workspace import (
     FAILED,
+    KP0,
+    KP_SLOPE,
+    KV_FACTOR,
     NEEDS_PYTHON,
     RELAXED_ROWS,
+    REST_DAMPING,
+    REST_STIFFNESS,
     SOLVED,
+    STAGE,
     Answer,
     LawArrays,
     RowArrays,
@@ -325,7 +331,7 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
         for t in range(count):
             value = plans.seen[t, quantity] + difference
             if drift != 0.0:
-                value -= drift * math.expm1(-plans.times[t] / plans.fading)
+                value -= drift * np.expm1(-plans.times[t] / plans.fading)
             for j in range(n):
                 slope = per_speed * plans.seen[t, plans.at[GRADIENT] + i * n + j]
                 plans.gradient[t, i, j] = slope
@@ -375,14 +381,14 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
     for t in range(count - 1):
         brakes = t + 1 == N
         plans.falls[t] = (
-            0.0 if brakes else math.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
+            0.0 if brakes else np.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
         )
         for i in range(m):
             plans.left[t, i] = 0.0
             if brakes:
                 # a row violated now may return as slowly; the first state does not depend on the
                 # plan
-                outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
+                outside = max(plans.value[0, i], 0.0) * np.exp(-plans.times[N] / plans.approach)
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
             steepest = 0.0
             for j in range(plans.then.size):
@@ -457,7 +463,9 @@ def add_feedback(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> Non
     squared = 0.0
     for r in range(task.b.size):
         squared += plans.seen[t, plans.at[ERROR] + r] ** 2
-    Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
+    Kp, Kv = gains(
+        squared, plans.tracking[KP0], plans.tracking[KP_SLOPE], plans.tracking[KV_FACTOR]
+    )
     plans.gains[block, 0] = Kp
     plans.gains[block, 1] = Kv
     for i in range(n):
@@ -469,8 +477,8 @@ def add_feedback(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> Non
 @in_place
 def add_rest(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> None:
     """Write q̈₀ of a block without a plan, with its stiffness and damping."""
-    damping = plans.tracking[3]
-    stiffness = plans.tracking[4]
+    damping = plans.tracking[REST_DAMPING]
+    stiffness = plans.tracking[REST_STIFFNESS]
     plans.rest[block, 0] = stiffness
     plans.rest[block, 1] = damping
     at_rest = plans.at[REST]
@@ -578,7 +586,7 @@ def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
     plans = load_plans(law.demand)
-    stage = law.options[1]
+    stage = law.options[STAGE]
     if plans.loop != 0:
         start_from(plans.loop, plans.step, plans.now)
     if stage != CONCLUDE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
@@ -14,8 +14,9 @@ from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, valid
 from .scratch import blank, emptied
 from .task_priority import pushed
-from .workspace import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
+from .workspace import NEEDS_PYTHON, SOLVED, TOLERANCE, Answer, RowArrays, TaskArrays
 
+CLOSED, OPENED = 1, 2  #: Options: the errors below and above which λ is 0 and 1.
 #: Rows of the workspace: the pushes, Jᵀe / ‖Jᵀe‖, and the part of the pushes in the null space of
 #: J; number of rows.
 Z = START
@@ -39,8 +40,9 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
     for j in range(J.shape[1]):
         size += X[UNIT, j] * X[UNIT, j]
     for j in range(J.shape[1] if size > 0.0 else 0):
-        X[UNIT, j] /= math.sqrt(size)
-    return largest * math.sqrt(error)
+        X[UNIT, j] /= np.sqrt(size)
+    norm: float = largest * np.sqrt(error)
+    return norm
 
 
 @compiled(RESOLVER, from_python=False)
@@ -66,8 +68,8 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     along = blank(scratch, 1, k)[0]
     if pushed(law, rows, answer.acted, X[Z]):
         error = direction(J, e, X, along)
-        call_int_pointer(law.track, (scratch, J, along, law.options[0], J[:0, 0], X[NULL]))
-        part = opening(error, law.options[1], law.options[2])
+        call_int_pointer(law.track, (scratch, J, along, law.options[TOLERANCE], J[:0, 0], X[NULL]))
+        part = opening(error, law.options[CLOSED], law.options[OPENED])
         for j in range(n):
             X[NULL, j] = (1.0 - part) * (X[Z, j] - X[NULL, j])
         for _ in range(2):

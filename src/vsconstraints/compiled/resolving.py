@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..rows import Array
 from ..rows.checks import FARTHEST, ROUNDING
 from .compiler import in_place, inner
 from .laws import write_rates
 from .linear import START, copy_vector, dot, finite, in_range, out_of_range
 from .parts import call_int_pointer
-from .workspace import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import NEEDS_PYTHON, TOLERANCE, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place
@@ -61,7 +63,7 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
     squared = 0.0
     for j in range(qdd.size):
         squared += qdd[j] * qdd[j]
-    law.effort[0] = math.sqrt(squared) if law.tracks else math.nan
+    law.effort[0] = np.sqrt(squared) if law.tracks else math.nan
     write_rates(rows.Lg, qdd, tracked)
     return tracked
 
@@ -91,7 +93,7 @@ def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
     q̈ is also reported as the command of the unconstrained baseline.
     """
     call_int_pointer(
-        law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd)
+        law.track, (law.scratch, task.J, task.b, law.options[TOLERANCE], task.rest, answer.qdd)
     )
     tell_alone(answer)
 

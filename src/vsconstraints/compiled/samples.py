@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .workspace import BOOL, F8, I8, Answer, RowArrays, TaskArrays
+from .workspace import BOOL, F8, I8, LOOP_PARTS, Answer, Records, RowArrays, TaskArrays
 
 #: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
 #: motion.
@@ -111,19 +113,13 @@ class Running(NamedTuple):
 class Loop(NamedTuple):
     """Arrays of a closed loop.
 
-    ``parts`` are addresses. The first five are those of the function that evaluates a step, of the
-    believed step, of the true one, of the law, and of tracking. If one of them is 0, Python does
-    its work. Then follow the function that writes measurements to the believed step, or 0 if the
-    controller knows everything, and its workspace. The last two are the function that moves a plant
-    without a transition, or 0, and its workspace.
-
     ``clock`` is (0,) if the duration of steps is not measured. ``rows``, ``task`` and ``answer``
     are those of the law; its q̈ is the plant's command. ``alone`` is q̈ of the unconstrained
     baseline. The fields from ``true`` to ``own_error`` contain true values. ``own_error`` is the
     error [px] of a feature that itself decides whether a goal is reached, NaN for other features.
     """
 
-    parts: Annotated[IntArray, I8, 9]
+    parts: Annotated[Records, LOOP_PARTS, 1]
     Ts: Annotated[Array, F8, 1]
     clock: Annotated[IntArray, I8, 2]
     rows: RowArrays
@@ -201,7 +197,7 @@ def judge_contact(loop: Loop) -> None:
         if max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0:
             for j in range(len(loop.alone)):
                 most += abs(rows.Lg[i, j]) * limits.acceleration[j] if rows.Lg[i, j] != 0.0 else 0.0
-            shares[i] = rows.Lf[i] / most if most > 0.0 else math.copysign(math.inf, rows.Lf[i])
+            shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
 
 
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
@@ -234,7 +230,7 @@ def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[
         moved += (t[i] - wanted_t[i]) ** 2
         for j in range(3):
             turned += (R[i, j] - wanted_R[i, j]) ** 2
-    return math.sqrt(moved), angle(turned)
+    return np.sqrt(moved), angle(turned)
 
 
 def feature_error(pixels: Array, wanted: Array) -> float:
@@ -244,7 +240,8 @@ def feature_error(pixels: Array, wanted: Array) -> float:
         du = pixels[i, 0] - wanted[i, 0]
         dv = pixels[i, 1] - wanted[i, 1]
         greatest = max(greatest, du * du + dv * dv)
-    return math.sqrt(greatest)
+    error: float = np.sqrt(greatest)
+    return error
 
 
 def fastest(qd: Array) -> float:
@@ -277,7 +274,7 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
             if scores.first_active[i] < 0:
                 scores.first_active[i] = k
     if 0 < k < scores.common[0]:
-        scores.variation[0] += math.sqrt(squared)
+        scores.variation[0] += np.sqrt(squared)
         scores.squared_variation[0] += squared
         scores.switches[0] += changed
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ..formulas.row import BOUND
 from ..rows import Array, BoolArray
 from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
@@ -17,8 +19,11 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, flags, matrix
 from .workspace import (
     INCOMPATIBLE,
+    LIMIT,
     NEEDS_PYTHON,
+    SCALES,
     SOLVED,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -99,7 +104,8 @@ def missed(J: Array, X: Array) -> bool:
     for i in range(J.shape[0]):
         along = away(J, i, X, WHOLE, X, TRACKING)
         residual += along * along
-    return math.sqrt(residual) > STRICT * math.sqrt(squares(J, n)) * math.sqrt(far)
+    increased: bool = np.sqrt(residual) > STRICT * np.sqrt(squares(J, n)) * np.sqrt(far)
+    return increased
 
 
 @inner
@@ -110,12 +116,12 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
     its bound is negative.
     """
     c = law.asked
-    bound = law.options[1]
+    bound = law.options[LIMIT]
     m, n = rows.Lg.shape
     at = START
     W = blank(scratch, m + 2 * n, n + 1)
     for i in range(m):
-        size = math.sqrt(law.squared[i])
+        size = np.sqrt(law.squared[i])
         influenced = size > ZERO_GRADIENT * rows.scale[i]
         acted[i] = c[i] != math.inf and (influenced or c[i] < 0.0)
         if acted[i]:
@@ -143,7 +149,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
+    tolerance = law.options[TOLERANCE]
     J = task.J
     b = task.b
     rest = task.rest
@@ -185,7 +191,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
         rank = resolve(A[:count], J, b, tolerance, rest, X[WHOLE], scratch)[0]
-        if rank < count or (law.options[4] != 0.0 and missed(J, X)):
+        if rank < count or (law.options[SCALES] != 0.0 and missed(J, X)):
             if largest >= 0.0:
                 copy(X, WHOLE, X, BEST, n)
                 held = kept

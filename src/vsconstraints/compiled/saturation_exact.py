@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..formulas.row import BOUND
 from ..rows import Array
 from .compiler import compiled, inner
@@ -20,10 +22,13 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, filled, flags, matrix, vector
 from .walls import Demands, Resolved, count_resisting
 from .workspace import (
+    DAMPING,
     INCOMPATIBLE,
+    LIMIT,
     NEEDS_PYTHON,
     SHORT,
     SOLVED,
+    TOLERANCE,
     Answer,
     RowArrays,
     Scratch,
@@ -66,9 +71,9 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
-    bound = law.options[1]
-    damping = law.options[2]
+    tolerance = law.options[TOLERANCE]
+    bound = law.options[LIMIT]
+    damping = law.options[DAMPING]
     m, n = rows.Lg.shape
     qdd = answer.qdd
     rest = task.rest
@@ -80,7 +85,8 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     box = matrix(scratch, 2, n)
     fixed = flags(scratch, m + 2 * n)
     for j in range(n):
-        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
+        box[LEAST, j] = within(rows, j, -bound)
+        box[GREATEST, j] = within(rows, j, bound)
     own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
     if count_resisting(own, box, X, fixed, Resolved(qdd, answer.slack, answer.acted)) < 0:
         answer.iterations[0] = 0
@@ -94,11 +100,14 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     scale = filled(scratch, m + 2 * n, 1.0)
     for d in range(p):
         for i in range(m):
-            A[i, d], c[i] = dot(rows.Lg, i, T, d, START, n), law.asked[i]
-            scale[i] = max(rows.scale[i], math.sqrt(law.squared[i]))
+            A[i, d] = dot(rows.Lg, i, T, d, START, n)
+            c[i] = law.asked[i]
+            scale[i] = max(rows.scale[i], np.sqrt(law.squared[i]))
         for j in range(n):
-            A[m + j, d], c[m + j] = T[d, j], box[GREATEST, j]
-            A[m + n + j, d], c[m + n + j] = -T[d, j], -box[LEAST, j]
+            A[m + j, d] = T[d, j]
+            c[m + j] = box[GREATEST, j]
+            A[m + n + j, d] = -T[d, j]
+            c[m + n + j] = -box[LEAST, j]
     bounds = matrix(scratch, 2, p)
     J = blank(scratch, ONE, p)
     free = blank(scratch, ONE, p)[0]
@@ -107,7 +116,8 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
         bounds[GREATEST, d] = whole if d == 0 else math.inf
         for j in range(rest.size):
             free[d] += T[d, j] * rest[j]
-    J[0, 0], b = 1.0, vector(scratch, 1)
+    J[0, 0] = 1.0
+    b = vector(scratch, 1)
     b[0] = whole
     found = Resolved(vector(scratch, p), vector(scratch, c.size), fixed)
     priorities = Priorities(bounds, LESS * damping, tolerance, True)

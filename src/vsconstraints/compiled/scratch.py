@@ -68,7 +68,7 @@ def flags(scratch: Scratch, size: int) -> BoolArray:
 def emptied(law: LawArrays) -> Scratch:
     """Return the scratch of a law with nothing taken."""
     law.scratch.taken[0] = 0
-    return Scratch(law.scratch.numbers, law.scratch.taken)
+    return law.scratch
 
 
 @inner

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..formulas.features import MINIMUM_DEPTH, image_row
 from ..formulas.rotation import turn_by
 from ..formulas.vectors import (
@@ -24,12 +26,13 @@ from ..formulas.vectors import (
 from ..rows import Array, IntArray
 from . import images
 from . import scratch as parts
-from .compiler import OPTIONS, compiled, in_place, inner, register_formulas
+from .compiler import IN_PLACE, OPTIONS, compiled, in_place, inner, register_formulas
 from .images import Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
+from .signatures import FLAG, FLOAT, INT, INTEGERS, MATRIX, VECTOR, signature
 from .workspace import Scratch, Step, zeros
 
 in_place(images.usable)
@@ -70,7 +73,8 @@ def pose_step(
     squared = 0.0
     for j in range(6):
         squared += step[0, j] * step[0, j]
-    return math.sqrt(squared)
+    length: float = np.sqrt(squared)
+    return length
 
 
 @inner
@@ -95,11 +99,7 @@ def explain(
     return True, R, t
 
 
-@compiled(
-    "boolean(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], "
-    "int64[::1])",
-    OPTIONS,
-)
+@compiled(signature(FLAG, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, INTEGERS), OPTIONS)
 def estimate(
     markers: Array, seen: Array, R: Array, t: Array, numbers: Array, taken: IntArray
 ) -> bool:
@@ -117,9 +117,8 @@ def estimate(
 load_sensing = struct_loader(zeros(Sensing))
 
 
-@checked(Sensing, Step, Step)
-@compiled("int64(int64, int64, int64, float64, int64)", OPTIONS)
-def observe(
+@compiled(signature(INT, INT, INT, INT, FLOAT, INT), OPTIONS, from_python=False)
+def observe_at(
     sensing_address: int, true_address: int, believed_address: int, t: float, k: int
 ) -> int:
     """Write the measurements of sample k, at t [s], to the believed step.
@@ -167,4 +166,12 @@ def observe(
     return 0
 
 
-OBSERVE = address(observe)  #: Address of the function that writes measurements to a step.
+OBSERVE = address(observe_at)  #: Its address.
+
+
+@checked(Sensing, Step, Step, calls=OBSERVE)
+@compiled(signature(INT, INT, INT, INT, INT, FLOAT, INT), IN_PLACE)
+def observe(function: int, sensing: int, true: int, believed: int, t: float, k: int) -> int:
+    """Call :func:`observe_at` from Python."""
+    code: int = call_int_pointer(function, (sensing, true, believed, t, k))
+    return code

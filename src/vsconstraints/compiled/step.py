@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..formulas.features import MINIMUM_DEPTH, image_motion
@@ -26,9 +24,21 @@ from .camera import (
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, put
 from .parts import address as address_of
-from .parts import call_void_pointer, checked, load_step
+from .parts import call_int_pointer, call_void_pointer, checked, load_step
+from .signatures import FLAGS, FLOAT, INT, MATRIX, STACK, VECTOR, VOID, signature
 from .visual_task import JUST_NOW, write_task
-from .workspace import OWN, Step
+from .workspace import (
+    AGE,
+    DEPTH,
+    IMAGE,
+    ORIENTATION,
+    OWN,
+    POSITION,
+    SHAPE,
+    SPEED,
+    WORST,
+    Step,
+)
 
 
 @in_place
@@ -88,28 +98,29 @@ def write_innovation(step: Step, t: float) -> None:
     innovation = step.innovation
     measurement = step.measurement[0]
     camera = step.camera[0]
-    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = innovation[
-        7
-    ] = 0.0
+    innovation[:] = 0.0
     if measurement.given:
-        innovation[0], innovation[1] = image_innovation(
+        image, shape = image_innovation(
             step.pixels, step.correction, camera.focal[0], camera.focal[1]
         )
-        innovation[4] = t - measurement.time
-        innovation[6] = depth_innovation(step.depth_ratio)
-    innovation[2] = innovation[3] = 0.0
+        innovation[IMAGE] = image
+        innovation[SHAPE] = shape
+        innovation[AGE] = t - measurement.time
+        innovation[DEPTH] = depth_innovation(step.depth_ratio)
     if measurement.pose_given:
         R, origin = from_target(step, matrix(step.target_R), vector(step.target_t))
-        off = difference = 0.0
+        squared_distance = 0.0
+        difference = 0.0
         for i in range(3):
-            off += (step.camera_t[i] - origin[i]) ** 2
+            squared_distance += (step.camera_t[i] - origin[i]) ** 2
             for j in range(3):
                 difference += (step.camera_R[i, j] - R[i][j]) ** 2
-        innovation[2], innovation[3] = math.sqrt(off), angle(difference)
+        innovation[POSITION] = np.sqrt(squared_distance)
+        innovation[ORIENTATION] = angle(difference)
     for j in range(len(step.slip)):
-        innovation[5] = max(innovation[5], abs(step.slip[j]) / MEMORY)
+        innovation[SPEED] = max(innovation[SPEED], abs(step.slip[j]) / MEMORY)
     for i in range(len(step.bounds)):
-        innovation[7] = max(innovation[7], innovation[i] / step.bounds[i])
+        innovation[WORST] = max(innovation[WORST], innovation[i] / step.bounds[i])
 
 
 @in_place
@@ -181,9 +192,8 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
     return True
 
 
-@checked(Step)
-@compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
-def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
+@compiled(signature(INT, INT, FLOAT, VECTOR, VECTOR), IN_PLACE, from_python=False)
+def evaluate_at(address: int, t: float, q: Array, qd: Array) -> int:
     """Compute all inputs of a controller at time t [s], q and q̇ (n,), in a :class:`.Step`.
 
     Return 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front
@@ -197,11 +207,19 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     return 0 if done else 1
 
 
-EVALUATE = address_of(evaluate_step)  #: Its address.
+EVALUATE = address_of(evaluate_at)  #: Its address.
+
+
+@checked(Step, calls=EVALUATE)
+@compiled(signature(INT, INT, INT, FLOAT, VECTOR, VECTOR), IN_PLACE)
+def evaluate_step(function: int, address: int, t: float, q: Array, qd: Array) -> int:
+    """Call :func:`evaluate_at` from Python."""
+    code: int = call_int_pointer(function, (address, t, q, qd))
+    return code
 
 
 @checked(Step)
-@compiled("void(int64, float64)", IN_PLACE)
+@compiled(signature(VOID, INT, FLOAT), IN_PLACE)
 def follow(address: int, t: float) -> None:
     """Write the task of a custom feature at time t [s].
 
@@ -211,7 +229,7 @@ def follow(address: int, t: float) -> None:
 
 
 @checked(Step)
-@compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
+@compiled(signature(INT, INT, MATRIX, VECTOR, FLOAT, FLOAT), IN_PLACE)
 def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
     """Give the next step pixels (M, 2) and depths (M,) of an image, NaN where they are missing.
 
@@ -243,11 +261,7 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
 
 
 @checked(Step)
-@compiled(
-    "void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], "
-    "boolean[::1])",
-    IN_PLACE,
-)
+@compiled(signature(VOID, INT, VECTOR, MATRIX, STACK, STACK, FLAGS), IN_PLACE)
 def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
     """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n).
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..formulas.row import EQUAL, PUSH
 from ..rows import Array, BoolArray
 from ..rows.tolerances import ZERO_GRADIENT
-from .compiler import FLOAT, INT, MATRIX, VECTOR, compiled, in_place, signature
+from .compiler import compiled, in_place
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
 from .linear import START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
+from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
 from .workspace import (
     NEEDS_PYTHON,
     RANK_LOSS,
     SOLVED,
+    TOLERANCE,
     Answer,
     LawArrays,
     RowArrays,
@@ -35,7 +39,7 @@ def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: A
     at = START
     for i in range(rows.phi.size):
         if acted[i] and rows.phi[i] >= least:
-            length = math.sqrt(law.squared[i])
+            length = np.sqrt(law.squared[i])
             inverse = 1.0 / length if length > ZERO_GRADIENT * rows.scale[i] else 0.0
             for j in range(n):
                 A[at, j] = inverse * rows.Lg[i, j]
@@ -55,7 +59,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     law = load_law(address)
     if not valid(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance = law.options[0]
+    tolerance = law.options[TOLERANCE]
     qdd = answer.qdd
     acted = answer.acted
     J = task.J

@@ -6,10 +6,10 @@ A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; l
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, get_type_hints
 from weakref import WeakValueDictionary
 
@@ -28,6 +28,15 @@ CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
 #: unconstrained command, in joint space, or in task space with a small part in joint space; the
 #: distance to a share of that command.
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
+#: Options of a resolver: rank tolerance; of a hierarchy also greatest |q̈|, damping and objective;
+#: of a saturation also 1 if it scales the task.
+TOLERANCE, LIMIT, DAMPING, OBJECTIVE, SCALES = range(5)
+STAGE = 1  #: Option of a law that looks ahead, whose only other option is the rank tolerance.
+#: Gains of a predicted task: K_p(0), its slope and K_v/√K_p; d and (d/2)² of q̈₀.
+KP0, KP_SLOPE, KV_FACTOR, REST_DAMPING, REST_STIFFNESS = range(5)
+#: Entries of the innovation of a step: those of ``INNOVATIONS`` in
+#: :mod:`vsconstraints.vision.measurement`, then the greatest ratio of one of them to its bound.
+IMAGE, SHAPE, POSITION, ORIENTATION, AGE, SPEED, DEPTH, WORST = range(8)
 
 Records = Any
 
@@ -126,6 +135,21 @@ GRADIENT_ERROR = record("#address", "#in_phi")
 #: Previous sample; goal −1 if there is none; time of its goal's first sample; number of views so
 #: far.
 SAMPLE = record("time", "#goal", "began", "#views")
+#: Addresses that a closed loop uses, 0 where Python does the work: function that evaluates a step;
+#: step of the controller and of the simulated world; law, and law of the unconstrained baseline;
+#: function that writes measurements to the controller's step, and its workspace; function that
+#: moves a plant without a transition matrix, and its workspace.
+LOOP_PARTS = record(
+    "#evaluate",
+    "#believed",
+    "#true",
+    "#law",
+    "#baseline",
+    "#observe",
+    "#sensing",
+    "#move",
+    "#plant",
+)
 VIEWS = 256  #: Number of samples whose camera pose is stored.
 
 
@@ -210,6 +234,10 @@ class LawArrays(NamedTuple):
     tracked: Annotated[Array, F8, "m"]
     effort: Annotated[Array, F8, 1]
     scratch: Scratch  #: Scratch for everything else; empty whenever a law begins.
+    #: Input and output of the current call, if they are not those of a step or of a loop.
+    rows: RowArrays
+    task: TaskArrays
+    answer: Answer
 
 
 class Step(NamedTuple):
@@ -415,6 +443,45 @@ def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
     }
 
 
+#: Memory of an array with d dimensions: where its numbers begin, and its shape.
+ARRAYS = [np.dtype([("address", "i8"), ("shape", "i8", (d,))]) for d in range(5)]
+
+
+def _is_float(structure: Any, name: str) -> bool:
+    """True if a number of a structure is a float, even if an integer was given for it."""
+    kind: Any = type(structure)
+    return fields(kind).get(name) is float or isinstance(getattr(structure, name), float)
+
+
+def memory_layout(structure: Any) -> np.dtype[Any]:
+    """Return the record that holds a structure: its numbers, records and references to arrays."""
+    columns: list[Any] = []
+    for name in structure._fields:
+        part = getattr(structure, name)
+        if isinstance(part, tuple):
+            columns.append((name, memory_layout(part)))
+        elif isinstance(part, np.ndarray):
+            columns.append((name, ARRAYS[part.ndim]))
+        else:
+            columns.append((name, "f8" if _is_float(structure, name) else "i8"))
+    return np.dtype(columns)
+
+
+def _memory(structure: Any) -> tuple[Any, ...]:
+    """Return the values of the record that holds a structure."""
+    values: list[Any] = []
+    for part in structure:
+        if isinstance(part, tuple):
+            values.append(_memory(part))
+        elif isinstance(part, np.ndarray):
+            if not part.flags.c_contiguous:
+                raise InvalidInput("compiled functions take contiguous arrays only")
+            values.append((part.ctypes.data, part.shape))
+        else:
+            values.append(part)
+    return tuple(values)
+
+
 #: Workspaces by their addresses.
 _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()
 
@@ -426,21 +493,19 @@ class Workspace:
     user holds it.
     """
 
-    __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")
+    __slots__ = ("__weakref__", "_in_python", "_record", "address", "structure")
 
     def __init__(self, structure: Any) -> None:
-        words: list[int] = []
-        _add_words(structure, words)
-        self._words = np.array(words, dtype=np.int64)
+        self._record = np.array([_memory(structure)], dtype=memory_layout(structure))
         self.structure = structure
-        self.address = int(self._words.ctypes.data)
-        self._in_python = None
+        self.address = int(self._record.ctypes.data)
+        self._in_python: Any = None
         _workspaces[self.address] = self
 
     def in_python(self) -> Any:
-        """Return the structure, with fields of records as attributes."""
+        """Return the structure as functions that run in Python take it."""
         if self._in_python is None:
-            self._in_python = _with_records(self.structure)
+            self._in_python = _in_python(self.structure)
         return self._in_python
 
 
@@ -460,21 +525,9 @@ def structure_at(address: int) -> Any:
     return _workspaces[int(address)].in_python()
 
 
-def _with_records(part: Any) -> Any:
+def _in_python(part: Any) -> Any:
+    """Return a structure whose fields can be set, with fields of records as attributes."""
     if isinstance(part, tuple):
-        return type(part)(*(_with_records(field) for field in part))
+        fields = part._asdict()  # type: ignore[attr-defined]
+        return SimpleNamespace(**{name: _in_python(field) for name, field in fields.items()})
     return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part
-
-
-def _add_words(part: Any, words: list[int]) -> None:
-    if isinstance(part, tuple):
-        for field in part:
-            _add_words(field, words)
-    elif isinstance(part, np.ndarray):
-        # numba's layout of an array: no owner, no parent, size, item size, address of the data,
-        # shape and strides
-        words += (0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides)
-    else:
-        words += (
-            struct.unpack("q", struct.pack("d", part)) if isinstance(part, float) else (int(part),)
-        )

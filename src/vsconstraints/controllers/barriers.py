@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ConfigurationError, format_value
+from ..formulas import where
 from ..formulas.limits import stopping
 from ..formulas.row import Row
 from .demand import Demand
@@ -178,7 +179,7 @@ class ReciprocalBarrier(WithRate):
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
         depth = row.phi / row.scale
-        return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
+        return -alpha * row.phi * where(depth < 0.0, depth * depth, 1.0) - row.Lf
 
 
 @dataclass(frozen=True)
@@ -223,11 +224,11 @@ class PrescribedTimeBarrier(WithRate):
         Outside, c = −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ.
         """
         share = 1.0 - row.period / np.maximum(time - row.memory[0], row.period)
-        rate = np.where(
+        rate = where(
             row.phi > 0.0, (1.0 - np.exp(-alpha * row.period) * share**exponent) / row.period, alpha
         )
         later = row.memory[0] + row.period
-        return -rate * row.phi - row.Lf, np.where((row.phi > 0.0) & (later < time), later, 0.0)
+        return -rate * row.phi - row.Lf, where((row.phi > 0.0) & (later < time), later, 0.0)
 
 
 @dataclass(frozen=True)
@@ -258,8 +259,8 @@ class BackupBarrier(WithRate):
             np.exp(-alpha * row.period) * farthest - row.sigma, row.sigma_dot, a, row.period
         )
         back = (-alpha * row.phi - row.sigma_dot) / (row.K + direct)
-        kept = np.maximum(-a, np.where(row.sigma < 0.0, second, np.minimum(second, back)))
-        return np.where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept) - row.Lf
+        kept = np.maximum(-a, where(row.sigma < 0.0, second, np.minimum(second, back)))
+        return where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept) - row.Lf
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, Workspace
+from ..compiled.workspace import (
+    Answer,
+    LawArrays,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+    Workspace,
+    zeros,
+)
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
@@ -148,6 +156,9 @@ class CompiledLaw:
             np.empty(m),
             np.full(1, math.nan),
             Scratch(np.empty(SCRATCH * (1 + m // 32)), np.zeros(1, COUNT)),
+            zeros(RowArrays),
+            zeros(TaskArrays),
+            zeros(Answer),
         )
         self.labels = labels
         self.remark = resolver.remark(labels)

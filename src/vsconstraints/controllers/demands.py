@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..formulas import formula
+from ..formulas import formula, where
 from ..formulas.row import Row
 from .barriers import (
     BackupBarrier,
@@ -43,7 +43,7 @@ class Switch(Demand):
 
     @staticmethod
     def formula(row: Row) -> Any:
-        return np.where(row.phi >= 0.0, -row.switching_gain, np.inf)
+        return where(row.phi >= 0.0, -row.switching_gain, np.inf)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class ImplicitSwitchWithDrift(ImplicitSwitch):
         d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first.
         """
         seen = (row.phi - row.memory[0]) / row.period - row.last_rate
-        drift = np.where(
+        drift = where(
             np.isnan(seen),
             0.0,
             np.minimum(np.maximum(seen, -row.switching_gain), row.switching_gain),
@@ -106,7 +106,7 @@ def saturated(row: Row, c: Any, integral: Any) -> Any:
     """
     bound = np.maximum(-row.switching_gain, c)
     kept = np.minimum(np.maximum(integral, -row.switching_gain), row.switching_gain)
-    return bound, np.where(row.tracked > bound, kept, 0.0)
+    return bound, where(row.tracked > bound, kept, 0.0)
 
 
 @formula
@@ -192,10 +192,10 @@ class ConditionedSuperTwisting(ImplicitSuperTwisting):
             np.maximum(0.5 * (row.last_rate - row.memory[0]), -step), step
         )
         w = np.minimum(
-            np.maximum(np.where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain
+            np.maximum(where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain
         )
         bound = np.maximum(-row.switching_gain, proper_implicit(row, w, rate)[0])
-        return bound, np.where(row.tracked > bound, w, np.nan)
+        return bound, where(row.tracked > bound, w, np.nan)
 
 
 # --- potential fields and layers ---
@@ -233,7 +233,7 @@ class RampRepulsion(Field):
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
         psi = grown(row, region, exponent)
-        return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
+        return where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ class BoundaryLayer(Field):
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
         psi = np.minimum(grown(row, region, exponent), 1.0)
-        return np.where(
+        return where(
             psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf
         )
 
@@ -271,7 +271,7 @@ class OuterLayer(Demand):
     @staticmethod
     def formula(row: Row, layer: float) -> Any:
         share = np.minimum(row.phi / row.scale / layer, 1.0)
-        return np.where(
+        return where(
             row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf
         )
 
@@ -303,7 +303,7 @@ class Firas(Demand):
         ρ = −σ, but at least contact × δ.
         """
         ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
-        return np.where(
+        return where(
             ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf
         )
 
@@ -334,13 +334,13 @@ class PublishedFiras(Demand):
         """
         rho = np.maximum(-row.sigma / row.scale, 0.001 * region)
         push = (
-            np.where(row.K == 0.0, 1.0, row.K)
+            where(row.K == 0.0, 1.0, row.K)
             * row.scale
             * eta
             * (1.0 / rho - 1.0 / region)
             / (rho * rho)
         )
-        return np.where(rho < region, -push, np.inf)
+        return where(rho < region, -push, np.inf)
 
 
 # --- without parameters ---

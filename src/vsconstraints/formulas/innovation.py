@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import formula
+from . import formula, where
 
 #: Time constant with which speeds are compared with positions [s]. It is short, so that late
 #: samples and filtered speeds leave only a small difference.
@@ -65,7 +65,7 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     q_last. 0 at the first sample, and where time does not advance.
     """
     fresh = np.isnan(before) | (dt <= 0.0)
-    return np.where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))
+    return where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))
 
 
 @formula
@@ -79,6 +79,6 @@ def observed_drift(
     low-pass filter with the ``time_constant`` τ [s] finds a constant drift without an offset.
     """
     seen = np.minimum(np.maximum(change / period - rate, -most), most)
-    return np.where(
+    return where(
         np.isnan(change), drift, drift + period / (period + time_constant) * (seen - drift)
     )

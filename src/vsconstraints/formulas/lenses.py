@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import formula
+from . import formula, where
 from .curves import superellipse
 
 Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
@@ -81,7 +81,7 @@ def extended(
     """
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
-    share = np.where(r > reach, reach / np.maximum(r, reach), 1.0)
+    share = where(r > reach, reach / np.maximum(r, reach), 1.0)
     X, Y, a, b, c, d = lens(share * x, share * y, coefficients)
     X = X / share
     Y = Y / share

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..rows import at_end as at_end
-from . import formula
+from . import formula, where
 
 formula(at_end)
 
@@ -51,14 +51,14 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
     w² + a T w ≤ 2 a (d − T q̇/2). If no w ≥ 0 satisfies this, the joint turns back within the
     period, by q̈ = −q̇²/(2d). A joint outside its range is stopped.
     """
-    d = np.where(left < np.inf, left, 0.0)
+    d = where(left < np.inf, left, 0.0)
     ahead = d - 0.5 * period * speed
     room = 4.0 * acceleration * np.maximum(ahead, 0.0)
     slowed = acceleration * period
     # root of the quadratic in a form without cancellation
     w = room / (slowed + np.sqrt(slowed * slowed + 2.0 * room))
-    turning = np.where(d > 0.0, -speed * speed / (2.0 * np.where(d > 0.0, d, 1.0)), -speed / period)
-    return np.where(left < np.inf, np.where(ahead >= 0.0, (w - speed) / period, turning), np.inf)
+    turning = where(d > 0.0, -speed * speed / (2.0 * where(d > 0.0, d, 1.0)), -speed / period)
+    return where(left < np.inf, where(ahead >= 0.0, (w - speed) / period, turning), np.inf)
 
 
 @formula

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import formula
+from . import formula, where
 
 
 @formula
@@ -19,4 +19,4 @@ def opening(error: Any, closed: float, opened: float) -> Any:
     """
     r = (error - closed) / (opened - closed)
     between = 1.0 / (1.0 + np.exp(6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)))
-    return np.where(error > opened, 1.0, np.where(error < closed, 0.0, between))
+    return where(error > opened, 1.0, where(error < closed, 0.0, between))

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import formula
+from . import formula, where
 
 
 class Row(NamedTuple):
@@ -60,7 +60,7 @@ def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
 
     K = 0 holds for rows of speeds, for instance.
     """
-    return np.where(K == 0.0, phi + period * tracked, phi)
+    return where(K == 0.0, phi + period * tracked, phi)
 
 
 @formula
@@ -72,11 +72,9 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
     """
     if purpose == PUSH:
         below = value if relative == 1 else value - tracked
-        return np.where(below > 0.0, np.inf, below)
+        return where(below > 0.0, np.inf, below)
     bound = value + tracked if relative == 1 else value
-    return (
-        np.where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
-    )
+    return where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
 
 
 @formula
@@ -86,7 +84,7 @@ def share(c: Any, tracked: Any) -> Any:
     It is 1 where tracking moves a row inwards.
     """
     room = np.maximum(c, 0.0)
-    return np.where(tracked > room, room / tracked, 1.0)
+    return where(tracked > room, room / tracked, 1.0)
 
 
 @formula

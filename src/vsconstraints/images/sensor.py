@@ -258,6 +258,12 @@ class ImageSensor(Sensor):
         # the loop waits for the first image
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
 
+    def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
+        """Return the newest usable image, see :meth:`.Sensor.newest`."""
+        assert self._last is not None
+        taken = self._last.taken if self.settings.prediction else k * self._Ts
+        return self.camera.distort(self._last.pixels), taken, self._last.camera
+
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""
         exposures = self.exposures

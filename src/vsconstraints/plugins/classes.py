@@ -18,6 +18,7 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
+OF_PACKAGE = f"{__name__.partition('.')[0]}."  #: Beginning of the names of the package's modules.
 #: Module of classes defined in a notebook or a running script; it differs between processes.
 IN_SESSION = "__main__"
 
@@ -79,7 +80,7 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
     where = _parts(name)[0]
     if _is_path(where):
         file = _path_of(where, folder)
-    elif folder is not None:
+    elif folder is not None and not where.startswith(OF_PACKAGE):
         file = folder / f"{where.replace('.', '/')}.py"
     else:
         return None
@@ -136,14 +137,17 @@ def _spec_of(module: str) -> ModuleSpec | None:
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
-    """Yield every custom class that is named as a type or a feature in nested tables."""
+    """Yield every custom class that is named as a type or a feature in nested tables.
+
+    Classes of this package are trusted.
+    """
     if isinstance(tables, Mapping):
         for key, inner in tables.items():
             yield from code_named(inner, typed or key in ("type", "feature", "features"))
     elif isinstance(tables, list | tuple):
         for inner in tables:
             yield from code_named(inner, typed)
-    elif typed and isinstance(tables, str) and ":" in tables:
+    elif typed and isinstance(tables, str) and ":" in tables and not _is_own(tables):
         yield tables
 
 
@@ -165,6 +169,12 @@ def _parts(name: str) -> tuple[str, str]:
             f"controllers/cautious.py:Cautious"
         )
     return where, class_name
+
+
+def _is_own(name: str) -> bool:
+    """True if a name denotes a class of this package, which no file beside results replaces."""
+    where = name.rpartition(":")[0]
+    return where.startswith(OF_PACKAGE) and not _is_path(where)
 
 
 def _is_path(where: str) -> bool:

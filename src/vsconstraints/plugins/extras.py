@@ -31,6 +31,7 @@ EXTRAS = {
     "ur-rtde": Extra(
         "an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")
     ),
+    "bags": Extra("a recording of ROS", ("rosbags",)),
     "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }

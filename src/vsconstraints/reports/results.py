@@ -83,9 +83,17 @@ class Results:
         return [name for name in self.scenarios if self.is_ranked(name)]
 
     def implementation(self, controller: str, scenario: str | None = None) -> str:
-        """Return the implementation of a controller, compiled or NumPy, in a scenario or in all."""
+        """Return the implementation of a controller, compiled or NumPy, in a scenario or in all.
+
+        It is empty for recorded runs, whose times are unknown.
+        """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        flags = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
+        flags = {
+            bool(line.get("compiled"))
+            for line in lines
+            if line["duration_s"] >= 0.0
+            and not (line["duration_s"] > 0.0 and math.isnan(line["rows_time_median_us"]))
+        }
         return " and ".join(
             name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags
         )

@@ -20,7 +20,8 @@ from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
-from ..rows import Rows, Task
+from ..robots.geometry import Pose
+from ..rows import Command, Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
 from .follower import ACCELERATIONS
@@ -28,6 +29,7 @@ from .intersample import intersample_clearance
 from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
+from .programs import ProgramLoop, RobotProgram
 from .setup import Setup, require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 
@@ -162,7 +164,9 @@ class Run:
         self.bound = prepared.bound
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
-        if commands_velocity(controller):
+        #: True if the controller commands speeds or positions.
+        self.speeds = commands_velocity(controller)
+        if self.speeds:
             self.plant.take_speeds()
         self.sensor = self.setup.sensor()
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
@@ -172,6 +176,10 @@ class Run:
         self.reason = ""
         self.compiled = False
         self.law = 0
+        #: The controller as a robot program; None if it is a function of rows and task.
+        self.program: ProgramLoop | None = None
+        if isinstance(controller, RobotProgram):
+            self.program = ProgramLoop(controller, self.setup, self.sensor, self.plant)
         #: Rows and task that are passed to a compiled law, which leaves them unchanged; other laws
         #: may modify their arrays.
         self._given: tuple[Rows, Task] | None = None
@@ -192,11 +200,21 @@ class Run:
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends the run."""
+        try:
+            self._to_the_end()
+        finally:
+            if self.program is not None:
+                self.program.end()
+
+    def _to_the_end(self) -> None:
         setup = self.setup
         N = self.setup.samples
         further = math.ceil(setup.rest_time / setup.Ts)
         dwell = setup.tolerances.dwell_s
         try:
+            if self.program is not None and not self.ended:
+                self.program.begin()
+                self.speeds = self.program.program.output != "acceleration"
             self._run_to(N)
             while (
                 setup.samples_at_most > N
@@ -232,13 +250,13 @@ class Run:
                 stage == STEP
                 and self.sensor.renders
                 and self.bound is not None
-                and self.loop.parts[0]
+                and self.loop.parts["evaluate"][0]
             ):
                 seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
                 assert seen is not None
                 self.bound.packed.measure(seen)
                 # without a usable image no law is called and the arm brakes
-                self.loop.parts[3] = 0 if self.sensor.blind else self.law
+                self.loop.parts["law"] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
@@ -255,16 +273,15 @@ class Run:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = (
-            believed.step.evaluate,
-            believed.workspace.address,
-            true.packed.workspace.address,
-        )
+        loop.parts["evaluate"] = believed.step.evaluate
+        loop.parts["believed"] = believed.workspace.address
+        loop.parts["true"] = true.packed.workspace.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing and self.sensor.estimates:
             self._sensing = self.sensor.sensing(setup.samples_at_most)
             self._sensed = Workspace(self._sensing)
-            loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
+            loop.parts["observe"] = load("sensing").OBSERVE
+            loop.parts["sensing"] = self._sensed.address
         law = self.controller.bind(
             bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd
         )
@@ -272,9 +289,10 @@ class Run:
         if law is not None:
             self._given = bound.now.rows, bound.now.task
         self._laws = alone, law  # keeps alive the objects behind their arrays
-        loop.parts[4] = alone.workspace.address
+        loop.parts["baseline"] = alone.workspace.address
         if law is not None and not by_public_call:
-            loop.parts[3] = self.law = law.workspace.address
+            self.law = law.workspace.address
+            loop.parts["law"] = self.law
             # at the same rank tolerance, the law may use the unconstrained command of the baseline
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(
@@ -295,7 +313,9 @@ class Run:
 
     def _begin(self, loop: Loop) -> None:
         self.loop = loop
-        loop.parts[7:] = self.plant.mover
+        move, plant = self.plant.mover
+        loop.parts["move"] = move
+        loop.parts["plant"] = plant
         # True if Python moves the robot. In that case, and if images are rendered, samples run one
         # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
@@ -371,8 +391,10 @@ class Run:
         if self._given is None:
             given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
-        command = self.controller.command(rows, task)
+        command = self._command(k, rows, task)
         times[k % len(times)] = perf_counter() - called
+        if self.program is not None:
+            times[k % len(times)] = self.program.compute_time
         self.loop.answer.qdd[:] = self.plant.acceleration_of(command)
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
@@ -380,6 +402,12 @@ class Run:
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)
+
+    def _command(self, k: int, rows: Rows, task: Task) -> Command:
+        if self.program is None:
+            return self.controller.command(rows, task)
+        camera = Pose(self.loop.camera_R.copy(), self.loop.camera_t.copy())
+        return self.program.command(k, self.loop.pixels, camera, rows.labels)
 
     def remarks(self) -> list[str]:
         """Return remarks for a reader of the results."""
@@ -399,6 +427,8 @@ class Run:
             )
         of_law = self.controller.remark(self.setup.constraints.labels)
         of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
+        if self.program is not None:
+            remarks += self.program.program.run_remarks()
         return [*remarks, of_law, of_factors, self.controller.unused()]
 
     def scores(self) -> RunScores:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..compiled.samples import Goals, Kept, Loop, Running
-from ..compiled.workspace import Answer, Size, Step, zeros
+from ..compiled.workspace import LOOP_PARTS, Answer, Size, Step, zeros
 from ..constraints import ConstraintSet
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
@@ -102,7 +102,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     scores.share_to_hold[:] = np.nan
     none = np.empty(0)
     return Loop(
-        parts=np.zeros(9, dtype=np.int64),
+        parts=np.zeros(1, LOOP_PARTS),
         Ts=np.array([setup.Ts]),
         clock=np.zeros(2 if whole else 0, dtype=np.int64),
         rows=believed.rows,

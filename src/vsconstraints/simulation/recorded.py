@@ -38,6 +38,7 @@ class Recorded:
     step_time: Array  #: (N,) wall time of the law's call [s].
     fallbacks: int  #: Number of samples in which another QP solver had to answer.
     compiled: bool  #: True if rows, task and law all ran compiled.
+    speeds: bool = False  #: True if the law commands speeds or positions.
 
     @classmethod
     def of(cls, setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Recorded:
@@ -63,6 +64,7 @@ class Recorded:
             step_time=kept.step_time[:N],
             fallbacks=run.fallbacks,
             compiled=run.compiled,
+            speeds=run.speeds,
         )
 
     def plain(self) -> dict[str, Any]:
@@ -99,6 +101,7 @@ class Recorded:
             step_time=step_time,
             fallbacks=int(values["fallbacks"]),
             compiled=bool(values["compiled"]),
+            speeds=bool(values["speeds"]),
         )
 
 
@@ -146,6 +149,8 @@ class _Replay(Run):
         self._recorded = recorded
         # the unconstrained baseline is never called: each sample reaches _ask_law
         super().__init__(prepared, Tracking(), whole=True, by_public_call=True)
+        if recorded.speeds:
+            self.plant.take_speeds()
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends the run."""

@@ -190,6 +190,22 @@ class Sensor:
             raise SceneError(f"no camera pose explains the measured image: {error}") from error
         return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
+    def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
+        """Return the newest usable image in sample ``k``, after it was measured.
+
+        Returns its sensor pixels (M, 2) from the image centre, its time [s] and, if the sensor has
+        measured it already, the camera's pose in the target's frame. The time is the present one if
+        the controller does not know it. ``ideal`` (M, 2) are the true ideal pixels.
+        """
+        t = k * self._Ts
+        images = self._images
+        if images is None:
+            return self.scene.camera.distort(ideal), t, None
+        slots = len(images.held)
+        slot = max(k // images.every - slots + 1, 0) % slots
+        taken = float(images.taken[slot]) if images.dated else t
+        return images.held[slot].copy(), taken, None
+
     def write(self, step: Step) -> None:
         """Let a compiled step predict measurements of future states, without delay and noise."""
         write_camera(step, self.camera)

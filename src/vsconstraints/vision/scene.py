@@ -33,8 +33,11 @@ def interaction_matrix(xy: Array, Z: Array) -> Array:
     """
     x = xy[:, 0]
     y = xy[:, 1]
-    rows = [[np.broadcast_to(entry, Z.shape) for entry in image_row(c, x, y, Z)] for c in (0, 1)]
-    return np.moveaxis(np.array(rows), 2, 0)
+    L = np.empty((len(Z), 2, 6))
+    for row in (0, 1):
+        for column, entry in enumerate(image_row(row, x, y, Z)):
+            L[:, row, column] = entry
+    return L
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,23 @@ class Scene:
         """
         return self._evaluate_robot(q, qd)
 
+    def camera_jacobian(self, q: Array) -> Array:
+        """Return the Jacobian (6, n) of the camera's twist at ``q`` (n,).
+
+        The twist is relative to a target that does not move by itself, in the camera frame.
+        """
+        robot = self._evaluate_robot(q, np.zeros(self.robot.n))
+        J: Array = self._twist_of_camera(robot.tip) @ robot.J
+        return J
+
+    def _twist_of_camera(self, tip: Pose) -> Array:
+        """Return the map (6, 6) from the tip's twist, in its own axes, to that of the camera."""
+        if self.camera.fixed is None:
+            return self._mount_twist
+        # as if the tip carried the camera: its motion is the reversed motion of the target
+        reversed_twist: Array = -(self.camera.fixed.inverse @ tip).twist_matrix
+        return reversed_twist
+
     def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
         """Return the motion of the camera relative to the target, in the camera frame.
 
@@ -195,17 +215,13 @@ class Scene:
         tip = robot.tip
         fixed = self.camera.fixed
         motion = self.motion
-        V: Array
         R: Array
         r: Array
         # orientation of the camera in the base frame, and its position relative to the tip
         if fixed is None:
-            V = self._mount_twist
             R = tip.R @ self._mount_inverse.R
             r = tip.R @ self._mount_inverse.t
         else:
-            # as if the tip carried the camera: its motion is the reversed motion of the target
-            V = -(fixed.inverse @ tip).twist_matrix
             R = fixed.R
             r = fixed.t - tip.t
         twist = robot.J @ robot.qd
@@ -225,7 +241,7 @@ class Scene:
             away = tip.t + r - motion.centre - motion.translation.displacement(t)
         parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
         moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)
-        return V @ robot.J, moving[:2].ravel(), moving[2:].ravel()
+        return self._twist_of_camera(tip) @ robot.J, moving[:2].ravel(), moving[2:].ravel()
 
     def _in_camera(self, camera: Pose) -> Array:
         P: Array = (self.markers - camera.t) @ camera.R

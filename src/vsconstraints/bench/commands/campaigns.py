@@ -93,6 +93,7 @@ def evidence(
     scenes: int | None = None,
     families: Names = None,
     controllers: Names = None,
+    stacks: Names = None,
     jobs: int | None = None,
     cluster: str | None = None,
     keep: str = "none",
@@ -118,9 +119,8 @@ def evidence(
             "--jobs sets the number of processes on this machine, and --cluster uses none"
         )
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
-    chosen = Campaign.load(campaign).select(
-        families or (), controllers or (), scenes, settings or ()
-    )
+    chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes)
+    chosen = chosen.with_stacks(stacks or ()).with_settings(settings or ()).checked()
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError(

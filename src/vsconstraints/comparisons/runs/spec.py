@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
 from ...plugins.classes import folder_of_neighbours, module_files
+from ...plugins.registry import registered
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
@@ -107,7 +109,10 @@ class ControllerSpec:
         """Read a table of a file or a manifest; raises ConfigurationError if it is invalid."""
         at = f"{where}.{name}"
         options = require_table(table, at)
-        law = checked(options.pop("type", name), str, at, "type")
+        is_stack = "command" in options or "adapter" in options
+        law = checked(options.pop("type", stack_law() if is_stack else name), str, at, "type")
+        if is_stack and law == stack_law():
+            options = _from_folder(options, folder)
         return cls(
             name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run")
         )
@@ -142,6 +147,22 @@ class ControllerSpec:
             raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
         return cls(name or own, law, folder=folder if ":" in law else None)
 
+    @classmethod
+    def of_stack(cls, command: str) -> ControllerSpec:
+        """Return the stack with a command line; raises ConfigurationError if it is empty.
+
+        Its name is that of the last file among the arguments or, if there is none, the program's.
+        """
+        try:
+            parts = shlex.split(command)
+        except ValueError as error:
+            raise ConfigurationError(f"--stack {command!r}: {error}") from error
+        if not parts:
+            raise ConfigurationError("--stack takes a command, such as 'python3 my_stack.py'")
+        files = [part for part in parts[1:] if Path(part).is_file()]
+        name = Path(files[-1] if files else parts[0]).stem
+        return cls.from_table(name, {"command": parts}, "--stack", Path())
+
     @property
     def main_process_only(self) -> bool:
         """True if only the main process can create it."""
@@ -149,8 +170,11 @@ class ControllerSpec:
 
     @property
     def in_own_process(self) -> bool:
-        """True for a custom law that another process can create: it runs in a separate process."""
-        return ":" in self.law and not self.main_process_only
+        """True for a custom law that another process can create: it runs in a separate process.
+
+        A stack starts a process of its own in any case.
+        """
+        return ":" in self.law and not self.main_process_only and self.law != stack_law()
 
     @property
     def folder_of_neighbours(self) -> Path | None:
@@ -159,12 +183,39 @@ class ControllerSpec:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files in which a custom controller is defined."""
-        return tuple(module_files([self.law], self.folder))
+        """Files in which a custom controller is defined, and those of a stack's command."""
+        is_stack = ":" in self.law and self.law == stack_law()
+        command = self.options.get("command", ()) if is_stack else ()
+        parts = command if isinstance(command, list | tuple) else ()
+        own = [Path(part) for part in parts if isinstance(part, str) and Path(part).is_file()]
+        return (*module_files([self.law], self.folder), *own)
 
     def make(self) -> Controller:
         """Create a controller; raises ConfigurationError or InvalidInput that names the cause."""
         return make_controller(self.law, self.options, self.folder)
+
+
+def stack_law() -> str:
+    """Return the controller that runs a program in a process of its own, as ``module:Class``.
+
+    A table with one of the keys ``command`` and ``adapter``, and no type, is of this type.
+    """
+    return str(registered("controllers")["stack"])
+
+
+def _from_folder(options: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+    """Return options of a stack, with files of its command relative to the folder made absolute."""
+
+    def found(part: object) -> object:
+        path = (folder or Path()) / str(part)
+        return str(path.absolute()) if isinstance(part, str) and path.is_file() else part
+
+    changed = dict(options)
+    if isinstance(changed.get("command"), list):
+        changed["command"] = [found(part) for part in changed["command"]]
+    if "python" in changed:
+        changed["python"] = found(changed["python"])
+    return changed
 
 
 def prepare_laws(laws: Iterable[ControllerSpec]) -> None:

@@ -1,17 +1,22 @@
-"""What is assumed of private parts of numba, run on the installed version."""
+"""Memory and functions that compiled code uses by their addresses."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from vsconstraints.compiled import available, load
+from vsconstraints.compiled import load
+from vsconstraints.compiled.signatures import INT, VECTOR, Reference, signature
 from vsconstraints.compiled.workspace import RowArrays, Size, Workspace
 from vsconstraints.errors import InvalidInput
 
-pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler")
+pytestmark = pytest.mark.skipif(not load("compiler").compiles(), reason="there is no compiler")
 
 
 class Inner(NamedTuple):
@@ -49,9 +54,7 @@ def outer() -> Outer:
 
 
 def test_compiled_code_reads_what_is_packed():
-    """The layout of arrays, tuples and records in memory; Python reads the same by the same
-    address.
-    """
+    """Numbers, arrays, inner structures and records; Python reads the same by the same address."""
     compiler = load("compiler")
     parts = load("parts")
     load_outer = parts.struct_loader(outer())
@@ -76,15 +79,13 @@ def test_compiled_code_reads_what_is_packed():
 
 
 def test_functions_are_called_by_their_address():
-    """By numba's convention of calls, with numbers, arrays and whole structures; in Python through
-    a registry.
-    """
+    """With numbers, arrays and structures; in Python through a registry."""
     compiler = load("compiler")
     parts = load("parts")
     numba = compiler.numba
     load_outer = parts.struct_loader(outer())
 
-    @numba.njit(compiler.signature(compiler.INT, compiler.VECTOR, compiler.type_of(outer().inner)))
+    @compiler.compiled(signature(INT, VECTOR, Reference(outer().inner)), from_python=False)
     def add(x: Any, inner: Any) -> int:
         x[0] += inner.number
         return x.size
@@ -188,3 +189,77 @@ def test_every_declared_array_is_made_with_its_type_and_shape():
     step.rows.Lg[3, 1] = 5.0
     step.camera_t[2] = 7.0
     assert (out[4 + 4 + 7], out[-1]) == (5.0, 7.0), "outputs are parts of one array"
+
+
+def test_a_structure_can_refer_to_other_arrays():
+    compiler = load("compiler")
+    parts = load("parts")
+    load_inner = parts.struct_loader(outer().inner)
+
+    class Pair(NamedTuple):
+        """A vector and a matrix."""
+
+        vector: np.ndarray
+        matrix: np.ndarray
+
+    load_pair = parts.struct_loader(Pair(np.zeros(1), np.zeros((1, 1))))
+
+    def refer(pair: int, source: int, vector: Any) -> float:
+        shared = load_pair(pair)
+        parts.share(shared, (vector, load_inner(source).matrix))
+        return shared.vector[3] + shared.matrix[1, 2] + len(shared.vector)
+
+    for function in (compiler.numba.njit(refer), refer):
+        pair = Workspace(Pair(np.zeros(1), np.zeros((1, 1))))
+        inner = Workspace(outer().inner)
+        assert function(pair.address, inner.address, np.arange(4.0)) == 3.0 + 5.0 + 4.0
+
+
+BY_ADDRESS = "reads_what or called_by or parts_of_a_vector or clock or refer_to_other"
+
+
+def test_all_this_works_without_private_parts_of_numba():
+    environment = {**os.environ, "VSCONSTRAINTS_ACCELERATOR": "0"}
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", BY_ADDRESS, __file__]
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout
+    assert "5 passed" in done.stdout
+
+
+NEWER = """
+import numba
+numba.__version__ = "0.999.1"
+from vsconstraints.compiled import accelerator, load
+assert load("polylines").search.signatures
+assert not accelerator.USED
+"""
+
+
+def test_a_newer_numba_is_used_without_its_private_parts_and_a_note_says_so(tmp_path: Path):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", NEWER],
+        env={
+            **os.environ,
+            "NUMBA_CACHE_DIR": str(tmp_path),
+            "VSCONSTRAINTS_COMPILE": "alone",
+        },
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "numba 0.999.1 is newer than those whose compilation is accelerated" in done.stderr
+
+
+def test_a_users_own_compiled_function_is_compiled_as_without_this_package():
+    compiler = load("compiler")
+    choose = compiler.numba.njit(lambda x: np.where(x > 0.0, x, 0.5))
+    assert isinstance(choose(-1.0), np.ndarray)
+
+
+def test_a_structure_with_an_array_in_another_order_is_refused():
+    with pytest.raises(InvalidInput, match="contiguous"):
+        Workspace(Inner(np.zeros((2, 3)).T, 1.0))

@@ -1,0 +1,58 @@
+# /// script
+# requires-python = ">=3.10"
+# dependencies = ["machinevision-toolbox-python==2.4.1", "numpy"]
+# ///
+"""machinevision-toolbox-python: image-based servoing with its interaction matrix, without limits.
+
+Its class ``IBVS`` simulates a camera of its own; here ``CentralCamera.visjac_p`` gives the camera's
+velocity for the measured pixels, as in its step, and the pseudoinverse of the camera's Jacobian
+gives the joint speeds.
+
+Settings
+--------
+gain
+    λ [1/s].
+depth
+    ``"current"``: depths of the present image; ``"desired"``: those at the goal.
+"""
+
+from importlib.metadata import version
+
+import numpy as np
+from machinevisiontoolbox import CentralCamera
+from servoing import Scene
+from stack_io import serve
+
+
+class MachineVisionStack:
+    """``visjac_p`` on image points."""
+
+    name = f"machinevision-toolbox {version('machinevision-toolbox-python')}"
+    output = "velocity"
+    uses = ("camera", "target", "goals", "constraints", "q", "pixels", "pose", "jacobian")
+
+    def start(self, setup):
+        """Build the camera."""
+        own = setup["settings"]
+        self.scene = Scene(setup)
+        self.gain = own.get("gain", 1.0)
+        self.desired = own.get("depth", "current") == "desired"
+        f_u, f_v, c_u, c_v = setup["camera"]["intrinsics"]
+        size = [int(side) for side in setup["camera"]["size"]]
+        # focal lengths in pixels: pixels of 1 m
+        self.camera = CentralCamera(f=[f_u, f_v], rho=1.0, pp=(c_u, c_v), imagesize=size)
+
+    def step(self, now):
+        """Return q̇ (n,)."""
+        pixels = np.array(now["pixels"])
+        goal = self.scene.goals[now["goal"]]
+        seen_from = {"camera_in_target": goal["camera_in_target"]} if self.desired else now
+        depth = self.scene.depth(seen_from)
+        L = self.camera.visjac_p(pixels.T, depth)
+        wanted = np.array(goal["pixels"])
+        velocity = self.gain * np.linalg.pinv(L) @ (wanted - pixels).ravel()
+        return np.linalg.pinv(np.array(now["jacobian"])) @ velocity
+
+
+if __name__ == "__main__":
+    serve(MachineVisionStack())

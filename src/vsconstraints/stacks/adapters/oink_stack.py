@@ -1,0 +1,86 @@
+# /// script
+# requires-python = ">=3.10"
+# dependencies = ["roboplan-oink==0.7.0", "numpy"]
+# ///
+"""roboplan-oink (OInK): optimal inverse kinematics as a QP, with its own limits.
+
+Its constraints cannot be defined in Python, so the field of view is not among them.
+
+Settings
+--------
+gain
+    Gain λ of the task [1/s]. OInK's own ``task_gain`` is the fraction λ T_s per period.
+limit_gain
+    Share of the distance to a range limit that a period may use.
+acceleration_limit
+    True adds OInK's ``AccelerationLimit`` with the limits of the scenario.
+"""
+
+from importlib.metadata import version
+
+import numpy as np
+import roboplan.core as core
+import roboplan.optimal_ik as oink
+from servoing import Scene, from_limits
+from stack_io import NoAnswer, serve
+
+
+class OinkStack:
+    """``Oink.solveIk`` on the camera's pose."""
+
+    name = f"roboplan-oink {version('roboplan-oink')}"
+    output = "velocity"
+    uses = ("urdf", "limits", "camera", "target", "goals", "constraints", "q", "qd", "pose")
+
+    def start(self, setup):
+        """Build scene, solver, task and limits."""
+        own = setup["settings"]
+        self.scene = Scene(setup)
+        if self.scene.feature != "camera-pose":
+            raise SystemExit("OInK has no task of image points")
+        self.period = period = setup["period"]
+        self.tip = setup["tip"]
+        description = core.loadUrdfSceneDescriptionFromXml(setup["urdf"])
+        self.robot = core.Scene("scene", description)
+        self.solver = oink.Oink(self.robot)
+        options = oink.FrameTaskOptions(
+            task_gain=own.get("gain", 2.0) * period, lm_damping=own.get("lm_damping", 1e-6)
+        )
+        goal = core.CartesianConfiguration("base", self.tip, np.asfortranarray(np.eye(4)))
+        self.task = oink.FrameTask(self.solver, self.robot, goal, options)
+        speeds = from_limits(setup["limits"]["velocity"], 1e6)
+        self.limits = [
+            oink.PositionLimit(self.solver, own.get("limit_gain", 0.5)),
+            oink.VelocityLimit(self.solver, period, speeds),
+        ]
+        self.acceleration = None
+        if own.get("acceleration_limit", False):
+            most = setup["limits"]["acceleration"]
+            if most is None:
+                raise SystemExit("acceleration_limit needs limits of acceleration in the scenario")
+            most = from_limits(most, 1e6)
+            self.acceleration = oink.AccelerationLimit(self.solver, period, most)
+            self.limits.append(self.acceleration)
+        self.last = None  # last velocity that was commanded
+
+    def step(self, now):
+        """Return q̇ (n,)."""
+        q = np.array(now["q"])
+        self.robot.setJointPositions(q)
+        tip = np.array(self.robot.forwardKinematics(q, self.tip))
+        self.task.setTargetFrameTransform(np.asfortranarray(self.scene.tip_goal(now, tip)))
+        if self.acceleration is not None:
+            last = np.array(now["qd"]) if self.last is None else self.last
+            self.acceleration.setLastVelocity(last)
+        step = np.zeros(len(q))
+        try:
+            self.solver.solveIk(self.robot, [self.task], self.limits, step)
+        except RuntimeError as error:
+            self.last = None
+            raise NoAnswer(str(error)[:100]) from error
+        self.last = step / self.period
+        return self.last
+
+
+if __name__ == "__main__":
+    serve(OinkStack())

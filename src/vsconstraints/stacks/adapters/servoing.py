@@ -1,0 +1,95 @@
+"""Visual servoing that the adapters share: poses, image Jacobians, and the rows of the image.
+
+NumPy alone; nothing of vsconstraints. Poses are homogeneous matrices (4, 4), twists are (v, ω) in
+the camera's frame, pixels are those of OpenCV.
+"""
+
+import numpy as np
+
+
+def inverse(M):
+    """Return the inverse of a pose (4, 4)."""
+    R = M[:3, :3].T
+    out = np.eye(4)
+    out[:3, :3] = R
+    out[:3, 3] = -R @ M[:3, 3]
+    return out
+
+
+class Scene:
+    """Camera, target and goals of a setup message, for a camera that the arm carries."""
+
+    def __init__(self, setup):
+        camera = setup["camera"]
+        if "camera_in_tip" not in camera:
+            raise SystemExit("this adapter is for cameras that the arm carries")
+        if camera["distortion"]["model"] != "none":
+            raise SystemExit("this adapter is for cameras without distortion")
+        self.camera_in_tip = np.array(camera["camera_in_tip"])
+        self.tip_in_camera = inverse(self.camera_in_tip)
+        f_u, f_v, c_u, c_v = camera["intrinsics"]
+        self.focal = np.array([f_u, f_v])
+        self.centre = np.array([c_u, c_v])
+        self.markers = np.array(setup["target"]["markers"])
+        self.goals = setup["goals"]
+        self.feature = setup["feature"]
+        views = [each for each in setup["constraints"] if each["kind"] == "fov"]
+        #: Half sizes (2,) of the part of the image in which markers must stay [px]; None if free.
+        self.half_size = np.array(views[0]["half_size"]) if views else None
+        # the image's centre, with the first pixel's centre at (0, 0)
+        self.middle = 0.5 * np.array(camera["size"]) - 0.5
+
+    def tip_goal(self, now, tip):
+        """Return the tip's pose at the goal, from its present pose; both in the base frame.
+
+        The target is where the image shows it.
+        """
+        target = tip @ self.camera_in_tip @ inverse(np.array(now["camera_in_target"]))
+        goal = self.goals[now["goal"]]["camera_in_target"]
+        if goal is None:
+            raise SystemExit("this adapter needs goals with a pose of the camera")
+        return target @ np.array(goal) @ self.tip_in_camera
+
+    def depth(self, now):
+        """Return the depth Z (m,) of each marker [m]."""
+        M = np.array(now["camera_in_target"])
+        return ((self.markers - M[:3, 3]) @ M[:3, :3])[:, 2]
+
+    def normalised(self, pixels):
+        """Return normalised coordinates (m, 2) of pixels (m, 2)."""
+        return (np.asarray(pixels) - self.centre) / self.focal
+
+    def image_error(self, now):
+        """Return x − x* (2m,) in normalised coordinates, and its interaction matrix (2m, 6)."""
+        x = self.normalised(now["pixels"])
+        wanted = self.normalised(self.goals[now["goal"]]["pixels"])
+        return (x - wanted).ravel(), interaction_matrix(x, self.depth(now))
+
+    def view_rows(self, now):
+        """Return σ (4m,) ≤ 0 of the markers in the image [px], and dσ/dt = A v_camera, A (4m, 6).
+
+        σ is the distance beyond the right, lower, left and upper edge of the allowed part. Both are
+        empty without a constraint on the field of view.
+        """
+        if self.half_size is None:
+            return np.zeros(0), np.zeros((0, 6))
+        pixels = np.asarray(now["pixels"])
+        L = interaction_matrix(self.normalised(pixels), self.depth(now)).reshape(-1, 2, 6)
+        rate = L * self.focal[:, None]
+        away = pixels - self.middle
+        sigma = np.concatenate((away - self.half_size, -away - self.half_size))
+        return sigma.ravel(), np.concatenate((rate, -rate)).reshape(-1, 6)
+
+
+def interaction_matrix(x, Z):
+    """Return the interaction matrix (2m, 6) of normalised points (m, 2) at depths (m,)."""
+    rows = []
+    for (u, v), z in zip(x, Z, strict=True):
+        rows.append([-1.0 / z, 0.0, u / z, u * v, -(1.0 + u * u), v])
+        rows.append([0.0, -1.0 / z, v / z, 1.0 + v * v, -u * v, -u])
+    return np.array(rows)
+
+
+def from_limits(values, none):
+    """Return limits (n,) of a setup message, with ``none`` where there is no limit."""
+    return np.array([none if value is None else value for value in values])

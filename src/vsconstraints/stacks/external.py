@@ -1,0 +1,156 @@
+"""Stacks in processes of their own: any program that speaks the protocol of docs/stacks.md."""
+
+from __future__ import annotations
+
+import ast
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConfigurationError, format_value, unknown_name
+from ..simulation.programs import COMMANDS, Answer, Observation
+from ..simulation.setup import Setup
+from .child import StackProcess
+from .description import describe
+from .protocol import StackFailedError, encode, read_declaration, read_reply, setup_message
+from .stack import Measured, MeasuredProgram
+
+START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s].
+REPLY_LIMIT = 1.0  #: Time until every other answer [s].
+RUN_LIMIT = 120.0  #: Total time that a run waits for its stack [s].
+ADAPTERS = Path(__file__).parent / "adapters"  #: Folder of the adapters, one program each.
+
+
+def adapters() -> list[str]:
+    """Return the names of the adapters that come with the package."""
+    return sorted(path.stem.removesuffix("_stack") for path in ADAPTERS.glob("*_stack.py"))
+
+
+def description(adapter: str) -> str:
+    """Return the first line of an adapter's description."""
+    tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
+    return (ast.get_docstring(tree) or "").partition("\n")[0]
+
+
+class ExternalStack(MeasuredProgram):
+    """Program that runs in a process of its own and answers over its standard output.
+
+    The process starts with each run and ends with it. Limits of time apply to waiting for the
+    stack; the time that it computes is what it reports itself.
+
+    Parameters
+    ----------
+    command
+        Program and arguments, as a list or as one text that is split like in a shell.
+    adapter
+        Name of an adapter that comes with the package, instead of a command.
+    python
+        Interpreter of the environment of the adapter's package; that of this process if None.
+    settings
+        Any other option is passed on to the stack.
+
+    Raises
+    ------
+    ConfigurationError
+        unless exactly one of command and adapter is given, or if the adapter is unknown.
+    """
+
+    name = "external-stack"
+    uses = ("measurements",)
+
+    def __init__(
+        self,
+        command: Sequence[str] | str = (),
+        adapter: str | None = None,
+        python: str | None = None,
+        **settings: Any,
+    ) -> None:
+        # not an attribute ``command``, which is a method of controllers
+        self._command = command
+        self.adapter = adapter
+        self.python = python
+        self.settings = settings
+        self._arguments = _arguments(command, adapter, python)
+        self._process: StackProcess | None = None
+        self._declared = ""
+
+    def begin(self, setup: Setup) -> None:
+        """Start the process and send it the setup; see :class:`.RobotProgram`."""
+        super().begin(setup)
+        self._declared = ""
+        self._process = process = StackProcess(self._arguments, RUN_LIMIT)
+        try:
+            declaration = read_declaration(process.line(START_LIMIT))
+        except StackFailedError as error:
+            raise self._with_messages(error) from error
+        uses = tuple(dict.fromkeys(declaration.uses))
+        self.output = declaration.output  # type: ignore[assignment]  # checked with the declaration
+        named = declaration.name or Path(self._arguments[-1]).name
+        self._declared = (
+            f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
+        )
+        self._n = setup.scene.robot.n
+        self._measured = Measured(setup, uses)
+        # the setup is sent with the first period, whose answer may take as long as a start
+        message = setup_message(describe(setup, uses), self.settings)
+        self._setup = encode(message) + b"\n"
+
+    def respond(self, now: Observation) -> Answer:
+        """Ask the process for the command of a period; see :class:`.RobotProgram`."""
+        assert self._process is not None
+        message = {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in self._measured(now).items()
+        }
+        limit = START_LIMIT if self._setup else REPLY_LIMIT
+        line = self._process.ask(self._setup + encode(message), limit)
+        self._setup = b""
+        try:
+            return self.counted(read_reply(line, self.output, self._n))
+        except StackFailedError as error:
+            raise self._with_messages(error) from error
+
+    def end(self) -> None:
+        """End the process with its group; see :class:`.RobotProgram`."""
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+    def run_remarks(self) -> list[str]:
+        """Return what the stack declared, and how often it had no answer."""
+        return [text for text in (self._declared, *super().run_remarks()) if text]
+
+    def _with_messages(self, error: StackFailedError) -> StackFailedError:
+        assert self._process is not None
+        return self._process.failure(str(error))
+
+    def __repr__(self) -> str:
+        return f"<ExternalStack {shlex.join(self._arguments)}>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_process": None}
+
+
+def _arguments(command: Sequence[str] | str, adapter: str | None, python: str | None) -> list[str]:
+    """Return program and arguments; raises as :class:`ExternalStack`."""
+    if bool(command) == (adapter is not None):
+        raise ConfigurationError(
+            'a stack has either a command, ["python3", "my_stack.py"], or an adapter: '
+            f"{', '.join(adapters())}"
+        )
+    if adapter is not None:
+        if adapter not in adapters():
+            raise unknown_name("adapter", adapter, adapters())
+        return [python or sys.executable, str(ADAPTERS / f"{adapter}_stack.py")]
+    if python is not None:
+        raise ConfigurationError("python is the interpreter of an adapter; a command names its own")
+    parts = shlex.split(command) if isinstance(command, str) else list(command)
+    if not parts or not all(isinstance(part, str) and part for part in parts):
+        raise ConfigurationError(
+            f"the command of a stack must be a list of texts, not {format_value(command)}"
+        )
+    return parts

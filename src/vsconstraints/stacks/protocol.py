@@ -1,0 +1,152 @@
+"""Messages between a comparison and a stack in another process: one JSON object per line.
+
+docs/stacks.md describes the protocol. The stack writes a declaration, reads the setup, and then
+answers one line per period with one line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ..errors import format_value, unknown_name
+from ..simulation.programs import OUTPUTS, Answer, Output
+
+VERSION = 1  #: Version of the protocol.
+#: Units of all numbers in messages.
+UNITS = {"length": "m", "angle": "rad", "time": "s", "image": "px"}
+
+#: Data that a stack may use before a run, and what they are.
+BEFORE_A_RUN = {
+    "urdf": "the robot as URDF text without meshes, and the name of its tip",
+    "limits": "ranges, speeds, accelerations and jerks of the joints",
+    "camera": "intrinsics, distortion and mount",
+    "target": "markers, and the frame that they are fixed to",
+    "goals": "pixels and pose of the camera at each goal, and in each period the goal's index",
+    "constraints": "the constraints with their parameters",
+}
+#: Data that a stack may use in each period.
+IN_EACH_PERIOD = {
+    "q": "joint coordinates",
+    "qd": "joint speeds",
+    "pixels": "sensor pixels of the markers, and the time of the image",
+    "pose": "pose of the camera in the target's frame, estimated from the image",
+    "jacobian": "Jacobian of the camera's twist relative to the target, in the camera's frame",
+}
+#: All data that a stack may declare as used.
+USES: dict[str, str] = BEFORE_A_RUN | IN_EACH_PERIOD
+
+
+class StackFailedError(Exception):
+    """A stack cannot go on; the message is the reason, with the end of its output."""
+
+
+class Declaration(msgspec.Struct, forbid_unknown_fields=True):
+    """First line of a stack: what it speaks, uses and commands."""
+
+    protocol: int
+    uses: list[str]
+    output: str
+    name: str = ""  #: Name and version of the stack, for the results.
+
+
+class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """Line of a stack in each period."""
+
+    velocity: list[float] | None = None
+    position: list[float] | None = None
+    acceleration: list[float] | None = None
+    no_answer: str | None = None
+    compute_s: float | None = None
+
+
+encode = msgspec.json.Encoder().encode
+_decode_reply = msgspec.json.Decoder(_Reply).decode
+_decode_declaration = msgspec.json.Decoder(Declaration).decode
+
+
+def checked_declaration(uses: object, output: object) -> tuple[tuple[str, ...], Output]:
+    """Return what a stack declares that it uses and commands.
+
+    Raises StackFailedError, with the candidates, if a name is unknown.
+    """
+    if isinstance(uses, str) or not isinstance(uses, list | tuple):
+        raise StackFailedError(f"uses must be a list of names, not {format_value(uses)}")
+    for name in uses:
+        if name not in USES:
+            raise StackFailedError(str(unknown_name("data in uses", name, USES)))
+    for known in OUTPUTS:
+        if output == known:
+            return tuple(dict.fromkeys(map(str, uses))), known
+    raise StackFailedError(str(unknown_name("output of a stack", output, OUTPUTS)))
+
+
+def read_declaration(line: bytes) -> Declaration:
+    """Return the declaration in a line; raises StackFailedError if it is not one."""
+    try:
+        declaration = _decode_declaration(line)
+    except msgspec.MsgspecError as error:
+        example = '{"protocol": 1, "uses": ["q"], "output": "velocity"}'
+        raise StackFailedError(
+            f"its first line on standard output must be its declaration, such as {example}, "
+            f"not {_shown(line)} ({error})"
+        ) from error
+    if declaration.protocol != VERSION:
+        raise StackFailedError(
+            f"it speaks version {declaration.protocol} of the protocol, and this package version "
+            f"{VERSION}"
+        )
+    checked_declaration(declaration.uses, declaration.output)
+    return declaration
+
+
+def read_reply(line: bytes, output: Output, n: int) -> Answer:
+    """Return the answer in a line for n joints; raises StackFailedError if it is not one."""
+    try:
+        reply = _decode_reply(line)
+    except msgspec.MsgspecError as error:
+        if b"NaN" in line or b"Infinity" in line:
+            raise StackFailedError(
+                f"it answered numbers that are not finite: {_shown(line)}"
+            ) from error
+        raise StackFailedError(
+            "a line on standard output must be an answer, and everything else belongs on standard "
+            f"error: it wrote {_shown(line)} ({error})"
+        ) from error
+    time = math.nan if reply.compute_s is None else reply.compute_s
+    if reply.no_answer is not None:
+        return Answer(None, time, reply.no_answer or "it gave no reason")
+    return checked_answer(getattr(reply, output), output, n, time)
+
+
+def checked_answer(command: Any, output: Output, n: int, compute_time: float) -> Answer:
+    """Return an answer for n joints; raises StackFailedError if it is not n finite numbers."""
+    if command is None:
+        raise StackFailedError(f"it declared the output {output!r} and answered none")
+    try:
+        numbers = np.array(command, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise StackFailedError(
+            f"its {output} must be {n} numbers, not {format_value(command)}"
+        ) from error
+    if numbers.shape != (n,):
+        raise StackFailedError(
+            f"its {output} must be {n} numbers, one per joint; it has the shape {numbers.shape}"
+        )
+    if not np.isfinite(numbers).all():
+        raise StackFailedError(f"its {output} is not finite: {numbers}")
+    return Answer(numbers, compute_time)
+
+
+def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the message that a stack gets before a run."""
+    return {"protocol": VERSION, "units": UNITS, "settings": dict(settings), **data}
+
+
+def _shown(line: bytes, most: int = 200) -> str:
+    text = line.decode("utf-8", "replace").strip()
+    return repr(text if len(text) <= most else f"{text[:most]}…")

@@ -1,0 +1,155 @@
+"""Base of stacks: classes that get measurements and data of a scenario, in this process."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import described, format_value
+from ..simulation.programs import Answer, Observation, Output, RobotProgram
+from ..simulation.setup import Setup
+from ..vision.measurement import estimated_pose
+from .description import describe, matrix
+from .protocol import USES, StackFailedError, checked_answer, checked_declaration, setup_message
+
+MAX_REASONS = 3  #: Number of different reasons for having no answer that a remark lists.
+
+
+class NoAnswer(Exception):
+    """A stack has no answer for this period; the message is the reason.
+
+    The run goes on. The arm is brought to rest until there is an answer again.
+    """
+
+
+class Declared(dict[str, Any]):
+    """Data that a stack has declared as used; others raise StackFailedError."""
+
+    def __missing__(self, key: str) -> Any:
+        section = {"taken": "pixels", "camera_in_target": "pose", "goal": "goals"}.get(key, key)
+        if section in USES:
+            raise StackFailedError(
+                f"the stack uses {key!r} without declaring it: add {section!r} to uses"
+            )
+        raise KeyError(key)
+
+
+class Measured:
+    """Measurements of a run as data, only those that a stack has declared."""
+
+    def __init__(self, setup: Setup, uses: tuple[str, ...]) -> None:
+        sensor = setup.sensor()
+        self._scene = sensor.believed
+        self._uses = uses
+        self._pose: tuple[float, Any] = np.nan, None  # of the last image, and its time
+
+    def __call__(self, now: Observation) -> dict[str, Any]:
+        """Return the measurements of a period, with arrays."""
+        uses = self._uses
+        data: dict[str, Any] = {"t": now.t}
+        if "goals" in uses:
+            data["goal"] = now.goal
+        if "q" in uses:
+            data["q"] = now.q
+        if "qd" in uses:
+            data["qd"] = now.qd
+        if "pixels" in uses:
+            data["pixels"] = self._scene.camera.to_corner(now.pixels, "centres")
+        if "pixels" in uses or "pose" in uses:
+            data["taken"] = now.taken
+        if "pose" in uses:
+            data["camera_in_target"] = self._camera_in_target(now)
+        if "jacobian" in uses:
+            data["jacobian"] = self._scene.camera_jacobian(now.q)
+        return data
+
+    def _camera_in_target(self, now: Observation) -> Any:
+        """Return the homogeneous matrix (4, 4) of the camera's pose in the newest image."""
+        if now.exact:
+            return np.array(matrix(now.near))
+        last, pose = self._pose
+        if last == now.taken and pose is not None and now.taken < now.t:
+            return pose
+        scene = self._scene
+        seen = scene.camera.normalised(scene.camera.undistort(now.pixels))
+        pose = np.array(matrix(estimated_pose(scene.markers, seen, now.near)))
+        self._pose = now.taken, pose
+        return pose
+
+
+class MeasuredProgram(RobotProgram):
+    """Robot program that counts the periods without an answer."""
+
+    _unanswered: Counter[str] | None = None  # periods without an answer by reason
+    _periods = 0
+
+    def begin(self, setup: Setup) -> None:
+        """Begin a run; see :class:`.RobotProgram`."""
+        self._unanswered = Counter()
+        self._periods = 0
+
+    def counted(self, answer: Answer) -> Answer:
+        """Return the answer, after counting it."""
+        self._periods += 1
+        if answer.command is None and self._unanswered is not None:
+            self._unanswered[answer.reason] += 1
+        return answer
+
+    def run_remarks(self) -> list[str]:
+        """Return a remark on the periods without an answer; see :class:`.RobotProgram`."""
+        if not self._unanswered:
+            return []
+        missed = self._unanswered.total()
+        listed = "; ".join(
+            f"{count} times {format_value(reason)}"
+            for reason, count in self._unanswered.most_common(MAX_REASONS)
+        )
+        return [
+            f"no answer in {missed} of {self._periods} periods, in which the arm was brought to "
+            f"rest: {listed}"
+        ]
+
+
+class Stack(MeasuredProgram):
+    """Stack in this process: a class that gets the same data as a stack in another one.
+
+    A subclass defines ``name``, ``uses``, ``output``, :meth:`start` and :meth:`step`. Arguments of
+    its constructor are options in files.
+    """
+
+    uses: tuple[str, ...] = ()  #: Data that it gets: names of :data:`.USES`.
+    output: Output = "velocity"
+    settings: ClassVar[Mapping[str, Any]] = {}
+
+    @abstractmethod
+    def start(self, setup: Mapping[str, Any]) -> None:
+        """Begin a run with the data of docs/stacks.md that ``uses`` names."""
+
+    @abstractmethod
+    def step(self, now: Mapping[str, Any]) -> Any:
+        """Return the command (n,) for a period; raises :class:`NoAnswer` if there is none."""
+
+    def begin(self, setup: Setup) -> None:
+        """Begin a run; see :class:`.RobotProgram`."""
+        super().begin(setup)
+        uses, _ = checked_declaration(self.uses, self.output)
+        self._n = setup.scene.robot.n
+        self._measured = Measured(setup, uses)
+        self.start(Declared(setup_message(describe(setup, uses), self.settings)))
+
+    def respond(self, now: Observation) -> Answer:
+        """Compute the command for a period; see :class:`.RobotProgram`."""
+        data = Declared(self._measured(now))
+        begun = perf_counter()
+        try:
+            command = self.step(data)
+        except NoAnswer as error:
+            return self.counted(
+                Answer(None, perf_counter() - begun, str(error) or described(error))
+            )
+        return self.counted(checked_answer(command, self.output, self._n, perf_counter() - begun))

@@ -1,0 +1,325 @@
+"""Recorded runs are scored as simulated ones, whatever file holds them; bad files are named."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from vsconstraints.cli import app
+from vsconstraints.comparisons import RunRecord, score
+from vsconstraints.comparisons.metrics import METRICS
+from vsconstraints.controllers import Controller, SlidingMode, Tracking
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.plugins.classes import code_named, imported_class
+from vsconstraints.robots.robot import Robot
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import Scenario
+from vsconstraints.score import NAME_OF_LAW, Recorded, read_recording, recorded_trajectory
+from vsconstraints.simulation import Setup, Trajectory, simulate
+
+ROOT = Path(__file__).parents[1]
+OTHER = {"status", "reason", "compiled", *(m.column for m in METRICS if m.kind == "time")}
+"""Columns that a file of joint states does not determine."""
+
+
+@pytest.fixture(scope="module")
+def setup() -> Setup:
+    return Scenario.load("ur5-fov").with_override("duration", 1.2).setup()
+
+
+@pytest.fixture(scope="module")
+def run(setup: Setup) -> Trajectory:
+    return simulate(setup, SlidingMode())
+
+
+@pytest.fixture(scope="module")
+def robot(setup: Setup) -> Robot:
+    return setup.scene.robot
+
+
+def write(path: Path, columns: Mapping[str, Any]) -> Path:
+    """Write columns to a CSV file, every number as it is."""
+    with path.open("w", newline="") as file:
+        lines = csv.writer(file)
+        lines.writerow(columns)
+        lines.writerows(
+            zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+        )
+    return path
+
+
+def columns_of(run: Trajectory, names: tuple[str, ...], **what: Array) -> dict[str, Array]:
+    """Return time and columns NAME.WHAT of arrays (N, n)."""
+    return {"t": run.t} | {
+        f"{name}.{which}": values[:, i]
+        for which, values in what.items()
+        for i, name in enumerate(names)
+    }
+
+
+def scores_of(setup: Setup, run: Trajectory, baseline: Trajectory) -> tuple[Any, Any]:
+    found = score(RunRecord.of(setup, run, ""), RunRecord.of(setup, baseline, ""))
+    return {k: v for k, v in found.result.items() if k not in OTHER}, found.constraints
+
+
+@pytest.mark.parametrize("ending", ["npz", "csv", "parquet"])
+def test_an_exported_run_has_the_scores_of_the_simulation(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path, ending: str
+) -> None:
+    file = tmp_path / f"run.{ending}"
+    columns = columns_of(
+        run, robot.joint_names, position=run.q, velocity=run.qd, command=run.qdd_command
+    )
+    if ending == "npz":
+        np.savez(file, t=run.t, q=run.q, qd=run.qd, qdd_command=run.qdd_command)
+    elif ending == "csv":
+        write(file, dict(reversed(columns.items())))
+    else:
+        pandas = pytest.importorskip("pandas")
+        pytest.importorskip("pyarrow")
+        pandas.DataFrame(columns).to_parquet(file)
+    again = recorded_trajectory(setup, read_recording(file, robot), "a file")
+    baseline = simulate(setup, Tracking())
+    np.testing.assert_equal(scores_of(setup, again, baseline), scores_of(setup, run, baseline))
+    assert again.status == run.status
+    assert again.reason.startswith("recorded in a file")
+
+
+def test_positions_alone_at_other_times_are_interpolated(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    """At uneven times, up to 5 ms apart, by an arm whose acceleration changes by up to 40 rad/s².
+
+    A curve that misses such a change is wrong by 40 × 0.005²/8 = 1.25e-4 rad at most.
+    """
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.001, 0.005, 600))
+    t = np.concatenate(([0.0], t[t < 1.2]))
+    smooth = simulate(setup, Tracking())
+    # exact inside a period of constant acceleration
+    k = np.searchsorted(smooth.t, t + 1e-12, side="right") - 1
+    s = (t - smooth.t[k])[:, None]
+    q = smooth.q[k] + s * smooth.qd[k] + 0.5 * s * s * smooth.qdd_command[k]
+    file = write(
+        tmp_path / "run.csv",
+        {"timestamp_ns": 1.7e18 + np.round(1e9 * t), **{f"q{i + 1}": q[:, i] for i in range(6)}},
+    )
+    found = recorded_trajectory(setup, read_recording(file, robot), "it")
+    N = len(found.t)
+    assert int(t[-1] / setup.Ts) + 1 == N
+    np.testing.assert_allclose(found.q, smooth.q[:N], atol=1.25e-4)
+    np.testing.assert_allclose(found.clearance, smooth.clearance[:N], rtol=0.02, atol=0.15)
+    assert "accelerations are differences" in found.reason
+
+
+def test_measured_pixels_count_instead_of_those_of_the_model(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    """All markers 3 px further to the right: at the right border 3 px less are left."""
+    pixels = run.features_px + np.array([3.0, 0.0])
+    pixels[5, 1] = np.nan
+    file = tmp_path / "run.npz"
+    np.savez(file, t=run.t, q=run.q, qd=run.qd, qdd_command=run.qdd_command, pixels=pixels)
+    found = recorded_trajectory(setup, read_recording(file, robot, markers=4), "it")
+    assert "deviate by up to 3" in found.reason
+    of_image = [unit == "px" for unit in setup.constraints.units]
+    expected = setup.clearance(
+        run.t, run.q, run.qd, run.features_px + np.array([3.0, 0.0]), run.points
+    )
+    np.testing.assert_allclose(found.clearance[6:, of_image], expected[6:, of_image], atol=1e-9)
+    assert np.isfinite(found.clearance).all()
+    assert np.abs(found.clearance - run.clearance)[:, of_image].max() > 2.0
+    assert (found.clearance == run.clearance)[:, np.invert(of_image)].all()
+
+
+# --- bags ---
+
+
+def write_bag(path: Path, run: Trajectory, names: tuple[str, ...], storage: str) -> None:
+    """Joint states in another order and with a gripper, and messages of the gripper alone."""
+    writer = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = store.types
+    kind = "sensor_msgs/msg/JointState"
+    order = [3, 1, 5, 0, 2, 4]
+    none = np.empty(0)
+    with writer.Writer(path, version=9, storage_plugin=writer.StoragePlugin[storage]) as bag:
+        connection = bag.add_connection("/joint_states", kind, typestore=store)
+        for k, t in enumerate(run.t):
+            at = round(1e9 * (1.7e9 + t))
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+            header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            arm = ["finger", *(names[i] for i in order)]
+            for joints, q, qd in (
+                (arm, [0.0, *run.q[k, order]], [0.0, *run.qd[k, order]]),
+                (["finger"], [0.0], [0.0]),
+            ):
+                message = kinds[kind](header, joints, np.array(q), np.array(qd), none)
+                bag.write(connection, at + 1_000_000, store.serialize_cdr(message, kind))
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_joint_states_of_bags_are_matched_by_name(
+    run: Trajectory, robot: Robot, tmp_path: Path, storage: str
+) -> None:
+    bag = tmp_path / "bag"
+    write_bag(bag, run, robot.joint_names, storage)
+    for path in (bag, *bag.glob("*.mcap")):
+        found = read_recording(path, robot)
+        np.testing.assert_allclose(found.t, run.t, atol=1e-6)
+        np.testing.assert_array_equal(found.q, run.q)
+        np.testing.assert_array_equal(found.qd, run.qd)
+        assert found.remarks == (f"{len(run.t)} samples without all joints are left out",)
+    with pytest.raises(
+        ConfigurationError, match=r"no /arm of sensor_msgs/msg/JointState; .*states"
+    ):
+        read_recording(bag, robot, topic="/arm")
+    with pytest.raises(
+        ConfigurationError, match=r"no positions of turn, .*spin, .*finger.position"
+    ):
+        read_recording(bag, Robot.from_urdf(ROOT / "examples" / "six_axis.urdf", tip="tool"))
+
+
+# --- files that cannot be meant ---
+
+
+def bad(run: Trajectory, **changes: Any) -> dict[str, Array]:
+    return {"t": run.t, **{f"q{i + 1}": run.q[:, i] for i in range(6)}, **changes}
+
+
+def jumping(t: Array, at: int, by: float) -> Array:
+    return np.concatenate((t[:at], t[at:] + by))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda run: {"t": 1e3 * run.t}, "2 s apart: are the times in ms or ns"),
+        (lambda run: {"t": jumping(run.t, 300, -0.25)}, "backwards by 0.248 s after sample 300.*--start"),
+        (lambda run: {"t": 0.0 * run.t}, "all samples have the same time"),
+        (lambda run: {f"q{i + 1}": np.rad2deg(run.q[:, i]) for i in range(6)}, "degrees, not rad.*--degrees"),
+        (lambda run: {f"qd{i + 1}": np.rad2deg(run.qd[:, i]) for i in range(6)}, "speeds are 57.3 times"),
+        (lambda run: {"q3": np.full(len(run.t), np.nan)}, "less than two samples with all joints"),
+        (lambda run: {"u1": run.t, "v1": run.t}, "no columns u2, v2.*all 4 markers"),
+    ],
+)  # fmt: skip
+def test_bad_files_are_named_with_the_remedy(
+    run: Trajectory, robot: Robot, tmp_path: Path, change: Any, words: str
+) -> None:
+    file = write(tmp_path / "run.csv", bad(run, **change(run)))
+    with pytest.raises(ConfigurationError, match=words):
+        read_recording(file, robot, markers=4)
+
+
+def test_remedies_work(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
+    degrees = {f"q{i + 1}": np.rad2deg(run.q[:, i]) for i in range(6)}
+    file = write(tmp_path / "degrees.csv", bad(run, **degrees))
+    np.testing.assert_allclose(read_recording(file, robot, degrees=True).q, run.q, atol=1e-12)
+    back = write(tmp_path / "back.csv", bad(run, t=jumping(run.t, 300, -0.25)))
+    found = read_recording(back, robot, end=run.t[299])
+    np.testing.assert_array_equal(found.q, run.q[:299])
+
+
+def test_gaps_and_repeated_times_are_named(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
+    t = jumping(run.t, 200, 0.4)
+    t[101] = t[100]
+    found = read_recording(write(tmp_path / "run.csv", bad(run, t=t)), robot)
+    assert found.remarks[0] == "1 samples repeat a time and are left out"
+    assert "no sample for 0.402 s from t = 0.398 s on, a gap or a jump" in found.remarks[1]
+    assert len(found.remarks) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t,q1\n0.0,a\n", "line 2: 'a' is no number"),
+        ("t,q1\n0.0\n", "line 2: 1 values for 2 columns"),
+        ("q1,q2\n0.0,1.0\n", "no column of times.*q1, q2"),
+        ("t,q1\n", "has no samples"),
+        ("", "no column of times.*none"),
+    ],
+)
+def test_damaged_tables(text: str, words: str, robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        read_recording(tmp_path / "run.csv", robot)
+
+
+def test_files_of_other_kinds(robot: Robot, tmp_path: Path) -> None:
+    for name, words in (
+        ("run.txt", r"ends in \.csv"),
+        ("run.npz", "cannot read"),
+        ("no.csv", "cannot"),
+    ):
+        (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 damaged")
+        with pytest.raises(ConfigurationError, match=words):
+            read_recording(tmp_path / name, robot)
+
+
+# --- the command ---
+
+
+def test_a_mujoco_run_is_scored_by_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last joint exceeds its 0.8 rad/s; depth and time are those of the file's own column."""
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    command = [sys.executable, str(ROOT / "examples" / "mujoco_run.py"), "run.csv"]
+    subprocess.run(command, check=True, timeout=120)
+    with open("run.csv", newline="") as file:
+        speed = np.array([float(line["spin.velocity"]) for line in csv.DictReader(file)])
+    arguments = ["score", "run.csv", "--scenario", str(ROOT / "examples" / "my-arm.toml")]
+    done = CliRunner().invoke(app, [*arguments, "--out", "scored"])
+    assert done.exit_code == 0, done.output
+    with open("scored/constraints.csv", newline="") as file:
+        lines = {
+            line["constraint"]: line for line in csv.DictReader(file) if line["controller"] == "run"
+        }
+    upper = lines["speed[joint 6].upper"]
+    assert float(upper["violation_depth"]) == pytest.approx(speed.max() - 0.8, rel=1e-3)
+    outside = 0.002 * np.count_nonzero(speed > 0.8 * (1 + 1e-4))
+    assert float(upper["violation_time_s"]) == pytest.approx(outside, abs=0.005)
+    assert not float(lines["speed[joint 6].lower"]["violation_depth"])
+    assert list(Path("scored/figures").iterdir())
+    # nothing is lost: another recording needs another folder
+    (tmp_path / "other.csv").write_bytes((tmp_path / "run.csv").read_bytes())
+    refused = CliRunner().invoke(app, ["score", "other.csv", *arguments[2:], "--out", "scored"])
+    assert isinstance(refused.exception, ConfigurationError)
+    assert "would be lost" in str(refused.exception)
+    assert RunRecord.load(Path("scored/trajectories/my-arm--run--0.npz")) is not None
+
+
+def test_results_of_recorded_runs_need_no_trust_and_no_file_takes_the_place_of_their_law(
+    tmp_path: Path,
+) -> None:
+    assert not list(code_named({"type": NAME_OF_LAW}))
+    for other in ("vsconstraints.score.py:Recorded", "own.vsconstraints.score:Recorded"):
+        assert list(code_named({"type": other})) == [other]
+    (tmp_path / "vsconstraints" / "score").mkdir(parents=True)
+    (tmp_path / "vsconstraints" / "score" / "scored.py").write_text("raise SystemExit")
+    assert imported_class(NAME_OF_LAW, Controller, tmp_path) is Recorded
+
+
+def test_what_an_arm_takes_is_no_matter_for_its_recorded_motion(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    arm = {"command": "velocity", "lag": 0.05, "acceleration": 8.0}
+    of_velocities = Scenario.load("ur5-fov").with_override("arm", arm).setup()
+    file = write(tmp_path / "run.csv", bad(run))
+    found = [
+        recorded_trajectory(one, read_recording(file, robot), "it")
+        for one in (setup, of_velocities)
+    ]
+    np.testing.assert_array_equal(found[0].q, found[1].q)
+    np.testing.assert_array_equal(found[0].clearance, found[1].clearance)

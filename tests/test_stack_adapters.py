@@ -1,0 +1,191 @@
+"""Adapters answer what a direct call of their package gives, in that package's environment.
+
+The environments take some 7 GB: they are made in the folder that VSCONSTRAINTS_STACKS names.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation.programs import Observation
+from vsconstraints.stacks import USES
+from vsconstraints.stacks.description import describe, matrix
+from vsconstraints.stacks.environments import make_environment, requirements
+from vsconstraints.stacks.external import ADAPTERS, adapters
+from vsconstraints.stacks.protocol import encode, setup_message
+from vsconstraints.stacks.stack import Measured
+
+ENVIRONMENTS = os.environ.get("VSCONSTRAINTS_STACKS")
+VISP = Path(__file__).parents[1] / "controllers" / "visp" / "visp_stack.cpp"
+#: Greatest difference from a direct call, relative to the answer. The solvers of OInK and cbfpy
+#: iterate up to a tolerance, so that rounding of their input changes when they stop.
+TOLERANCE = {"oink": 1e-6, "cbfpy": 1e-6}
+EXACT = 1e-12
+
+
+def python_of(adapter):
+    if ENVIRONMENTS is None:
+        pytest.skip("VSCONSTRAINTS_STACKS names no folder for the environments of the adapters")
+    try:
+        return make_environment(Path(ENVIRONMENTS), adapter)
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"{adapter} cannot be installed here: {error}")
+
+
+def recorded(feature="camera-pose", count=12):
+    """A setup message and states around the start of ur5-fov, with what direct calls need."""
+    scenario = Scenario.load("ur5-fov").with_override("task.feature", feature)
+    setup = scenario.setup()
+    scene = setup.scene
+    measured = Measured(setup, tuple(USES))
+    goal = setup.task.goals[0].camera
+    random = np.random.default_rng(5)
+    half = setup.constraints.constraints[0].half_size
+    states = []
+    while len(states) < count:
+        q = setup.q0 + random.uniform(-0.15, 0.15, 6)
+        qd = random.uniform(-0.3, 0.3, 6)
+        state = scene.evaluate(0.0, q, qd)
+        pixels = state.pixels.position
+        if (np.abs(pixels) > half).any():
+            continue
+        now = measured(Observation(0.0, 0, q, qd, pixels, 0.0, state.camera, True))
+        away = state.camera.inverse @ goal
+        J = state.pixels.J.reshape(-1, 6)
+        beyond = np.concatenate((pixels - half, -pixels - half)).ravel()
+        twist = np.concatenate((away.t, pin.log3(away.R)))
+        states.append(
+            {name: np.asarray(value).tolist() for name, value in now.items()}
+            | {
+                "tip_goal": matrix(goal @ scene.camera.mount),
+                "sigma": beyond.tolist(),
+                "sigma_J": np.concatenate((J, -J)).tolist(),
+                "depth": state.depth.tolist(),
+                "resolved_rate": (2.0 * np.linalg.pinv(state.camera_J) @ twist).tolist(),
+            }
+        )
+    return setup_message(describe(setup, USES), {}), states
+
+
+def answers_of(command, setup, states):
+    """The answers of a stack to recorded states, by the protocol alone."""
+    lines = b"\n".join(map(encode, (setup, *states))) + b"\n"
+    done = subprocess.run(command, input=lines, capture_output=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr.decode()
+    declared, *replies = map(json.loads, done.stdout.splitlines())
+    assert set(declared["uses"]) <= set(USES)
+    assert len(replies) == len(states)
+    return np.array([reply[declared["output"]] for reply in replies])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_answers_what_a_direct_call_gives(adapter, tmp_path):
+    python = python_of(adapter)
+    setup, states = recorded("image-points" if adapter == "mvt" else "camera-pose")
+    file = tmp_path / "recorded.json"
+    file.write_bytes(encode({"setup": setup, "states": states}))
+    answers = answers_of([python, ADAPTERS / f"{adapter}_stack.py"], setup, states)
+    call = [python, Path(__file__).with_name("direct_peers.py"), adapter, file]
+    done = subprocess.run(call, capture_output=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr.decode()
+    direct = np.array(json.loads(done.stdout.splitlines()[-1]))
+    assert np.abs(direct).max() > 0.1
+    difference = np.abs(answers - direct).max() / np.abs(direct).max()
+    assert difference < TOLERANCE.get(adapter, EXACT)
+
+
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_states_its_packages(adapter):
+    assert "numpy" in requirements(adapter)
+    assert any("==" in package for package in requirements(adapter))
+
+
+@pytest.fixture(scope="module")
+def visp(tmp_path_factory):
+    compiler = shutil.which("c++")
+    program = tmp_path_factory.mktemp("visp") / "visp_stack"
+    libraries = ["-lvisp_core", "-lvisp_visual_features", "-lvisp_vs"]
+    if compiler is None:
+        pytest.skip("there is no C++ compiler")
+    probe = [compiler, "-x", "c++", "-fsyntax-only", "-include", "visp3/vs/vpServo.h", os.devnull]
+    if subprocess.run(probe, capture_output=True, check=False).returncode:
+        pytest.skip("ViSP is not installed: Debian's libvisp-vs-dev")
+    subprocess.run([compiler, "-O2", "-std=c++17", VISP, "-o", program, *libraries], check=True)
+    return program
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feature", ["image-points", "camera-pose"])
+def test_visp_answers_its_control_law(visp, feature):
+    """q̇ = −λ (L J)† e by NumPy, from ViSP's documentation: ViSP has no binding to call directly."""
+    setup, states = recorded(feature)
+    setup["settings"] = {"saturation": 0.0, "gain": 0.7}
+    answers = answers_of([visp], setup, states)
+    f = np.array(setup["camera"]["intrinsics"][:2])
+    c = np.array(setup["camera"]["intrinsics"][2:])
+    goal = setup["goals"][0]
+    for state, answer in zip(states, answers, strict=True):
+        J = np.array(state["jacobian"])
+        if feature == "image-points":
+            x = (np.array(state["pixels"]) - c) / f
+            error = (x - (np.array(goal["pixels"]) - c) / f).ravel()
+            L_J = (np.array(state["sigma_J"])[: 2 * len(x)].reshape(-1, 2, 6) / f[:, None]).reshape(
+                -1, 6
+            )
+        else:
+            moved = np.linalg.inv(goal["camera_in_target"]) @ np.array(state["camera_in_target"])
+            turn = pin.log3(moved[:3, :3])
+            error = np.concatenate((moved[:3, 3], turn))
+            # L_θu of cdRc, and R for the translation of the camera in its frame at the goal
+            L = np.zeros((6, 6))
+            L[:3, :3] = moved[:3, :3]
+            L[3:, 3:] = np.linalg.inv(pin.Jexp3(turn))
+            L_J = L @ J
+        assert (
+            np.abs(answer + 0.7 * np.linalg.pinv(L_J) @ error).max() < 1e-9 * np.abs(answer).max()
+        )
+
+
+@pytest.mark.slow
+def test_visp_avoids_a_limit_unless_the_primary_task_is_fast(visp):
+    """The report visp#1946: avoidance vanishes where it is needed most."""
+    setup, states = recorded("camera-pose", 1)
+    q = np.array(states[0]["q"])
+    upper = q + 1.0
+    upper[2] = q[2] + 0.02  # the primary task moves joint 3 towards this limit
+    limits = {**setup["limits"], "lower": (q - 1.0).tolist(), "upper": upper.tolist()}
+    speeds = {}
+    for gain in (2.0, 4.0):
+        for avoidance in (0.0, 1.0):
+            own = {"saturation": 0.0, "gain": gain, "avoidance": avoidance}
+            task = {**setup, "limits": limits, "settings": own}
+            speeds[gain, avoidance] = answers_of([visp], task, states)[0, 2]
+    assert speeds[2.0, 0.0] > 0.7
+    assert speeds[2.0, 1.0] < -0.5
+    assert speeds[4.0, 1.0] == speeds[4.0, 0.0] > 1.4
+
+
+@pytest.mark.slow
+def test_the_example_in_c_compiles_and_answers_as_the_one_in_python(tmp_path):
+    compiler = shutil.which("c++")
+    if compiler is None:
+        pytest.skip("there is no C++ compiler")
+    examples = Path(__file__).parents[1] / "examples" / "stacks"
+    program = tmp_path / "image_based"
+    subprocess.run(
+        [compiler, "-O2", "-std=c++17", examples / "image_based.cpp", "-o", program], check=True
+    )
+    setup, states = recorded("image-points")
+    ours = answers_of([sys.executable, examples / "image_based.py"], setup, states)
+    theirs = answers_of([program], setup, states)
+    # damped by 1e-8 in C++, the pseudoinverse in Python
+    assert np.abs(ours - theirs).max() < 1e-4 * np.abs(ours).max()

@@ -1,0 +1,391 @@
+"""Stacks: what they get, what they may answer, and what becomes of those that fail."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from vsconstraints import Robot
+from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.robots.catalogue import READY_MADE
+from vsconstraints.rows import Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+from vsconstraints.simulation.programs import Observation
+from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, external
+from vsconstraints.stacks.description import describe
+from vsconstraints.stacks.protocol import USES
+from vsconstraints.stacks.stack import Measured
+from vsconstraints.stacks.urdf import urdf_text
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "stacks"
+DECLARATION = '{"protocol": 1, "uses": ["q"], "output": "velocity"}'
+GREETS = f"import sys, time, os, json\nprint('{DECLARATION}', flush=True)\nsetup = sys.stdin.readline()\n"
+ANSWERS = GREETS + "for line in sys.stdin:\n    "
+STILL = "print('{\"velocity\": [0, 0, 0, 0, 0, 0]}', flush=True)\n"
+
+
+@pytest.fixture(scope="module")
+def setup():
+    return Scenario.load("ur5-fov").with_override("duration", 0.02).setup()
+
+
+def observed(setup, t=0.0):
+    sensor = setup.sensor()
+    state = setup.scene.evaluate(t, setup.q0, setup.qd0)
+    pixels = setup.scene.camera.distort(state.pixels.position)
+    return Observation(t, 0, setup.q0, setup.qd0, pixels, t, state.camera, not sensor.estimates)
+
+
+def asked(setup, code, periods=1):
+    """Answer of a program in the last of some periods, or the reason of its failure."""
+    stack = ExternalStack([sys.executable, "-c", code])
+    try:
+        stack.begin(setup)
+        for k in range(periods):
+            answer = stack.respond(observed(setup, 0.002 * k))
+    finally:
+        stack.end()
+    return answer
+
+
+FAILING = {
+    "dies at once": ("raise SystemExit(3)", "exit code 3"),
+    "dies later": (GREETS + "raise ValueError('no robot')", "ValueError: no robot"),
+    "is killed": (GREETS + "os.kill(os.getpid(), 9)", "SIGKILL"),
+    "greets with text": ("print('hello', flush=True)\nimport time; time.sleep(9)", "declaration"),
+    "speaks version 2": (f"print('{DECLARATION.replace('1', '2')}', flush=True)", "version 2"),
+    "uses what there is not": (f"print('{DECLARATION.replace('q', 'depth')}')", "unknown data in uses 'depth'"),
+    "commands torques": (f"print('{DECLARATION.replace('velocity', 'torque')}')", "unknown output of a stack 'torque'"),
+    "prints beside": (ANSWERS + "print('solved', flush=True); " + STILL, "'solved'"),
+    "prints afterwards": (ANSWERS + STILL.replace("\n", "; print('solved', flush=True)\n"), "solved"),
+    "answers NaN": (ANSWERS + "print('{\"velocity\": [NaN, 0, 0, 0, 0, 0]}', flush=True)", "not finite"),
+    "answers infinity": (ANSWERS + "print('{\"velocity\": [1e999, 0, 0, 0, 0, 0]}', flush=True)", "finite|range"),
+    "answers five": (ANSWERS + "print('{\"velocity\": [0, 0, 0, 0, 0]}', flush=True)", "6 numbers, one per joint"),
+    "answers a text": (ANSWERS + "print('{\"velocity\": \"fast\"}', flush=True)", "fast"),
+    "answers positions": (ANSWERS + "print('{\"position\": [0, 0, 0, 0, 0, 0]}', flush=True)", "output 'velocity'"),
+    "closes its output": (GREETS + "os.close(1); time.sleep(9)", "closed its standard output"),
+    "writes without end": (GREETS + "while True: os.write(1, b'0' * 65536)", "line of more than"),
+    "hangs": (GREETS + "time.sleep(99)", "no answer within"),
+    "is busy on standard error": (GREETS + "while True: os.write(2, b'busy\\n' * 1000)", "no answer within"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", FAILING)
+def test_a_stack_that_fails_is_refused_with_the_reason_and_its_last_messages(
+    setup, what, monkeypatch
+):
+    monkeypatch.setattr(
+        external, "START_LIMIT", 5.0 if what not in ("hangs", "is busy on standard error") else 1.0
+    )
+    code, reason = FAILING[what]
+    with pytest.raises(StackFailedError, match=reason):
+        asked(setup, code, periods=3)
+
+
+def test_a_late_answer_ends_the_run_after_the_limit_of_a_reply(setup, monkeypatch):
+    monkeypatch.setattr(external, "REPLY_LIMIT", 0.3)
+    late = ANSWERS + "time.sleep(5 if json.loads(line)['t'] else 0); " + STILL
+    begun = time.monotonic()
+    with pytest.raises(StackFailedError, match=r"no answer within 0\.3 s"):
+        asked(setup, late, periods=2)
+    assert time.monotonic() - begun < 5.0
+
+
+def test_the_total_time_of_a_run_is_limited(setup, monkeypatch):
+    monkeypatch.setattr(external, "RUN_LIMIT", 0.5)
+    with pytest.raises(StackFailedError, match=r"more than 0\.5 s"):
+        asked(setup, GREETS + "time.sleep(99)")
+
+
+def test_a_command_that_does_not_exist_is_named(setup):
+    with pytest.raises(StackFailedError, match="no-such-program"):
+        ExternalStack(["no-such-program"]).begin(setup)
+
+
+def test_the_whole_group_of_a_stack_ends_with_its_run(setup, tmp_path):
+    """Neither a child that ignores the end of its input nor its own child is left."""
+    pids = tmp_path / "pids"
+    code = ANSWERS.replace(
+        "setup =",
+        "import subprocess, signal\n"
+        "other = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(99)'])\n"
+        f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{other.pid}}')\n"
+        "setup =",
+    ) + STILL + "time.sleep(99)\n"  # fmt: skip
+    stack = ExternalStack([sys.executable, "-c", code])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    stack.end()
+    for pid in map(int, pids.read_text().split()):
+        assert ended(pid)
+
+
+def ended(pid):
+    """True if a process is gone within a second; one that init has yet to reap counts as gone."""
+    for _ in range(100):
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_a_stack_gets_only_what_it_declares(setup):
+    echo = ANSWERS + (
+        "print(json.dumps({'no_answer': ' '.join([*json.loads(setup), *json.loads(line)])}), flush=True)"
+    )
+    given = asked(setup, echo).reason.split()
+    assert given == ["protocol", "units", "settings", "period", "joints", "t", "q"]
+
+
+class Sparing(Stack):
+    name = "sparing"
+    uses = ("q",)
+
+    def start(self, setup):
+        self.setup = setup
+
+    def step(self, now):
+        return 0.0 * now["pixels"]
+
+
+def test_a_class_that_uses_more_than_it_declares_fails_by_name(setup):
+    run = simulate(setup, Sparing())
+    assert run.status == "failed"
+    assert "add 'pixels' to uses" in run.reason
+
+
+class Posed(Stack):
+    """Brings the joints to rest at given coordinates, and has no answer at first."""
+
+    name = "posed"
+    uses = ("q",)
+    goal = 0.1
+
+    def start(self, setup):
+        self.asked = 0
+
+    def step(self, now):
+        self.asked += 1
+        if self.asked <= 3:
+            raise NoAnswer("still thinking")
+        return self.goal * np.ones(6) if self.output == "velocity" else now["q"]
+
+
+def test_periods_without_an_answer_are_counted_and_stop_the_arm(setup):
+    run = simulate(setup, Posed())
+    assert "no answer in 3 of 11 periods" in run.reason
+    assert "3 times 'still thinking'" in run.reason
+    assert np.abs(run.qd[:4]).max() == 0.0
+    assert np.allclose(run.qd[5:], 0.1, atol=1e-12)
+
+
+def test_velocities_need_a_limit_of_accelerations(setup):
+    """An arm that takes any acceleration would jump."""
+    free = Scenario.load("case-study-6r").with_override("duration", 0.02).setup()
+    assert not free.limits.any
+    run = simulate(free, Posed())
+    assert run.status == "failed"
+    assert 'arm = { command = "velocity"' in run.reason
+
+
+def test_a_velocity_arm_follows_the_commanded_velocities(setup):
+    arm = {"command": "velocity", "lag": 0.02, "acceleration": 8.0}
+    scene = Scenario.load("ur5-fov").with_override("duration", 0.1).with_override("arm", arm)
+    run = simulate(scene.setup(), Posed())
+    assert np.abs(np.diff(run.qd, axis=0)).max() <= 8.0 * 0.002 + 1e-12
+    assert (run.qd[-1] > 0.09).all()
+
+
+def test_rows_and_a_task_are_refused(setup):
+    with pytest.raises(InvalidInput, match="gets measurements"):
+        Posed().command(Rows.none(6), Task(np.eye(6), np.zeros(6)))
+
+
+IMAGE_BASED = (EXAMPLES / "image_based.py").read_text(encoding="utf-8")
+
+
+class InProcess(Stack):
+    """The law of examples/stacks/image_based.py, with the same code around its loop."""
+
+    name = "image-based"
+    uses = ("camera", "goals", "target", "pixels", "pose", "jacobian")
+
+    def start(self, setup):
+        self.setup = setup
+
+    def step(self, now):
+        f, c = np.reshape(self.setup["camera"]["intrinsics"], (2, 2))
+        x = (now["pixels"] - c) / f
+        wanted = (np.array(self.setup["goals"][now["goal"]]["pixels"]) - c) / f
+        pose = now["camera_in_target"]
+        Z = (np.array(self.setup["target"]["markers"]) - pose[:3, 3]) @ pose[:3, 2]
+        L = [
+            [[-1 / z, 0, u / z, u * v, -1 - u * u, v], [0, -1 / z, v / z, 1 + v * v, -u * v, -u]]
+            for (u, v), z in zip(x, Z, strict=True)
+        ]
+        return -np.linalg.pinv(np.concatenate(L) @ now["jacobian"]) @ (x - wanted).ravel()
+
+
+def test_a_stack_moves_the_arm_alike_in_this_process_and_in_another(setup):
+    apart = simulate(setup, ExternalStack([sys.executable, str(EXAMPLES / "image_based.py")]))
+    here = simulate(setup, InProcess())
+    assert np.abs(here.qd).max() > 0.01
+    assert np.abs(apart.q - here.q).max() < 1e-12
+    assert "image-based uses camera, goals" in apart.reason
+
+
+def test_the_ten_lines_are_ten_lines_and_run(setup):
+    file = EXAMPLES / "ten_lines.py"
+    lines = [line for line in file.read_text(encoding="utf-8").splitlines() if line.strip()]
+    assert len(lines) <= 10
+    run = simulate(setup, ExternalStack([sys.executable, str(file)]))
+    assert run.status != "failed"
+    assert np.abs(run.qd).max() > 0.01
+
+
+ROBOTS = {
+    "ur5": lambda: READY_MADE["ur5"](),
+    "panda": lambda: READY_MADE["panda"](),
+    "table with a slide": lambda: Robot.from_dh(
+        [[0.1, 0.2, 0.3, 0.4], [0.0, 0.1, 0.0, -1.2], [0.5, 0.3, 0.2, 0.7]], prismatic=[2]
+    ),
+}
+
+
+@pytest.mark.parametrize("which", ROBOTS)
+def test_the_urdf_has_the_kinematics_of_the_robot(which):
+    robot = ROBOTS[which]()
+    model = pin.buildModelFromXML(urdf_text(robot))
+    data = model.createData()
+    assert list(model.names)[1:] == list(robot.joint_names)
+    for q in np.random.default_rng(3).uniform(-1.0, 1.0, (5, robot.n)):
+        pin.framesForwardKinematics(model, data, q)
+        tip = data.oMf[model.getFrameId("tip")]
+        expected = robot.pose(q)
+        assert np.abs(tip.rotation - expected.R).max() < 1e-12
+        assert np.abs(tip.translation - expected.t).max() < 1e-12
+    finite = np.isfinite(robot.q_max)
+    assert np.array_equal(model.upperPositionLimit[finite], robot.q_max[finite])
+
+
+@pytest.mark.parametrize("distorted", [False, True])
+def test_pixels_pose_and_intrinsics_are_those_of_opencv(distorted):
+    cv2 = pytest.importorskip("cv2")
+    scenario = Scenario.load("ur5-fov")
+    if distorted:
+        lens = {"model": "brown-conrady", "coefficients": [-0.1, 0.02, 0.001, -0.002]}
+        scenario = scenario.with_override("camera.distortion", lens)
+        scenario = scenario.with_override("camera.principal_point_px", [331.0, 236.0])
+    setup = scenario.setup()
+    data = describe(setup, USES)
+    now = Measured(setup, tuple(USES))(observed(setup))
+    f_u, f_v, c_u, c_v = data["camera"]["intrinsics"]
+    K = np.array([[f_u, 0.0, c_u], [0.0, f_v, c_v], [0.0, 0.0, 1.0]])
+    target_in_camera = np.linalg.inv(now["camera_in_target"])
+    turn, _ = cv2.Rodrigues(target_in_camera[:3, :3])
+    lens = np.array(data["camera"]["distortion"]["coefficients"] or [0.0] * 5)
+    markers = np.array(data["target"]["markers"])
+    seen, _ = cv2.projectPoints(markers, turn, target_in_camera[:3, 3], K, lens)
+    assert np.abs(seen[:, 0] - now["pixels"]).max() < 1e-6
+
+
+def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(setup):
+    q = setup.q0
+    step = 1e-6
+    J = Measured(setup, ("jacobian",))(observed(setup))["jacobian"]
+    for i in range(6):
+        ends = [setup.scene.camera_pose(q + sign * step * np.eye(6)[i]) for sign in (-1, 1)]
+        moved = ends[0].inverse @ ends[1]
+        twist = pin.log6(pin.SE3(moved.R, moved.t)).vector / (2.0 * step)
+        assert np.abs(twist - J[:, i]).max() < 1e-7
+
+
+def test_images_have_the_time_at_which_they_were_taken():
+    late = {"image_period": 0.01, "delay": 1, "delay_known": True, "pixel_noise": 0.3}
+    scene = (
+        Scenario.load("ur5-fov").with_override("duration", 0.1).with_override("disturbances", late)
+    )
+    seen = []
+
+    class Watching(Stack):
+        name = "watching"
+        uses = ("pixels", "pose")
+
+        def start(self, setup):
+            pass
+
+        def step(self, now):
+            seen.append((now["t"], now["taken"], now["pixels"][0, 0], now["camera_in_target"]))
+            return np.zeros(6)
+
+    simulate(scene.setup(), Watching())
+    t, taken, _, _ = map(np.array, zip(*seen, strict=True))
+    assert (t - taken).max() == pytest.approx(0.018)
+    assert (t[10:] - taken[10:]).min() == pytest.approx(0.01)
+    # one image has one noise and one pose until the next one arrives
+    assert len({pixel for _, _, pixel, _ in seen}) == len(set(taken.tolist()))
+    assert np.abs(seen[-1][3] - seen[0][3]).max() > 1e-9
+
+
+def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
+    (tmp_path / "mine.py").write_text("", encoding="utf-8")
+    spec = ControllerSpec.from_table(
+        "mine", {"command": ["python3", "mine.py"], "gain": 2.0}, folder=tmp_path
+    )
+    assert spec.law == stack_law()
+    assert not spec.in_own_process
+    assert spec.options["command"] == ["python3", str(tmp_path / "mine.py")]
+    assert tmp_path / "mine.py" in spec.files
+    assert spec.make().settings == {"gain": 2.0}
+    again = ControllerSpec.from_table("mine", json.loads(json.dumps(spec.table)))
+    assert again.table == spec.table
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({}, "either a command"),
+        ({"command": ["a"], "adapter": "pink"}, "either a command"),
+        ({"adapter": "pinc"}, "Did you mean 'pink'"),
+        ({"command": ["a"], "python": "python3"}, "a command names its own"),
+        ({"command": [1]}, "must be a list of texts"),
+    ],
+)
+def test_a_wrong_stack_is_refused_before_it_runs(options, reason):
+    with pytest.raises(ConfigurationError, match=reason):
+        ExternalStack(**options)
+
+
+def test_a_command_line_names_its_stack(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_stack.py").write_text("", encoding="utf-8")
+    spec = ControllerSpec.of_stack("python3 -u my_stack.py --fast")
+    assert spec.name == "my_stack"
+    assert spec.options["command"][2] == str(tmp_path / "my_stack.py")
+    assert ControllerSpec.of_stack("/usr/bin/servo").name == "servo"
+    with pytest.raises(ConfigurationError, match="takes a command"):
+        ControllerSpec.of_stack("")
+
+
+def test_a_process_that_is_stopped_with_its_parent_is_gone(setup):
+    """The system ends a stack whose parent dies without ending it."""
+    if sys.platform != "linux":
+        pytest.skip("only Linux ends a process with its parent")
+    code = (
+        "import sys, os\nfrom vsconstraints.stacks.child import StackProcess\n"
+        "p = StackProcess([sys.executable, '-c', 'import time; print(1, flush=True); time.sleep(99)'], 9)\n"
+        "p.line(9)\nprint(p._process.pid, flush=True)\nos.kill(os.getpid(), 9)\n"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert ended(int(said.stdout))
