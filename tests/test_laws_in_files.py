@@ -7,11 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
-from vsconstraints.comparisons.repetition import drawn_lines, moved_laws
-from vsconstraints.comparisons.study import Study
 
 from folder_laws import FOLDER, FOLDER_LAWS
 from vsconstraints.bench.evidence.own_files import own_folders
+from vsconstraints.bench.repetition import drawn_lines, moved_laws
+from vsconstraints.bench.study import Study
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.controllers import CONTROLLERS, MOVED, controller_class, make_controller
