@@ -282,7 +282,7 @@ def test_a_link_in_the_line_of_sight_is_named(tmp_path: Path) -> None:
 def test_a_robot_without_ranges_and_a_scene_without_rows(tmp_path: Path) -> None:
     preview = seen("free-camera", constraints=[])
     assert preview.rows == ()
-    assert list(lines(preview))[-1] == "  no rows, and no limits of joints"
+    assert list(lines(preview))[-1] == "  no rows and no joint limits"
 
 
 OBSTACLES = {

@@ -45,13 +45,13 @@ def lines(preview: Preview) -> Iterator[str]:
     robot = setup.scene.robot
     yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
     for moment in moments:
-        where = "not known" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        where = "unknown" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
         yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
     if not preview.rows:
-        yield "  no rows, and no limits of joints"
+        yield "  no rows and no joint limits"
         return
     shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
-    yield "  rows nearest to their boundary: distance (φ); ! outside, * near"
+    yield "  rows nearest to their boundary: distance, φ in parentheses; ! violated, * near"
     table = [["", "", *(moment.name for moment in moments)]]
     for row in shown:
         mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
@@ -61,7 +61,7 @@ def lines(preview: Preview) -> Iterator[str]:
         first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
         yield f"  {first} {'  '.join(others)}".rstrip()
     if len(shown) < len(preview.rows):
-        yield f"  … and {len(preview.rows) - len(shown)} that are farther away"
+        yield f"  … and {len(preview.rows) - len(shown)} farther away"
 
 
 def draw_preview(preview: Preview) -> Sheet:
@@ -151,7 +151,7 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
-        sheet.text(LEFT, sheet.at + 0.1, "No rows, and no limits of joints.")
+        sheet.text(LEFT, sheet.at + 0.1, "No rows and no joint limits.")
         sheet.at += 0.3
         return
     names = [moment.name for moment in preview.moments]

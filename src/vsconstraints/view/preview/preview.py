@@ -46,7 +46,7 @@ class Row:
     def text(self, k: int) -> str:
         """Format the distance to the boundary in a moment, with φ in brackets."""
         if np.isnan(self.clearance[k]):
-            return "not known"
+            return "unknown"
         phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
         return f"{self.clearance[k]:.3g} {self.unit}{phi}".replace("-", "−")
 
