@@ -119,7 +119,7 @@ def test_what_may_be_used_narrows_the_choice() -> None:
     runs = study({"predictive": share(95), "hierarchical-qp": share(80), "sliding-mode": share(60)})
     assert taken(runs, may_use=["L_fφ"]) == "hierarchical-qp"
     assert taken(runs, may_use=["rows"]) == "sliding-mode"
-    with pytest.raises(ConfigurationError, match="no law of the study uses no more than rows"):
+    with pytest.raises(ConfigurationError, match="every law of the study needs more than rows"):
         advise(study({"predictive": share(95)}), LIKE, ["rows"])
 
 
@@ -162,7 +162,7 @@ def test_scenes_like_one_are_the_nearest_and_count_once() -> None:
         [*range(31, 60)],
         ("similar sampling time", "any noise"),
     )
-    assert unlike == (f"9 scenes are like it, fewer than {ENOUGH}",)
+    assert unlike == (f"only 9 scenes are similar, fewer than {ENOUGH}",)
     # the same scenes in another condition are no more scenes: each is taken in the one that is
     # nearer
     twice = pd.concat(
@@ -212,7 +212,7 @@ def test_what_is_unlike_anything_in_the_study_is_named(
     assert advise(runs, LIKE).unlike == ()
     assert reason in advise(runs, replace(LIKE, **changes)).unlike
     few = study({"sliding-mode": share(5, 19)})
-    assert advise(few, LIKE).unlike == ("19 scenes are like it, fewer than 20",)
+    assert advise(few, LIKE).unlike == ("1only 9 scenes are similar, fewer than 20",)
 
 
 def test_the_situation_of_scenes_and_scenarios() -> None:
@@ -290,7 +290,7 @@ def test_studies_that_cannot_be_used_are_refused_by_name(folder: Path, tmp_path:
         (table.slice(1), {"controllers": laws}, "not every law has one run in each scene"),
         (table.drop_columns("delay"), {"controllers": laws}, "no column 'delay'"),
         (table, {"study": None, "controllers": laws}, "its format is None, not 2"),
-        (table, {"controllers": laws, "frozen": None}, "says nothing of frozen"),
+        (table, {"controllers": laws, "frozen": None}, "it has no frozen"),
     ):
         parquet.write(path, lines, {"study": 2, "requires": {}, "frozen": {}, **facts})
         with pytest.raises(ConfigurationError, match=why) as refused:
@@ -352,7 +352,7 @@ def test_answers_are_in_the_units_of_the_options() -> None:
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        ((), "takes a scenario, or answers"),
+        ((), "needs a scenario, or options"),
         (("ur5-fow",), "unknown scenario 'ur5-fow'. Did you mean 'ur5-fov'"),
         (("ur5-fov", "--joints", "7"), "ur5-fov itself says joints"),
         (

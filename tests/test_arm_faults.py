@@ -143,7 +143,7 @@ def run(fault: Fault) -> tuple[Faulty, ArmLog]:
 
 
 def assert_at_rest(arm: FakeArm) -> None:
-    """It is, or has been told to stop by its own means."""
+    """It is, or has been stop command sent."""
     arm.advance(1.0)
     assert np.abs(arm.state()[1]).max() < 1e-12
 
@@ -190,7 +190,7 @@ def test_whatever_is_raised_the_arm_stops(
     assert fault.happened
     assert driver.moving > 0.1 or where == "begin"
     assert log_of_run.ended == ("done" if where in ("halt", "close") else "failed")
-    assert log_of_run.at_rest or log_of_run.stop.endswith("told to stop by its own means")
+    assert log_of_run.at_rest or log_of_run.stop.endswith("stop command sent")
     assert_at_rest(driver.arm)
 
 
@@ -331,12 +331,12 @@ class Told:
         (
             False,
             2,
-            "the loop has ended, and a process of its own told the arm to stop by its own means",
+            "the loop has ended, and the guardian process sent the arm to stop by its own means",
         ),
         (
             False,
             3,
-            "the loop has ended, and a process of its own COULD NOT TELL THE ARM TO STOP "
+            "the loop has ended, and the guardian process COULD NOT SEND THE ARM ITS STOP COMMAND "
             "(SystemExit: no route",
         ),
     ],
@@ -354,7 +354,7 @@ def test_a_guardian_is_told_that_all_is_well(
 def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None:
     # the second one holds a lock, for which pickle raises TypeError
     for stop in (lambda: None, partial(print, Lock())):
-        with pytest.raises(ConfigurationError, match="cannot be given to another process"):
+        with pytest.raises(ConfigurationError, match="cannot be sent to the guardian process"):
             Guardian(stop, 1.0)
     guardian = Guardian(Told(tmp_path / "told"), 60.0)
     guardian.alive()
@@ -390,7 +390,7 @@ def test_what_a_guardian_says_of_its_stop_is_not_taken_for_an_answer(tmp_path: P
     guardian.process.wait(30.0)
     assert heard_after(guardian, 30.0) == "has ended"
     assert guardian.end(False).startswith(
-        "the loop has said nothing for 200 ms, and a process of its own told the arm"
+        "the loop has sent nothing for 200 ms, and the guardian process sent the arm"
     )
 
 
@@ -417,5 +417,5 @@ def test_a_loop_whose_guardian_is_gone_or_suspended_brakes(
             late_s=10.0, hang_s=0.5, following_rad=10.0, speed_rad_s=1e3, stalled_s=10.0
         )
         log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=patient))[1]
-        assert f"the process that would stop the arm in place of this one {told}" in log.cause
+        assert f"the guardian process, which stops the arm if the loop cannot, {told}" in log.cause
         assert_at_rest(arm)

@@ -206,7 +206,7 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
         ({"Distortion-Type": "fov"}, "unknown Distortion-Type .*'fov'"),
         (
             {"camera_model": "fisheye"},
-            "two things of the lens: camera_model = 'fisheye' and distortion_model = 'plumb_bob'",
+            "contradicts itself about the lens: camera_model = 'fisheye' and distortion_model = 'plumb_bob'",
         ),
         (
             {"distortion_model": "none"},
@@ -360,8 +360,8 @@ def test_files_are_bounded(tmp_path: Path) -> None:
         (calibrations.BOMB + sound, "line 2 has an alias"),
         (sound + "more: " + "[" * 11 + "]" * 11, "is nested deeper than 10 levels"),
         (sound + "more: [" + "1, " * 100_000 + "]", "it is larger than 250000 bytes"),
-        (sound + "image_width: 1280\n", "line 56 has a key that is there already"),
-        (sound + "more: [", r"line \d+, column \d+: it is no YAML"),
+        (sound + "image_width: 1280\n", "line 56 repeats a key"),
+        (sound + "more: [", r"line \d+, column \d+: it is not valid YAML"),
     ):
         file.write_text(text)
         begun = time.process_time()
@@ -369,7 +369,7 @@ def test_files_are_bounded(tmp_path: Path) -> None:
             read_calibration(file)
         assert time.process_time() - begun < 2.0
     for special in ("/dev/zero", str(tmp_path / "fifo"), str(tmp_path)):
-        with pytest.raises(ConfigurationError, match="it is no file"):
+        with pytest.raises(ConfigurationError, match="it is not a file"):
             read_calibration(special)
     with pytest.raises(ConfigurationError, match="cannot read the calibration"):
         read_calibration("nul\x00l")
@@ -601,7 +601,7 @@ def test_camchains_of_kalibr_are_read_or_named(tmp_path: Path) -> None:
         ),
         (
             {"cam0": camchain(camera_model="omni")},
-            r"this is a Kalibr camchain of a camera that is no pinhole .*'omni'",
+            r"this is a Kalibr camchain of a camera that is not a pinhole .*'omni'",
         ),
         ({"cam0": camchain(distortion_model="fov")}, "unknown distortion_model .*'fov'"),
         ({"cam0": camchain(intrinsics=[1.0, 2.0])}, "must be the four numbers f_u, f_v, c_u, c_v"),
@@ -636,21 +636,21 @@ def test_xml_defines_no_entities_and_is_bounded(tmp_path: Path) -> None:
             ),
             "a document type",
         ),
-        (sound.replace(">640<", ">&width;<"), "it is no XML"),
+        (sound.replace(">640<", ">&width;<"), "it is not valid XML"),
         (
             sound.replace("<opencv_storage>", "<opencv_storage>" + "<a>" * 20 + "</a>" * 20),
             "nested deeper than 10 levels",
         ),
         (
             sound.replace("</opencv_storage>", "<image_width>1</image_width></opencv_storage>"),
-            "a key that is there already",
+            "repeats a key",
         ),
         (
             sound.replace("</opencv_storage>", "<a>" + "1 " * 150_000 + "</a></opencv_storage>"),
             "larger than 250000 bytes",
         ),
         (sound.replace("opencv_storage", "root"), "its root is not OpenCV's <opencv_storage>"),
-        ("<opencv_storage/>", "is no calibration: it must be a table"),
+        ("<opencv_storage/>", "is not a calibration: it must be a table"),
     ):
         file.write_text(text)
         with pytest.raises(ConfigurationError, match=words):
@@ -701,7 +701,7 @@ def test_a_scenario_names_its_calibration(tmp_path: Path) -> None:
         ),
         (
             'calibration = "camera.yaml"\nfocal_px = [600, 600]',
-            "the calibration says focal_px: give one of the two",
+            "the calibration already states focal_px: give it in one place",
         ),
         (
             'calibration = "camera.yaml"\nfocus = 1',

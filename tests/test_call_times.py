@@ -183,7 +183,7 @@ def test_a_command_with_a_file_of_times(tmp_path: Path, monkeypatch: pytest.Monk
         (
             ("hierarchical-qp", "hierarchical"),
             ConfigurationError,
-            "call times: there is none of hierarchical-qp",
+            "call times are missing for hierarchical-qp",
         ),
         (
             ("sliding-mode = 5.0", "sliding-mode = 2e5"),
@@ -211,8 +211,8 @@ def test_times_of_nonsense_are_refused_before_anything_runs(
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
-        (("--slower", "2"), "give --time-passes, too"),
-        (("--budget-us", "2"), "give --time-passes, too"),
+        (("--slower", "2"), "need --time-passes"),
+        (("--budget-us", "2"), "need --time-passes"),
         (
             ("--time-passes", "measured", "--cluster", "tls://127.0.0.1:1"),
             "with --cluster, give a file",

@@ -106,7 +106,8 @@ def test_a_changed_file_of_a_comparison_is_named(name: str, chosen: Path, tmp_pa
     (folder / name).write_bytes(content)
     for read in (StoredComparison.load, write_report):
         with pytest.raises(
-            ConfigurationError, match=rf"is not whole: not what was stored .*: {name}"
+            ConfigurationError,
+            match=rf"is incomplete or changed: changed since they were stored .*: {name}",
         ):
             read(folder)
     code, said = verified(folder)
@@ -187,7 +188,7 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
             and "finished" not in manifest_of(folder)
         ):
             (remark,) = StoredComparison.load(folder).remarks
-            assert "not finished, without checksums yet: manifest.json, results.csv" in remark
+            assert "is unfinished; files without checksums: manifest.json, results.csv" in remark
         assert (verified(folder)[0] != 0) == ended
         compare(suite(), folder, workers=0)
         assert verified(folder)[0] == 0
@@ -279,8 +280,8 @@ WRONG = {
     "the same scene twice": (said(scenes=[0, 0]), "its scenes are"),
     "a foreign family": (said(family="mine"), "it is of the family 'mine'"),
     "another setting": (of_other_law, "with another controllers"),
-    "no facts": (lambda frames, facts: facts.clear(), "it is no shard of a campaign"),
-    "an unknown fact": (said(more=1), "it is no shard of a campaign"),
+    "no facts": (lambda frames, facts: facts.clear(), "it is not a shard of a campaign"),
+    "an unknown fact": (said(more=1), "it is not a shard of a campaign"),
 }
 
 
@@ -375,7 +376,7 @@ def test_verifying_names_what_is_not_there(
     code, text = verified(
         shutil.copytree(chosen, tmp_path / "bare", ignore=shutil.ignore_patterns(SUMS))
     )
-    assert (code, "carries no checksums" in text) == (1, True)
+    assert (code, "has no checksums" in text) == (1, True)
     few = tmp_path / "few"
     collect(replace(parts[0], scenes=2), few, HERE)
     path = few / "manifest.json"
@@ -383,7 +384,7 @@ def test_verifying_names_what_is_not_there(
     (few / SUMS).unlink()
     seal(few, folders.stored_files(few))
     code, text = verified(few)
-    assert (code, "scenes quick 2–3 are not there" in text) == (1, True)
+    assert (code, "scenes quick 2–3 are missing" in text) == (1, True)
     (tmp_path / "none").mkdir()
     code, text = verified(tmp_path / "none")
     assert code == 2

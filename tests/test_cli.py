@@ -225,8 +225,8 @@ def test_what_a_reader_should_know_of_a_scenario_is_noted(tmp_path: Path) -> Non
         "--set", "scenario.duration=0.1", "--jobs", "1", "--out", str(tmp_path / "out"),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "note: example-2d-fov: fov[marker 2] is violated at the start" in done.stderr
-    assert "note: example-2d-fov: goal: fov[marker 2] is violated" in done.stderr
+    assert "warning: example-2d-fov: fov[marker 2] is violated at the start" in done.stderr
+    assert "warning: example-2d-fov: goal: fov[marker 2] is violated" in done.stderr
 
 
 def test_the_form_that_ran_is_what_the_report_says(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ class Own(Controller):
 @pytest.mark.parametrize(
     ("begin", "code", "words"),
     [
-        ("", 1, "every run of the controllers that were to be compared failed"),
+        ("", 1, "all runs of the compared controllers failed"),
         ("import sys; sys.exit()", 2, "cannot import 'law': SystemExit"),
     ],
 )

@@ -274,10 +274,10 @@ def test_workers_that_join_midway_with_other_code_are_given_nothing(
     for text in said:  # asked what results depend on there, and nothing else
         assert [workers for workers in given if text.split()[1] in workers] == [[text.split()[1]]]
     assert re.search(
-        r"^worker \S+ would give other results: the package's source differs .*; it is given nothing$",
+        r"^worker \S+ would give other results: the package's source differs .*; it is not used$",
         other,
     )
-    assert re.search(r"^worker \S+ ended when it was asked .*; it is given nothing$", nothing)
+    assert re.search(r"^worker \S+ ended when it was asked .*; it is not used$", nothing)
 
 
 def test_calls_outlive_the_only_worker(tmp_path: Path) -> None:

@@ -339,7 +339,10 @@ def test_a_record_survives_storing(tmp_path: Path) -> None:
             ("trails", "trials"),
         ),
         ('scenarios = ["example-2d-fov"]\ntrials = 0\n[controllers.tracking]', ("trials", "0")),
-        ("scenarios = []\n[controllers.tracking]", ("nothing to compare: it has no scenario",)),
+        (
+            "scenarios = []\n[controllers.tracking]",
+            ("has no scenario: there is nothing to compare",),
+        ),
         ('scenarios = ["example-2d-fov"]', ("controllers", "missing")),
         ("scenarios = [3]\n[controllers.tracking]", ("a name, a path, or a table",)),
         ('scenarios = ["gone.toml"]\n[controllers.tracking]', ("gone.toml",)),
@@ -486,7 +489,7 @@ def test_own_modules_of_the_same_name_stay_apart(tmp_path: Path) -> None:
 def test_trials_need_something_random(setting: str) -> None:
     with pytest.raises(
         ConfigurationError,
-        match=r"3 trials of example-2d-fov would be the same run.*start_deviation",
+        match=r"3 trials of example-2d-fov would be identical.*start_deviation",
     ):
         small_suite().select(settings=["trials=3"])
     assert small_suite().select(settings=[f"scenario.{setting}", "trials=3"]).trials == 3

@@ -1111,7 +1111,6 @@ def test_a_row_that_a_run_has_left_for_good_ends_it_with_its_phi(law):
         command = law.command(rows, Task(np.array([[0.0, 1.0]]), np.array([asked])))
         assert (command.status == "failed") == failed
         assert not failed or command.reason == (
-            "accelerations of 1.0e+02 are beyond what rows can be checked at: rounding exceeds "
-            "the gain of a "
-            "(φ up to 3.3e+13)"
+            "the commanded accelerations (up to 1.0e+02) are too large for the rows to be "
+            "verified: rounding exceeds the gain of a (φ up to 3.3e+13); is the goal reachable?"
         )

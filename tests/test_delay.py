@@ -173,7 +173,10 @@ def test_where_the_state_cannot_be_foreseen_the_law_gets_what_is_there() -> None
     away = np.zeros(len(setup.q0))
     away[3] = 5.0 * np.pi  # the camera then looks the other way
     evaluation, command = step.command(law, 0.0, setup.q0, away)
-    assert "not foreseen to when it acts: not in front of the camera: marker 1" in command.remark
+    assert (
+        "the state at which the command acts could not be predicted: not in front of the camera: marker 1"
+        in command.remark
+    )
     plain = Tracking().command(evaluation.rows, evaluation.task)
     np.testing.assert_array_equal(command.qdd, plain.qdd)
 

@@ -102,7 +102,7 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
     assert not found.changes
     code, said = answer(a, b)
     assert code == 0
-    assert "All 36 runs that both have are the same, but for their times." in said
+    assert "All 36 runs in common are identical except for their times." in said
     # 100 against 1 … 12: 100 / 6.5 of both medians, but the median of the ratios is that of 100/6
     # and 100/7
     assert f"{(100 / 6 + 100 / 7) / 2:.1f}" in said
@@ -270,7 +270,7 @@ def test_what_cannot_be_compared(
 ) -> None:
     a = Made().stored(tmp_path / "a")
     other = Made(controllers={"three": {"type": "sliding-mode"}}).stored(tmp_path / "b")
-    with pytest.raises(ConfigurationError, match="no law and scene is in both"):
+    with pytest.raises(ConfigurationError, match="no law and scene in common"):
         difference(a, other)
     with pytest.raises(ConfigurationError, match="their seeds are 0 and 7"):
         difference(a, Made(seed=7).stored(tmp_path / "c"))
@@ -342,7 +342,7 @@ def test_real_comparisons(tmp_path: Path) -> None:
     before = made("before")
     again = made("again")
     assert answer(before, again)[0] == 0
-    assert "are the same" in answer(before, again)[1]
+    assert "are identical" in answer(before, again)[1]
     gains = "scenario.constraints.0.switching_gain=20", "scenario.constraints.0.K=0.3"
     worse = made("worse", "scenario.duration=0.5", *gains)
     changed = [

@@ -81,7 +81,7 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
     assert not found.found
     assert not found.worse
     assert not found.changes
-    assert "are the same" in page(found)
+    assert "are identical" in page(found)
 
 
 def test_a_law_that_is_slower_in_one_condition_is_found_there(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_scenes_that_were_drawn_otherwise_are_no_pairs(tmp_path: Path) -> None:
     other = stored(tmp_path / "other", lines(), dict.fromkeys(range(SCENES), 1.0))
     with pytest.raises(
         ConfigurationError,
-        match=f"cannot be compared: all {SCENES} scenes are drawn otherwise: Kp0",
+        match=f"cannot be compared: all {SCENES} scenes were drawn differently: Kp0",
     ):
         difference(a, other)
 

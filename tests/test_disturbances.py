@@ -452,7 +452,7 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"gradient_error_signs": [1, -1, 1, -1, 1, 2]}, "must be 1 or −1"),
         (
             {"gradient_error": 0.3, "gradient_error_rows": ["occlusion"]},
-            "of which there is none.*fov",
+            "but there are no such rows.*fov",
         ),
         (
             {"gradient_error": 0.3, "gradient_error_rows": ["fov", "rnage"]},
@@ -490,7 +490,7 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"constraints__1__motion": {"velocity": [1.0, 0.0]}}, "range cannot move"),
         (
             {"camera__fixed": {"xyz": [0, 0, 1]}, "camera__mount": {"xyz": [0, 0, 1]}},
-            "where a camera is, not mount and fixed",
+            "for the camera's pose, not mount and fixed",
         ),
     ],
 )
@@ -513,6 +513,6 @@ def test_an_image_that_no_pose_in_front_of_the_camera_explains_ends_the_run() ->
     run = simulate(case(duration=1.0, pixel_noise=2000.0), SlidingMode())
     assert run.status == "failed"
     assert (
-        "the measured image is explained by no pose that sees it: not in front of the camera: "
+        "no camera pose explains the measured image: not in front of the camera: "
         "marker" in run.reason
     )

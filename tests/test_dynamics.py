@@ -404,7 +404,7 @@ def test_an_arm_without_inertias_is_refused_until_rods_are_given() -> None:
     ):
         bare.with_override("plant", {"type": "dynamics"}).setup()
     with pytest.raises(
-        ConfigurationError, match="rods stand for missing inertias, and UR5 has its own"
+        ConfigurationError, match="rods replace missing inertias, but the URDF of UR5 has inertias"
     ):
         case("ur5-fov", rods=RODS)
     with pytest.raises(ConfigurationError, match=r"moves nothing with inertia.*rotor_inertia"):
@@ -416,10 +416,22 @@ def test_an_arm_without_inertias_is_refused_until_rods_are_given() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("actuation", "position", 'actuation = "position" is of an arm without mass'),
-        ("disturbances.acceleration", [0.1], "disturbances.acceleration is of an arm without mass"),
-        ("disturbances.time_constant", 0.1, "disturbances.time_constant is of an arm without mass"),
-        ("disturbances.command_delay", 0.1, "disturbances.command_delay is of an arm without mass"),
+        ("actuation", "position", 'actuation = "position" applies to an arm without mass'),
+        (
+            "disturbances.acceleration",
+            [0.1],
+            "disturbances.acceleration applies to an arm without mass",
+        ),
+        (
+            "disturbances.time_constant",
+            0.1,
+            "disturbances.time_constant applies to an arm without mass",
+        ),
+        (
+            "disturbances.command_delay",
+            0.1,
+            "disturbances.command_delay applies to an arm without mass",
+        ),
     ],
 )
 def test_an_arm_has_one_plant(key: str, value: Any, words: str) -> None:

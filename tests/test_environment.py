@@ -248,7 +248,7 @@ def test_what_has_no_compiled_loop_is_refused() -> None:
     pytest.importorskip("cv2")
     with pytest.raises(
         ConfigurationError,
-        match="ur5-images: the environment takes no images, MuJoCo and own parts",
+        match="ur5-images: the environment does not support images, MuJoCo or custom parts",
     ):
         ServoEnv("ur5-images")
 
@@ -261,7 +261,9 @@ def test_scenes_of_other_sizes_are_refused() -> None:
             )
 
     env = ServoEnv(Two("two", {}, Scenario.load(FOV).folder), count=2)
-    with pytest.raises(ConfigurationError, match="two: scene 1 has other sizes than scene 0"):
+    with pytest.raises(
+        ConfigurationError, match="two: scene 1 has observations of another size than scene 0"
+    ):
         env.reset(options={"scene": 1})
 
 

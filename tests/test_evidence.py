@@ -402,7 +402,7 @@ def test_merging_names_what_is_missing_or_differs(
     for i in (1, 2, 3):
         collect(small, tmp_path / str(i), replace(HERE, shard=Shard(i, 3)))
     with pytest.raises(
-        ConfigurationError, match=r"shard 2/3 is missing: scenes quick 2–3 are not there"
+        ConfigurationError, match=r"shard 2/3 is missing: scenes quick 2–3 are missing"
     ):
         merge(tmp_path / "m", [tmp_path / "1", tmp_path / "3"])
     collect(
@@ -426,7 +426,7 @@ def test_merging_names_what_is_missing_or_differs(
     folders.write_parts(tmp_path / "2", name, arrow, facts)
     with pytest.raises(ConfigurationError, match=r"scene 2 of quick is in .* with different runs"):
         merge(tmp_path / "m", [out, tmp_path / "2"])
-    with pytest.raises(ConfigurationError, match="holds results of its own"):
+    with pytest.raises(ConfigurationError, match="already holds results"):
         merge(out, [tmp_path / "1", tmp_path / "2", tmp_path / "3"])
     with pytest.raises(ConfigurationError, match="holds no evidence"):
         merge(tmp_path / "m", [tmp_path])
@@ -571,7 +571,7 @@ def test_a_disk_that_is_full_is_named_and_what_is_there_stays(
         write(*arguments)
 
     monkeypatch.setattr(folders.parquet, "write", full)
-    with pytest.raises(StorageError, match=r"No space left on device; what is there stays"):
+    with pytest.raises(StorageError, match=r"No space left on device; finished runs are kept"):
         collect(small, tmp_path, HERE)
     left[0] = 10**9
     assert collect(small, tmp_path, HERE).progress.stored_before == 2
@@ -628,7 +628,7 @@ def test_a_family_without_scenes_is_refused_before_anything_runs(tmp_path: Path)
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "1", "a/b", "1/", "-1/2"])
 def test_a_shard_that_is_none(text: str) -> None:
-    with pytest.raises(ConfigurationError, match="--shard takes i/n"):
+    with pytest.raises(ConfigurationError, match="--shard must be i/n"):
         Shard.parsed(text)
 
 

@@ -81,7 +81,7 @@ def test_a_law_that_fails_everywhere(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (["--shard", "3/2"], "--shard takes i/n"),
+        (["--shard", "3/2"], "--shard must be i/n"),
         (["--keep", "some"], "unknown --keep 'some'"),
         (["--scenes", "0"], "scenes must be from 1"),
         (["--family", "planar"], "unknown family 'planar'"),

@@ -334,7 +334,7 @@ light = LIGHT
     (tmp_path / "dark.toml").write_text(text.replace("LIGHT", "0.001"))
     scene = Family.load(tmp_path / "dark.toml").scene(0)
     assert scene.rejected == {Reason.START_UNDETECTED.value: 2}
-    assert "no tag that is looked for is seen in the first image" in scene.refusal
+    assert "none of the expected tags is seen in the first image" in scene.refusal
     (tmp_path / "bright.toml").write_text(text.replace("LIGHT", "0.9"))
     assert Family.load(tmp_path / "bright.toml").scene(0).found
 

@@ -284,7 +284,7 @@ def test_a_wrong_matrix_is_refused_at_the_start(
 @pytest.mark.parametrize(
     ("task", "words"),
     [
-        ('feature = "own:Nothing"', "holds no Feature of the name 'Nothing'"),
+        ('feature = "own:Nothing"', "has no Feature named 'Nothing'"),
         ('feature = "own:Raises"', "Raises cannot be made with .*no data"),
         ('feature = "own:Tangents"\ncolour = 1', "unknown key in own.task 'colour'"),
         ('feature = "elipse"', "Did you mean 'ellipse'.*module:Class"),

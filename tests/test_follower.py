@@ -190,7 +190,7 @@ def scene(**arm: Any) -> Scenario:
         ({"command": "velocity", "delay": 0.1}, r"key in ur5-fov\.arm.*'delay'"),
         ({"command": "velocity", "lag": -0.1}, r"arm\.lag is a number of seconds"),
         ({"command": "velocity", "acceleration": 0.0}, r"arm\.acceleration must be positive"),
-        ({"command": "velocity", "jerk": 100.0}, r"give arm\.lag, too"),
+        ({"command": "velocity", "jerk": 100.0}, r"arm\.jerk needs arm\.lag"),
         ({"command": "velocity", "acceleration": [1.0, 2.0]}, r"arm\.acceleration must be one"),
         ({"command": "velocity", "rate": 1e9}, r"at most 1000 times the sampling rate, 500 Hz"),
         ({"command": "velocity", "rate": 300.0}, r"multiple or a divisor of the sampling rate"),
@@ -215,7 +215,7 @@ def test_an_arm_is_described_once() -> None:
     with pytest.raises(ConfigurationError, match="leave out one"):
         both.setup()
     lagging = scene(command="velocity").with_override("disturbances.time_constant", 0.1)
-    with pytest.raises(ConfigurationError, match=r"has arm\.lag"):
+    with pytest.raises(ConfigurationError, match=r"positions give arm\.lag"):
         lagging.setup()
 
 

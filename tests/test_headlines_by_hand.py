@@ -244,7 +244,7 @@ def test_the_first_table_is_one_and_begins_with_the_best() -> None:
 
 
 def test_one_law_alone_is_compared_with_nothing() -> None:
-    assert "Only tracking was run: there is nothing to compare." in text_of(
+    assert "Only tracking was run, so there is nothing to compare." in text_of(
         results_of([result("tracking")])
     )
     assert "Most often" not in text_of(results_of([result("tracking"), result("a")]))

@@ -683,7 +683,7 @@ def test_numbers_beyond_the_range_fail_with_a_reason_or_are_refused(exponents, s
     )
     task = Task(j * rng.normal(size=(2, 2)), b * rng.normal(size=2))
     if (rows.phi > FARTHEST).any():
-        with pytest.raises(InvalidInput, match="no law can compute with φ beyond"):
+        with pytest.raises(InvalidInput, match=r"φ is more than .* times its scale"):
             HierarchicalQP().command(rows, task)
         return
     command = HierarchicalQP().command(rows, task)
@@ -867,7 +867,7 @@ def test_a_lying_solver_is_replaced_and_reported(lie, kind, monkeypatch):
         command = law.command(*rows_and_task(problem))
         if command.status == "failed":
             # first-order methods do not reach their tolerance on every problem
-            assert "proxqp gave up" in command.reason
+            assert "proxqp failed" in command.reason
             assert "osqp gave up" in command.reason
             failed += 1
             continue
@@ -1003,7 +1003,10 @@ def test_a_weight_that_concerns_no_row_is_told_of(solver, kind):
     problem = random_problem(kind, 3)
     rows, task = rows_and_task(problem)
     law = HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0, "rwo[1]": 5.0})
-    assert law.command(rows, task).remark == "weights that begin no row's label: 'rwo[1]'"
+    assert (
+        law.command(rows, task).remark
+        == "weights that match the beginning of no row's label: 'rwo[1]'"
+    )
     assert law.command(rows, task).fallback == ""
     assert (
         HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0}).command(rows, task).remark

@@ -150,7 +150,8 @@ def test_weights_that_are_none_are_refused(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "weights.npz"
     path.write_bytes(WEIGHTS[kind])
     with pytest.raises(
-        ConfigurationError, match=r"weights\.npz: no weights can be read: .+numpy\.savez writes"
+        ConfigurationError,
+        match=r"weights\.npz: weights cannot be read: .+write them with numpy\.savez",
     ):
         read_weights(path)
 

@@ -151,7 +151,7 @@ def test_any_scene_with_markers_in_a_plane_can_be_seen(scene: str, most: float) 
 def test_trials_differ_by_the_noise_of_their_images() -> None:
     scenario = Scenario.load("ur5-image")
     require_variety(scenario.with_override("sensor", "images"), 2, 0)
-    with pytest.raises(ConfigurationError, match="2 trials of ur5-image would be the same run"):
+    with pytest.raises(ConfigurationError, match="2 trials of ur5-image would be identical"):
         require_variety(scenario.with_override("sensor", {"type": "images", "noise": 0.0}), 2, 0)
 
 
@@ -212,11 +212,11 @@ def test_without_images_the_arm_is_braked_and_goes_on_when_there_are_some(
 def test_without_a_tag_in_the_first_image_a_run_fails() -> None:
     dark = simulate(made(0.1, sensor__light=0.01), SlidingMode())
     assert dark.status == "failed"
-    assert "t = 0 s: no tag that is looked for is seen in the first image" in dark.reason
+    assert "t = 0 s: none of the expected tags is seen in the first image" in dark.reason
     wrong = simulate(made(0.1, sensor__printed=[5, 6, 7, 8]), SlidingMode())
     assert "is seen in the first image, but tags 5, 6, 7, 8" in wrong.reason
     swapped = simulate(made(0.1, sensor__printed=[1, 0, 2, 3]), SlidingMode())
-    assert "those that are seen are not where those of the board can be" in swapped.reason
+    assert "the board cannot be where the tags that are seen would put it" in swapped.reason
 
 
 def test_a_wrong_tag_is_left_out_and_told() -> None:
@@ -347,7 +347,7 @@ def test_the_command_makes_images_of_any_scenario(
         ({"sensor": "images", "sensor.rate": 3.0}, "unknown key in ur5-images.sensor 'rate'"),
         (
             {"disturbances.pixel_noise": 0.1},
-            r"disturbances\.pixel_noise is of markers that are seen without images",
+            r"disturbances\.pixel_noise applies to markers that are measured without images",
         ),
         ({"disturbances.delay": 1}, r"disturbances\.delay is of markers"),
         ({"sensor.tag_side_m": 0.2}, "overlap"),

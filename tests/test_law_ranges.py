@@ -303,7 +303,7 @@ def test_own_laws_declare_theirs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("law", "words"),
     [
-        ("Unknown", "'rank_tolerances', which is none of its options"),
+        ("Unknown", "'rank_tolerances', which is not one of its options"),
         ("Outside", r"'rank_tolerance' that does not hold its default 1e-\d+: 0\.5–0\.8"),
         (
             "NoRange",

@@ -372,7 +372,7 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     rows, task = problem(0)
     law = Law(ImplicitSwitch(), Priority())
     with pytest.raises(
-        InvalidInput, match="'implicit-switch' uses the sampling period: tell it by reset"
+        InvalidInput, match="'implicit-switch' uses the sampling period: call reset"
     ):
         law.command(rows, task)
     refused: list[Any] = [0.0, float("nan"), float("inf"), "0.002", True, [0.01]]

@@ -443,7 +443,7 @@ def test_weights() -> None:
     assert answer(barrier(weights={"a": 2.0}), [row]).remark == ""
     command = answer(barrier(weights={"a": 2.0, "z": 3.0}), [row])
     gives(command, [1.0, 2.0], "a")
-    assert command.remark == "weights that begin no row's label: 'z'"
+    assert command.remark == "weights that match the beginning of no row's label: 'z'"
 
 
 def test_gains_of_a_task_are_relative_to_all_of_them() -> None:

@@ -132,13 +132,13 @@ def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
     [
         (
             lambda own: replace(own, frozen={}),
-            "planar-arm.held-out.* of test set t is not what it has run",
+            "planar-arm.held-out.* of test set t is not the file that was run",
         ),
         (
             lambda own: replace(
                 own, frozen={"planar-arm": {**own.frozen["planar-arm"], "sha256": "0"}}
             ),
-            "is not what it has run",
+            "is not the file that was run",
         ),
         (
             lambda own: replace(own, runs=own.runs[own.runs["scene"] > 0]),

@@ -344,10 +344,10 @@ def test_ready_made_robots_have_published_limits():
         ({"acceleration": "5"}, "positive number"),
         ({"jerk": [[1.0]]}, "jerk is a positive number"),
         ({"effort": 0.0}, "effort is a positive number"),
-        ({"ranges": True}, "need a limit of every joint's acceleration"),
+        ({"ranges": True}, "need an acceleration limit for every joint"),
         (
             {"ranges": True, "acceleration": [1.0, float("inf")]},
-            "need a limit of every joint's acceleration",
+            "need an acceleration limit for every joint",
         ),
     ],
 )

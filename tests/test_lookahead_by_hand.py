@@ -504,7 +504,7 @@ def test_horizons_have_up_to_a_hundred_blocks_of_ten_thousand_periods() -> None:
 def test_weights_of_no_row_are_told() -> None:
     assert (
         PredictiveControl(weights={"b": 2.0}).remark(("a",))
-        == "weights that begin no row's label: 'b'"
+        == "weights that match the beginning of no row's label: 'b'"
     )
     assert PredictiveControl().remark(("a",)) == ""
 

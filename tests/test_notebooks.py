@@ -429,17 +429,13 @@ def test_bad_input_is_named() -> None:
         ConfigurationError, match="a scenario is a name, a path, a Scenario or a Setup, not 5"
     ):
         compare(SlidingMode(), [5])
-    with pytest.raises(
-        ConfigurationError, match="2 trials of example-2d-fov would be the same run"
-    ):
+    with pytest.raises(ConfigurationError, match="2 trials of example-2d-fov would be identical"):
         compare(SlidingMode(), SHORT, trials=2)
     with pytest.raises(
         ConfigurationError, match="scenario 'example-2d-fov' appears more than once"
     ):
         compare(SlidingMode(), [SHORT, SHORT])
-    with pytest.raises(
-        ConfigurationError, match="there is nothing to compare: it has no controller"
-    ):
+    with pytest.raises(ConfigurationError, match="has no controller: there is nothing to compare"):
         compare([], SHORT)
     nameless = type("Nameless", (Half,), {"name": None})
     with pytest.raises(ConfigurationError, match="Nameless has no name: write name"):
@@ -651,4 +647,4 @@ def test_a_law_of_ones_own_is_named_on_the_command_line(
     )
     assert said.exit_code == 0, said.output
     said = CliRunner().invoke(app, ["compare", "--controller", "ownlaw:Lav", *chosen])
-    assert "ownlaw holds no Controller of the name 'Lav'" in str(said.exception)
+    assert "ownlaw has no Controller named 'Lav'" in str(said.exception)

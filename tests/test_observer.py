@@ -218,7 +218,7 @@ def test_options_that_change_no_command_are_said_and_no_others(
     for options in ({"K": 2.0}, {"observer": 0.2}, {"observer": 0.2, "dead_time": 0.05}):
         run = simulate(setup, make(name, {**parts, **options}))
         said = (
-            f"no command of the law depends on {' or '.join(options)}, which it is given"
+            f"{' or '.join(options)} is given, but no command of the law depends on it"
             in run.reason
         )
         assert said is np.array_equal(run.qdd_command, plain.qdd_command)
@@ -240,7 +240,7 @@ def test_options_that_change_no_command_are_said_and_no_others(
 def test_options_that_change_no_command_by_name(
     name: str, options: dict[str, Any], names: str
 ) -> None:
-    said = f"no command of the law depends on {names}, which it is given" if names else ""
+    said = f"{names} is given, but no command of the law depends on it" if names else ""
     assert make(name, options).unused() == said
 
 

@@ -141,7 +141,7 @@ def test_a_campaign_does_not_go_on_with_another_content_of_a_file(
     assert collect(reread(tmp_path), tmp_path / "out", plan()).progress.runs == 0
     edit(tmp_path / file)
     with pytest.raises(
-        ConfigurationError, match=rf"another campaign: the content of law/{file} is another one now"
+        ConfigurationError, match=rf"another campaign: the content of law/{file} has changed"
     ):
         collect(reread(tmp_path), tmp_path / "out", plan())
 
@@ -157,7 +157,7 @@ def test_shards_of_different_files_are_not_merged(kind: str, tmp_path: Path) -> 
     collect(reread(tmp_path / "two"), tmp_path / "second", plan("2/2"))
     with pytest.raises(
         ConfigurationError,
-        match=f"were made with different contents of law/{file}, which own parts",
+        match=f"were made with different contents of law/{file}, which custom parts",
     ):
         merge(tmp_path / "out", [tmp_path / "first", tmp_path / "second"])
     assert not (tmp_path / "out").exists()
@@ -172,7 +172,7 @@ def test_a_policy_depends_on_its_weights(tmp_path: Path) -> None:
     np.savez(weights, W0=np.ones((3, 40)), b0=np.zeros(3))
     with pytest.raises(
         ConfigurationError,
-        match=r"the content of vsconstraints\.bench\.learning/weights\.npz is another one now",
+        match=r"the content of vsconstraints\.bench\.learning/weights\.npz has changed",
     ):
         collect(reread(tmp_path), tmp_path / "out", plan())
 
@@ -187,7 +187,7 @@ def test_a_file_that_is_edited_while_a_campaign_runs_ends_it(tmp_path: Path) -> 
 
     with pytest.raises(
         ConfigurationError,
-        match=f"the file law/{file}, which own parts have loaded or read, was cha",
+        match=f"the file law/{file}, which custom parts have loaded or read, was cha",
     ):
         collect(small, tmp_path / "out", plan(), on_progress=edited)
     assert [shard.facts.scenes for shard in shards(tmp_path / "out")] == [(0,), (1,)]
@@ -222,7 +222,7 @@ def test_processes_say_what_they_have_read(tmp_path: Path) -> None:
     law, file = KINDS["a helper imported in a run"]
     collect(campaign(tmp_path, law), tmp_path / "out", Plan(workers=processes(1)))
     edit(tmp_path / file)
-    with pytest.raises(ConfigurationError, match=f"law/{file} is another one now"):
+    with pytest.raises(ConfigurationError, match=f"law/{file} has changed"):
         collect(reread(tmp_path), tmp_path / "out", plan())
 
 
@@ -260,6 +260,6 @@ def test_a_tuning_does_not_go_on_with_another_content_of_a_file(tmp_path: Path) 
     problem = Problem(reread(tmp_path), Budget(evaluations=1, seeds=1, scenes=1))
     with pytest.raises(
         ConfigurationError,
-        match=f"holds another tuning: the content of law/{file} is another one now",
+        match=f"holds another tuning: the content of law/{file} has changed",
     ):
         tune(problem, tmp_path / "tuned", workers=1)

@@ -32,7 +32,7 @@ class Everything(ImageConstraint):
 def test_a_formula_with_the_curvature_of_another_is_refused():
     with pytest.raises(
         ConfigurationError,
-        match="Line has a formula of its own, but the curvature_formula of Circle",
+        match="Line defines formula, but inherits curvature_formula from Circle",
     ):
         Curve(Line(10.0))
     np.testing.assert_allclose(

@@ -242,7 +242,7 @@ def test_a_start_outside_is_refused_before_anything_moves() -> None:
             ConfigurationError,
             "markers of funnel are counted from 1",
         ),
-        ({"feature_px": 1.0, "goals": []}, ConfigurationError, "there is none"),
+        ({"feature_px": 1.0, "goals": []}, ConfigurationError, "has no goal"),
     ],
 )
 def test_what_cannot_be_a_funnel(options, error, message: str) -> None:
@@ -254,7 +254,7 @@ def test_what_cannot_be_a_funnel(options, error, message: str) -> None:
 def test_markers_go_with_the_image_and_must_be_there() -> None:
     arm = robot("ur5")
     goal = Goal(0.0, np.zeros((3, 2)), np.zeros((3, 2)), Pose.identity())
-    with pytest.raises(ConfigurationError, match="markers of funnel go with feature_px"):
+    with pytest.raises(ConfigurationError, match="markers of funnel need feature_px"):
         PerformanceFunnel([goal], translation_m=1.0, markers=[1], **GAINS)
     scene = Scene(arm, camera(), np.zeros((3, 3)))
     one = PerformanceFunnel([goal], feature_px=9.0, markers=[3], **GAINS)

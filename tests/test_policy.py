@@ -178,7 +178,7 @@ def test_other_sizes_and_no_model_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("others", "message"),
     [
-        ({"W0": np.full((8, SIZE), np.nan)}, "W0 must have finite numbers"),
+        ({"W0": np.full((8, SIZE), np.nan)}, "W0 must have only finite numbers"),
         ({"b1": np.array([0.0, np.inf, 0.0])}, "b1 must have finite numbers"),
         ({"W1": np.full((3, 8), 1e300)}, "W1 must have finite numbers, less than 1e[+]30"),
         ({"b0": np.array(["a"] * 8)}, "b0 must have finite numbers"),
@@ -200,7 +200,7 @@ def test_other_sizes_and_no_model_are_refused(tmp_path: Path) -> None:
         ),
         ({"acceleration": np.zeros(3)}, "acceleration in .* must be a positive, finite number"),
         ({"law": "trakcing"}, "unknown controller 'trakcing'"),
-        ({"law": np.array([1], dtype=object)}, "no weights can be read: Object arrays"),
+        ({"law": np.array([1], dtype=object)}, "weights cannot be read: Object arrays"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -219,5 +219,5 @@ def test_what_is_no_file_of_weights_is_refused(content: bytes | str | None, tmp_
     elif content:
         with path.open("wb") as file:
             np.save(file, np.zeros(3))
-    with pytest.raises(ConfigurationError, match=r"w\.npz: no weights can be read"):
+    with pytest.raises(ConfigurationError, match=r"w\.npz: weights cannot be read"):
         Policy(weights=str(path))

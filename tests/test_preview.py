@@ -204,7 +204,10 @@ def test_goals_given_by_pose_or_image_get_a_configuration(given: str, missed: bo
     away = np.abs(moment.pixels - goal.pixels).max()
     assert away < {"camera_pose": 1e-4, "exactly": 1e-3, "rounded": 1.0, "inexact": 25.0}[given]
     assert (
-        any("no pose shows the markers just so" in warning for warning in preview.warnings)
+        any(
+            "no camera pose shows the markers at exactly these pixels" in warning
+            for warning in preview.warnings
+        )
         == missed
     )
 
@@ -259,8 +262,8 @@ IMAGE_AT_EDGE = {"feature": "image-points", "Kp0": 9.0, "goals": [NO_SQUARE]}
         ({"task__goals": [BEHIND]}, "goal: marker 4 is behind the camera", True),
         ({"task__goals": [BEHIND]}, "no run would start: ur5-fov.task.goals[0]: at the goal, not "
                                     "in front", True),
-        ({"task": IMAGE_AT_EDGE}, "goal: no pose of the camera was found", False),
-        ({"task__goals": [{}]}, "goal: where the robot is there is not known", True),
+        ({"task": IMAGE_AT_EDGE}, "goal: no camera pose was found", False),
+        ({"task__goals": [{}]}, "goal: the robot's configuration there is unknown", True),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(changes: dict[str, Any], words: str, refused: bool) -> None:
@@ -279,7 +282,7 @@ def test_a_link_in_the_line_of_sight_is_named(tmp_path: Path) -> None:
 def test_a_robot_without_ranges_and_a_scene_without_rows(tmp_path: Path) -> None:
     preview = seen("free-camera", constraints=[])
     assert preview.rows == ()
-    assert list(lines(preview))[-1] == "  no rows, and no limits of joints"
+    assert list(lines(preview))[-1] == "  no rows and no joint limits"
 
 
 OBSTACLES = {
@@ -390,8 +393,8 @@ def test_a_scene_of_a_family() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ((), "preview takes a scenario, or --family"),
-        (("ur5-fov", "--family", "panda"), "preview takes a scenario, or --family"),
+        ((), "preview needs a scenario, or --family"),
+        (("ur5-fov", "--family", "panda"), "preview needs a scenario, or --family"),
         (("ur5-fof",), "Did you mean 'ur5-fov'?"),
         (("nowhere.toml",), "nowhere.toml"),
         (("ur5-fov", "--out", "ur5.jpg"), "must end in .png"),

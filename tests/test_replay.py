@@ -585,16 +585,16 @@ def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["example-2d-fov"], "names no run: give SCENARIO:CONTROLLER"),
+        (["example-2d-fov"], "is not a run: give SCENARIO:CONTROLLER"),
         (["example-2d-fog:tracking"], "Did you mean 'example-2d-fov'"),
         (["example-2d-fov:trackin"], "Did you mean 'tracking'"),
         (["example-2d-fov:tracking:first"], "a trial is a number from 0 on, not 'first'"),
-        (["some.npz"], "no trajectory of a comparison"),
-        ([f"{FOV}:tracking"] * 2, "two of the runs are called 'tracking'"),
+        (["some.npz"], "not the trajectory of a comparison"),
+        ([f"{FOV}:tracking"] * 2, "two of the runs have the name 'tracking'"),
         ([f"{FOV}:tracking"] * 5, "1 to 4 runs, not 5"),
         ([f"{FOV}:tracking", "example-2d-bowl:sliding-mode"], "different scenes"),
         ([f"{FOV}:tracking", "--gif", "film.avi"], "ends in .gif or .mp4"),
-        ([f"{FOV}:tracking", "--out", "film.gif"], "ends in .html: not 'film.gif'"),
+        ([f"{FOV}:tracking", "--out", "film.gif"], "must end in .html, not be 'film.gif'"),
     ],
 )
 def test_what_cannot_be_shown_is_refused(

@@ -103,11 +103,11 @@ def test_an_acceleration_out_of_proportion_is_remarked(
     ]
     text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
     sentence = (
-        "**Out of proportion**: sliding-mode commands up to 680 rad/s² of a joint, 136 "
+        "**Disproportionate command**: sliding-mode commands up to 680 rad/s² of a joint, 136 "
         "times as much"
     )
     assert (sentence in text) == remarked
-    assert text.count("Out of proportion") == remarked
+    assert text.count("Disproportionate command") == remarked
 
 
 def row(

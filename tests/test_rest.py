@@ -271,7 +271,7 @@ def test_a_posture_is_approached_with_critical_damping(feature: Any) -> None:
     [
         ({"damping": -1.0}, "damping of rest must be zero or more, not -1"),
         ({"damping": float("inf")}, "damping must be finite"),
-        ({"damping": 0.0, "posture": [0.0] * 7}, "only with a damping above zero"),
+        ({"damping": 0.0, "posture": [0.0] * 7}, "needs rest.damping above zero"),
         ({"posture": [0.0] * 6}, r"rest\.posture has 6 values; the robot has 7 joints"),
         ({"stiffness": 1.0}, "unknown key in panda-fov.task.rest 'stiffness'.*damping, posture"),
     ],

@@ -57,7 +57,7 @@ def test_a_folder_with_something_else_is_refused_untouched(
 ) -> None:
     before = contents(foreign)
     monkeypatch.chdir(foreign)
-    with pytest.raises(ConfigurationError, match="holds something, and no comparison"):
+    with pytest.raises(ConfigurationError, match="is not empty and holds no comparison"):
         compare(suite(), Path(out), workers=1)
     done = subprocess.run(
         [*MAIN, "compare", "--out", out], capture_output=True, text=True, timeout=120

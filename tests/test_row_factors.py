@@ -224,8 +224,8 @@ def test_an_arm_runs_a_law_with_its_factors() -> None:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"K": 0.0}, "K of a law is a factor on the scene's, positive: not 0.0"),
-        ({"K": True}, "K of a law is a factor"),
+        ({"K": 0.0}, "K of a law multiplies the scene's value and must be positive, not 0.0"),
+        ({"K": True}, "K of a law multiplies"),
         ({"switching_gain": {"fov": -1.0}}, "switching_gain.fov of a law is a factor"),
         ({"switching_gain": "much"}, "not 'much'"),
         ({"K": {"fov": float("nan")}}, "K.fov of a law"),
@@ -245,7 +245,7 @@ def test_factors_that_cannot_be_used_are_named(options: dict[str, Any], told: st
 def test_a_kind_without_rows_is_named() -> None:
     law = make_controller("sliding-mode", {"K": {"fovv": 2.0}})
     reason = simulate(CASE.with_override("duration", 0.1).setup(), law).reason
-    assert "factors of the law name fovv, of which there is no row" in reason
+    assert "factors of the law name fovv, but there are no such rows" in reason
 
 
 # --- one period ahead ---
@@ -371,7 +371,7 @@ def test_the_robust_law_is_the_hierarchical_qp_with_other_settings() -> None:
 
 def test_what_cannot_look_ahead_is_refused() -> None:
     with pytest.raises(
-        InvalidInput, match="observes what moves φ itself: it takes no ahead = true"
+        InvalidInput, match="observes what moves φ itself, so ahead = true cannot be used"
     ):
         make_controller("implicit-switch-with-drift", {"ahead": True})
     with pytest.raises(ConfigurationError, match="ahead must be true or false, not 1"):

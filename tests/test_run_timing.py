@@ -220,7 +220,7 @@ def test_a_run_of_nonsense_is_refused_before_anything_runs(
 
 
 def test_the_baseline_is_as_the_scene_says(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="'tracking' is that of the baseline"):
+    with pytest.raises(ConfigurationError, match="'tracking' is reserved for the baseline"):
         campaign(tmp_path, "[controllers.tracking]\nrun = { call_time = 1e-3 }\n")
 
 

@@ -675,7 +675,7 @@ def test_numbers_that_overflow_in_python_are_refused_too() -> None:
         .with_override("disturbances", {"time_constant": 1e160})
     )
     with pytest.raises(
-        ConfigurationError, match="own: its numbers cannot be computed with: OverflowError"
+        ConfigurationError, match="own: computing with its numbers fails: OverflowError"
     ):
         own.setup()
 
@@ -833,10 +833,10 @@ def test_an_own_constraint_class_beside_the_file(
     assert setup.constraints.labels == ("fence[marker 2]",)
     assert simulate(setup, SlidingMode()).sigma.max() <= 0.0
     for spoilt, words in (
-        ({"type": "fences_for_test:Fense"}, "holds no Constraint of the name 'Fense'"),
+        ({"type": "fences_for_test:Fense"}, "has no Constraint named 'Fense'"),
         (
             {"type": "fences_for_test:NoConstraint"},
-            "holds no Constraint of the name 'NoConstraint'",
+            "has no Constraint named 'NoConstraint'",
         ),
         ({"type": "no_such_module:Fence"}, "cannot import 'no_such_module'"),
         ({"v": 3.0}, "fences_for_test:Fence cannot be made with .*'v'"),

@@ -212,7 +212,7 @@ def test_more_processes_than_make_sense_are_not_used_and_that_is_said(
     monkeypatch.setattr(resources, "cores", lambda: 4)
     monkeypatch.setattr(resources, "available_memory", lambda: 64e9)
     note_processes(64)
-    assert capsys.readouterr().err == "note: --jobs 64: there are cores and memory for 4; 4 used\n"
+    assert capsys.readouterr().err == "warning: --jobs 64: cores and memory suffice for 4; 4 used\n"
     note_processes(4)
     note_processes(None)
     assert capsys.readouterr().err == ""

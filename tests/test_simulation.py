@@ -401,7 +401,7 @@ def test_an_option_that_concerns_no_row_is_told_of_in_the_reason() -> None:
     for solver in ("auto", "daqp"):
         law = HierarchicalQP(solver=solver, weights={"fov": 2.0, "rnage": 3.0})
         assert simulate(setup(constraints=[fov]), law).reason.endswith(
-            "weights that begin no row's label: 'rnage'"
+            "weights that match the beginning of no row's label: 'rnage'"
         )
 
 
@@ -752,7 +752,9 @@ def test_a_marker_that_constraints_close_off_from_its_goal_is_named() -> None:
     area = float(re.findall(r"([0-9]+) px²", said)[0])
     crossing = 60.0 * np.cos(np.pi / 12.0) - np.sqrt(20.0**2 - (60.0 * np.sin(np.pi / 12.0)) ** 2)
     assert np.pi * 40.0**2 < area < np.pi * crossing**2
-    assert said.endswith("close off from goal 1: no law can bring it there without violating one")
+    assert said.endswith(
+        "close off from goal 1: no law can bring the marker there without a violation"
+    )
     # in which direction the gap is does not matter
     assert not [gap for gap in range(12) if walled_in(gap).check_start()]
 

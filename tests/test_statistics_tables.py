@@ -343,7 +343,7 @@ def test_what_cannot_be_compared_is_said(runs: pd.DataFrame) -> None:
         compare_laws(runs, "jerk_rms", "z")
     with pytest.raises(
         ConfigurationError,
-        match="22 runs are there twice, the first of them planar, nominal, held-out, 0, b",
+        match="22 runs appear twice, the first of them planar, nominal, held-out, 0, b",
     ):
         compare_laws(pd.concat([runs, runs]), "jerk_rms")
     with pytest.raises(

@@ -475,7 +475,9 @@ def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(
     (tmp_path / "constraints.csv").touch()
     (tmp_path / ".vsconstraints-lock").touch()
     (tmp_path / "constraints.csv.part").mkdir()
-    with pytest.raises(StorageError, match=r"results cannot be stored in .*; what is there stays"):
+    with pytest.raises(
+        StorageError, match=r"results cannot be stored in .*; finished runs are kept"
+    ):
         compare(suite, tmp_path, workers=1)
     assert run_file(tmp_path, "example-2d-fov", "tracking", 0).exists()
     assert len(read_table(tmp_path / "results.csv")) == 1

@@ -175,7 +175,7 @@ def _with(line: str, **changes: Any) -> str:
             "number 1 with conditions nominal, disturbd, limited; they are nominal, disturbed, "
             "limited",
         ),
-        (lambda line: _with(line, number=2), "says that it is number 2"),
+        (lambda line: _with(line, number=2), "states number 2"),
         (lambda line: _with(line, noise="many"), "Expected `int`, got `str`"),
         (lambda line: _with(line, nose=1), "unknown field `nose`"),
         (lambda line: line[: len(line) // 2], "truncated"),
@@ -202,7 +202,7 @@ def test_files_that_are_cut_off_added_or_gone_are_named(copy: Path) -> None:
     (copy / "planar-arm.training.jsonl.gz").unlink()
     text = say("verify", str(copy)).output
     assert f"{FILE} of a test set cannot be read: Compressed file ended" in text
-    assert "planar-arm.secret.jsonl.gz is no file of the test set" in text
+    assert "planar-arm.secret.jsonl.gz is not a file of the test set" in text
     assert "planar-arm.training.jsonl.gz of a test set cannot be read" in text
     (copy / "testset.json").write_text("{")
     with pytest.raises(ConfigurationError, match=r"testset.json cannot be read"):
@@ -218,7 +218,7 @@ def test_scenes_that_are_drawn_otherwise_are_found(copy: Path) -> None:
         copy, [all_[0], all_[1].replace('"focal_px":[5', '"focal_px":[6', 1), all_[2]], index=True
     )
     assert list(TestSet.load(copy).problems(redraw=1.0)) == [
-        f"{FILE}: scene 1 is another one when it is drawn here"
+        f"{FILE}: scene 1 differs when it is drawn here"
     ]
     assert say("verify", str(copy), "--redraw", "1").exit_code == 1
 
@@ -286,9 +286,9 @@ def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path)
     [
         (("--family", "planer-arm"), "Did you mean 'planar-arm'"),
         (("--half", "secret"), "Available: held-out, training"),
-        (("--scenes", "4"), "has 3 held-out scenes of each family; 4 are asked for"),
-        (("--secret-seed", "0"), "seed 0 is their own"),
-        (("--slower", "20"), "give --time-passes, too"),
+        (("--scenes", "4"), "has 3 held-out scenes of each family; 4 are requested"),
+        (("--secret-seed", "0"), "seed 0 is that of the test set"),
+        (("--slower", "20"), "need --time-passes"),
     ],
 )
 def test_what_cannot_be_run_is_refused(
@@ -325,4 +325,4 @@ def test_a_test_set_is_made_once_and_of_scenes_alone(tmp_path: Path) -> None:
     needs = say("make", "--family", str(tmp_path / "own.toml"), "--out", str(tmp_path / "b"))
     assert "needs files" in str(needs.exception)
     twice = ("--family", "planar-arm", "--family", "planar-arm", "--scenes", "1")
-    assert "is there twice" in str(say("make", *twice, "--out", str(tmp_path / "c")).exception)
+    assert "appears twice" in str(say("make", *twice, "--out", str(tmp_path / "c")).exception)

@@ -137,7 +137,7 @@ def test_a_comparison_that_names_code_is_read_without_it(reader: str, with_code:
     assert not ran(with_code)
     assert sys.path == path
     text = said or (with_code / "report.md").read_text(encoding="utf-8")
-    assert "needs code that is named there, 'own:Mine'" in text
+    assert "needs code that the results name, 'own:Mine'" in text
     assert "--trust" in text
     READERS[reader](with_code, True)
     assert ran(with_code)
@@ -153,7 +153,7 @@ def test_one_line_of_each_command_says_that_code_is_not_run(
         done = CliRunner().invoke(app, words)
         assert (
             done.stderr.count(
-                "note: some of what is drawn needs code that is named there, 'own:Mine'"
+                "warning: some of what is drawn needs code that the results name, 'own:Mine'"
             )
             == 1
         )
@@ -202,10 +202,10 @@ def test_a_campaign_that_names_code_is_read_without_it(campaign_with_code: Path)
     (remark,) = [text for text in evidence.remarks if "code" in text]
     assert "'own:Law'" in remark
     assert "'own:Mine'" in remark
-    with pytest.raises(ConfigurationError, match="needs code that is named there, 'own:Mine'"):
+    with pytest.raises(ConfigurationError, match="needs code that the results name, 'own:Mine'"):
         evidence.drawn("quick", 0)
     for law in ("sliding-mode", "tracking"):
-        with pytest.raises(ConfigurationError, match="needs code that is named there"):
+        with pytest.raises(ConfigurationError, match="needs code that the results name"):
             replay(campaign_with_code, "quick", 0, "nominal", law)
     assert not ran(campaign_with_code)
 
@@ -226,7 +226,7 @@ def test_a_law_of_a_campaign_is_made_only_where_it_is_trusted(
         ),
     )
     with pytest.raises(
-        ConfigurationError, match="controller mine needs code that is named there, 'own_law:Law'"
+        ConfigurationError, match="controller mine needs code that the results name, 'own_law:Law'"
     ):
         replay(folder, "quick", 0, "nominal", "mine")
     assert not ran(folder)
@@ -510,7 +510,7 @@ def test_folders_without_checksums_are_read_with_a_line_that_says_so(tmp_path: P
     )
     done = CliRunner().invoke(app, ["report", str(kept), "--no-figures"])
     assert done.exit_code == 0, done.output
-    assert done.stderr.count("carries no checksums") == 1
+    assert done.stderr.count("has no checksums") == 1
 
 
 def test_what_a_file_expands_to_is_bounded_before_it_is_read(real: Path, tmp_path: Path) -> None:

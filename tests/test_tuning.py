@@ -276,7 +276,8 @@ def test_a_manifest_that_is_none_is_named(tmp_path: Path, run: Any, text: str) -
     run(problem, tmp_path / "out")
     (tmp_path / "out" / "manifest.json").write_text(text, encoding="utf-8")
     with pytest.raises(
-        ConfigurationError, match=r"manifest\.json cannot be read: it is no manifest of a tuning"
+        ConfigurationError,
+        match=r"manifest\.json cannot be read: it is not the manifest of a tuning",
     ):
         run(problem, tmp_path / "out")
 
@@ -334,7 +335,7 @@ def test_settings_are_ready_for_a_campaign(tmp_path: Path, run: Any) -> None:
     }
     assert "\n# cbf-filter" not in (text := (tmp_path / "out" / "tuned.toml").read_text("utf-8"))
     assert (
-        "# sliding-mode: nothing is searched\n\n# 100.0 % of 10 training runs succeed, 100.0 % by "
+        "# sliding-mode: no parameters to tune\n\n# 100.0 % of 10 training runs succeed, 100.0 % by "
         "default\n" in text
     )
 
@@ -554,7 +555,7 @@ def test_laws_that_cannot_be_tuned_are_refused_first(tmp_path: Path) -> None:
         Problem(campaign(tmp_path, '[controllers.odd]\ntype = "my_laws:Odd"\n'), Budget())
     plain = Problem(campaign(tmp_path, '[controllers.plain]\ntype = "my_laws:Plain"\n'), Budget())
     assert plain.laws[0].ranges == {}
-    with pytest.raises(ConfigurationError, match="no controller but tracking to be tuned"):
+    with pytest.raises(ConfigurationError, match="no controller to tune, only tracking"):
         Problem(campaign(tmp_path, "[controllers.tracking]\n"), Budget())
     with pytest.raises(ConfigurationError, match="unknown controller 'hierarchical'"):
         campaign(tmp_path, "[controllers.hierarchical]\n")

@@ -263,7 +263,7 @@ class Own(VelocityController):
 @pytest.mark.parametrize("name", NAMES)
 def test_without_speed_or_period_there_is_no_command(name: str) -> None:
     rows, task = problem(1)
-    with pytest.raises(InvalidInput, match=r"uses the sampling period: tell it by reset"):
+    with pytest.raises(InvalidInput, match=r"uses the sampling period: call reset"):
         make_controller(name).command(rows, task)
     with pytest.raises(InvalidInput, match=r"uses task\.qd, which this task does not give"):
         made(name).command(rows, replace(task, qd=np.empty(0)))

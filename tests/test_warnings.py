@@ -63,7 +63,7 @@ def warnings_of(*scenarios: Scenario) -> dict[str, list[str]]:
         ),
         (
             {"task": BY_IMAGE},
-            "goal: no pose of the camera was found from which the markers look like this",
+            "goal: no camera pose was found from which the markers appear at these pixels",
         ),
         ({"constraints.0.margin": 0.3}, "goal: fov[marker 3] is violated: "),
         ({"constraints.0.switching_gain": 5e4}, "moves φ by 100 times the whole allowed range"),
@@ -175,7 +175,7 @@ def test_what_was_warned_of_stands_in_manifest_and_report(compared: tuple[Path, 
         assert f"afar: {text}" in lines or f"afar: {text[:60]}" in lines
         assert text.replace("[", "\\[").replace("]", "\\]") in report
     assert (
-        f"**Warnings** of scenarios, which stand in their sections: [afar](#scenario-afar) "
+        f"**Warnings** of scenarios, (listed in their sections): [afar](#scenario-afar) "
         f"({len(warnings['afar'])})." in report
     )
     near = [line for line in section(report, "near") if "Warnings" in line or "impossible" in line]

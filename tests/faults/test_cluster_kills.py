@@ -157,7 +157,7 @@ def test_the_scheduler_is_killed_midway(
 
     begun = time.monotonic()
     with (
-        pytest.raises(WorkersLost, match=r"is gone .*the same command goes on"),
+        pytest.raises(WorkersLost, match=r"is gone .*the same command continues"),
         cluster(machines.address, campaign.identities) as workers,
     ):
         collect(campaign, tmp_path / "out", Plan(workers=workers), on_progress=kill)

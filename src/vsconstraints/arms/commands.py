@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from . import ArmLog
 
 SIMULATED_ARM = "simulated://"
-NO_WATCHDOG = "the driver knows of no watchdog in the arm"
+NO_WATCHDOG = "the driver declares no watchdog in the arm"
 
 
 def arms() -> Iterator[tuple[str, ...]]:
@@ -78,9 +78,8 @@ def run(
         )
     if driver.real and images is None:
         raise ConfigurationError(
-            f"{robot} is a real arm: say what sees the markers, --images module:function, or "
-            f"--images {MODEL} where "
-            "nothing does and the image is predicted from the joints"
+            f"{robot} is a real arm: give the source of measurements with --images "
+            f"module:function, or --images {MODEL} to predict the image from the joints"
         )
     source = image_source(images or SIMULATED, setup, loaded.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
@@ -90,7 +89,7 @@ def run(
     prepare()
     if robot == SIMULATED_ARM:
         console.print(
-            "Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes."
+            "Dry run: no arm is connected; the scenario's robot is simulated, as fast as possible."
         )
     elif not driver.real:
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")

@@ -71,7 +71,8 @@ class Address:
         """Raise ConfigurationError if a host or port is given for an arm in this process."""
         if self.host or self.port is not None:
             raise ConfigurationError(
-                f"{self.scheme}:// is in this process, and at no address like {self.host!r}"
+                f"{self.scheme}:// runs in this process and takes no address: leave out "
+                f"{self.host!r}"
             )
 
     def number(self, name: str, default: float) -> float:

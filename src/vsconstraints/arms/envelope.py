@@ -54,11 +54,9 @@ class Envelope:
         }
         if not np.isfinite(least["acceleration"]).all():
             raise ConfigurationError(
-                f"{robot.name} has no limit of acceleration, without which no stop is defined: "
-                f"give the scenario what "
-                "the arm's manual says, in rad/s² (m/s² for joints that slide), or little to "
-                "begin with, as in "
-                "limits = { acceleration = 5.0 }"
+                f"{robot.name} has no acceleration limits, which a stop needs: give the scenario "
+                "those of the arm's manual, in rad/s² (m/s² for prismatic joints), or low "
+                f"values at first, as in limits = {{ acceleration = 5.0 }}"
             )
         return cls(robot.q_min, robot.q_max, robot.qd_max, **least, period=period)
 

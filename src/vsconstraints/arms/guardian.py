@@ -60,7 +60,8 @@ class Guardian:
             message = pickle.dumps(sys.path) + pickle.dumps(stop)
         except Exception as error:  # custom objects can fail in any way
             raise ConfigurationError(
-                f"what stops the arm cannot be given to another process: {described(error)}"
+                "the driver that stops the arm cannot be sent to the guardian process: "
+                f"{described(error)}"
             ) from error
         pipe = subprocess.PIPE
         words = [sys.executable, "-c", CODE]
@@ -70,7 +71,8 @@ class Guardian:
             )
         except OSError as error:
             raise ConfigurationError(
-                f"the process that would stop the arm does not start: {error}"
+                "the guardian process, which stops the arm if the loop cannot, does not start: "
+                f"{error}"
             ) from error
         assert self.process.stdin is not None
         assert self.process.stdout is not None
@@ -82,12 +84,13 @@ class Guardian:
         except OSError as error:
             self.end(True)
             raise ConfigurationError(
-                f"what stops the arm cannot be given to another process: {error}"
+                f"the driver that stops the arm cannot be sent to the guardian process: {error}"
             ) from error
         if answer != b"+":
             self.end(True)
             raise ConfigurationError(
-                "the process that would stop the arm does not start: its error is above"
+                "the guardian process, which stops the arm if the loop cannot, does not start: "
+                "its error is above"
             )
         # a guardian that no longer reads or writes must not block this process
         os.set_blocking(self._to.fileno(), False)
@@ -109,7 +112,7 @@ class Guardian:
                 self.lost = "has ended"
             # if the pipe is full, write returns None and does not raise
             if not self._to.write(HEARTBEAT.pack(self.patience + more)):
-                self.lost = self.lost or "does not read"
+                self.lost = self.lost or "does not read what the loop sends"
         except OSError:
             self.lost = "has ended"
         if self._unanswered is None:
@@ -161,15 +164,15 @@ def watch() -> None:
         with suppress(OSError):
             os.write(1, ANSWER)
     else:
-        why = f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms"
+        why = f"the loop has sent nothing for {1e3 * (patience or 0.0):g} ms"
     how = ""
     for _ in range(ATTEMPTS):
         try:
             stop()
-            how = "told the arm to stop by its own means"
+            how = "sent the arm its stop command"
             break
         except BaseException as error:  # an error of the driver must not prevent another attempt
-            how = f"COULD NOT TELL THE ARM TO STOP ({described(error)})"
+            how = f"COULD NOT SEND THE ARM ITS STOP COMMAND ({described(error)})"
     for file in (1, 2):  # to the watched process and to the terminal, if they still exist
         with suppress(OSError):
-            os.write(file, f"{why}, and a process of its own {how}\n".encode())
+            os.write(file, f"{why}, and the guardian process {how}\n".encode())

@@ -47,9 +47,8 @@ class SimulatedImages:
             or wrong.depth_factor != 1.0
         ):
             raise ConfigurationError(
-                "a simulated camera sees as the scenario's camera does: disturbances of "
-                "calibration, mount, depth and "
-                "target are for `compare`"
+                "the simulated camera is the scenario's: disturbances of calibration, mount, "
+                "depth and target apply to `compare` only"
             )
         if setup.images is None:
             setup = replace(setup, disturbances=replace(wrong, delay_known=True))
@@ -100,7 +99,7 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise ConfigurationError(
-            f"images come from simulated, model, or module:function, not {format_value(name)}"
+            f"--images must be simulated, model, or module:function, not {format_value(name)}"
         )
     try:
         with chdir("."), beside(folder, Path()):
@@ -109,7 +108,7 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
         raise ConfigurationError(f"images by {name}: {described(error)}") from error
     if not callable(source):
         raise ConfigurationError(
-            f"images by {name}: it must return what can be called, not {format_value(source)}"
+            f"images by {name}: it must return a callable, not {format_value(source)}"
         )
     own: ImageSource = source
     return own

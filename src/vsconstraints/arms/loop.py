@@ -81,10 +81,9 @@ def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
     if isinstance(job.images, SimulatedImages) and job.images.renders and not driver.simulated_time:
         raise ConfigurationError(
-            "images are rendered only where time is simulated, since that takes longer than a "
-            "period: let images be "
-            "predicted (--images model) or one's own, or give simulated:// or "
-            "loopback://?time=simulated as the arm"
+            "images are rendered in simulated time only, since rendering takes longer than a "
+            "period: predict them (--images model), give a source (--images module:function), "
+            "or give simulated:// or loopback://?time=simulated as the arm"
         )
     try:
         driver.connect()
@@ -187,7 +186,7 @@ class ArmRun:
                 f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all"
             )
         if limited := sum(period.guarded for period in stream.periods):
-            remarks.append(f"commands were brought to the arm's limits in {limited} periods")
+            remarks.append(f"commands were clipped to the arm's limits in {limited} periods")
         if isinstance(images, SimulatedImages):
             try:
                 remarks += images.remarks()
@@ -200,7 +199,8 @@ class ArmRun:
         """Run a guardian during the block, if time is real and the driver has a stopper."""
         if not (self.stream.clock.simulated or portable.STOPS_ARMS):
             raise ConfigurationError(
-                "an arm needs Linux or macOS: here no signal interrupts a call that hangs"
+                "an arm needs Linux or macOS: on this platform no signal interrupts a call that "
+                "hangs"
             )
         stop = None if self.stream.clock.simulated else self.driver.stopper()
         if stop is None:
@@ -242,7 +242,7 @@ class ArmRun:
         If it hangs in a call to the arm, the arm stops by its own means.
         """
         waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
-        self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
+        self.taken = f"the loop was blocked for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
         try:
             self.stream.bring_to_rest(not free, self._alive)
@@ -275,7 +275,7 @@ class ArmRun:
             self.stream.begin()
             for k in range(self.setup.samples):
                 if requests.signal:
-                    raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")
+                    raise Halt("stopped", f"{signal.Signals(requests.signal).name} was received")
                 with requests.period():
                     self._period(k)
         except Halt as halt:
@@ -301,7 +301,8 @@ class ArmRun:
         if self.guardian is not None and self.guardian.lost:
             raise Halt(
                 "failed",
-                f"the process that would stop the arm in place of this one {self.guardian.lost}",
+                "the guardian process, which stops the arm if the loop cannot, "
+                f"{self.guardian.lost}",
             )
         started = time.perf_counter()
         with self._own_turn():
@@ -333,7 +334,7 @@ class ArmRun:
         off = self.stream.strayed(state)
         if off.max() > self.bounds.following_rad:
             j = int(np.argmax(off))
-            raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
+            raise Halt("failed", f"joint {j + 1} deviates by {off[j]:.3g} from its setpoint")
 
     @staticmethod
     def _stamp(taken: Any) -> float:
@@ -357,16 +358,17 @@ class ArmRun:
         if seen is not None:
             if not isinstance(seen, Measurement):
                 raise Halt(
-                    "failed", f"what sees the markers gave no Measurement, but {format_value(seen)}"
+                    "failed",
+                    f"the source of images returned {format_value(seen)}, not a Measurement",
                 )
             taken = t if seen.taken is None else self._stamp(seen.taken)
             now = self.stream.now()
             if not taken <= now + STAMP:  # False also for NaN
                 raise Halt(
                     "failed",
-                    f"an image was taken at {taken:.6g} s, which is not yet: by another clock? It "
-                    f"is {now:.6g} s by "
-                    "the clock of the time with which the source of images is called",
+                    f"an image's time stamp, {taken:.6g} s, lies {1e3 * (taken - now):.3g} ms in "
+                    "the future: is it from another clock? Use that of the time with which the "
+                    f"source is called, which shows {now:.6g} s",
                 )
             # an image that came after the state was read counts as taken with it
             taken = min(taken, t)
@@ -405,7 +407,7 @@ class ArmRun:
         if doubts := self.control.doubts(evaluation):
             since = measured.get("taken", self.same_since) - self.same_since
             frozen = (
-                f"; images have not changed for {since:.3g} s, as if frozen"
+                f"; the images have not changed for {since:.3g} s: are they frozen?"
                 if since > self.Ts
                 else ""
             )

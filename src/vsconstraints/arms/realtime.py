@@ -81,12 +81,12 @@ class Permitted(NamedTuple):
 
     def sentences(self) -> list[str]:
         """One sentence on each setting."""
-        fifo, locked = ("not asked for" if why is None else why for why in self)
+        fifo, locked = ("not requested" if why is None else why for why in self)
         loop = f"no real-time scheduling ({fifo}): other programs can delay the loop"
         return [
             loop if fifo else f"SCHED_FIFO with priority {PRIORITY}",
             f"memory is not locked ({locked})" if locked else "memory is locked",
-            "no garbage is collected meanwhile",
+            "garbage collection is off during the run",
         ]
 
     def warnings(self) -> list[str]:

@@ -167,7 +167,7 @@ def _draw(runs: dict[str, Punctuality]) -> Sheet | None:
     return sheet
 
 
-_LEGEND = "Periods by their delay; the line is a whole period: what is right of it was missed."
+_LEGEND = "Delays of periods. The line marks a whole period; periods to its right were missed."
 LATENESS = Figure("lateness", "How late periods began", _LEGEND, _draw)
 
 
@@ -200,8 +200,8 @@ def require_own_folder(folder: Path) -> None:
     """Raise ConfigurationError if a folder holds results: a run on an arm cannot be repeated."""
     if (folder / MANIFEST).exists() or (folder / ARM).exists():
         raise ConfigurationError(
-            f"{folder} holds results: what an arm has done cannot be done again, so each run "
-            f"needs its own --out"
+            f"{folder} already holds results, and the run of an arm cannot be repeated: give "
+            "another folder with --out"
         )
 
 
@@ -228,9 +228,8 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
                 os.fsync(file.fileno())
         except OSError as error:
             raise ConfigurationError(
-                f"nothing has moved: {folder} has no room for the record of the motion, "
-                f"{size / 1e6:.3g} MB ({error}). "
-                "Give a folder on another disk with --out"
+                f"nothing has moved: {folder} has too little space for the record of the motion, "
+                f"{size / 1e6:.3g} MB ({error}). Give a folder on another disk with --out"
             ) from error
         yield
     finally:

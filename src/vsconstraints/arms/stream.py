@@ -92,7 +92,7 @@ class Stream:
         self._state_at = state.t
         if self._repeated >= self._most_repeated:
             raise ArmError(
-                f"the arm's clock stands still at {state.t:.6g} s: the same state was read for "
+                f"the arm's clock has stopped at {state.t:.6g} s: the same state was read for "
                 f"{self._repeated} periods"
             )
         return state._replace(q=self.driver.robot.nearest_turn(state.q, self._filter.q))
@@ -175,11 +175,14 @@ class Stream:
             tries += 1
             try:
                 self.driver.halt(float(self.envelope.acceleration.min()))
-                self.stop = (f"{trouble}told to stop by its own means", False)
+                self.stop = (f"{trouble}stop command sent", False)
                 self.safe = True
             except BaseException as error:  # as above; then it is reported
-                failed = f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)})"
-                self.stop = f"{failed}: its own watchdog, or the emergency stop, must do so", False
+                failed = f"{trouble}THE STOP COMMAND COULD NOT BE SENT ({_why(error)})"
+                self.stop = (
+                    f"{failed}: its watchdog, or the emergency stop, must stop the arm",
+                    False,
+                )
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
         """Send setpoints until the arm is at rest; return a description. Raises ArmError."""
@@ -229,7 +232,7 @@ class Stream:
         line = (
             ""
             if brake.straight in (None, True)
-            else ", each joint for itself, to stay within its range"
+            else ", each joint separately, to stay within its range"
         )
         return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
 

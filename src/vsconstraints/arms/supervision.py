@@ -57,7 +57,7 @@ def require_start(setup: Setup, state: Joints, supervision: Supervision, from_ar
         raise ConfigurationError("the arm's state is not finite")
     if setup.gradient_error().any:
         raise ConfigurationError(
-            "disturbances.gradient_error is for simulations: on an arm rows are as they are known"
+            "disturbances.gradient_error applies to simulations only: leave it out to run an arm"
         )
     if setup.qd0.any():
         raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")

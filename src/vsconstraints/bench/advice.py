@@ -109,7 +109,7 @@ def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tu
     levels = levels.sort_values("level", kind="stable").drop_duplicates(SCENE)
     taken = levels[levels["level"] <= levels["level"].iloc[min(ENOUGH, len(levels)) - 1]]
     if (like := int((levels["level"] <= FAR).sum())) < ENOUGH:
-        reasons.append(f"{like} scenes are like it, fewer than {ENOUGH}")
+        reasons.append(f"only {like} scenes are similar, fewer than {ENOUGH}")
     reached = [
         STEPS[step - 1] for step in sorted({step for name in steps for step in taken[name]} - {0})
     ]
@@ -138,7 +138,7 @@ def advise(
     names = [name for name in requires if may_use is None or {*requires[name]} <= {*may_use}]
     if not names:
         raise ConfigurationError(
-            f"no law of the study uses no more than {', '.join(sorted(may_use or ()))}"
+            f"every law of the study needs more than {', '.join(sorted(may_use or ()))}"
         )
     scenes, widened, reasons = similar(study.scenes, situation)
     runs = study.runs.merge(scenes)

@@ -117,7 +117,7 @@ class Side:
                 raise unknown_name(f"controller of {self.folder}", old, controllers)
             if new in controllers:
                 raise ConfigurationError(
-                    f"{old} cannot be called {new}: {self.folder} has a controller of that name"
+                    f"{old} cannot be renamed to {new}: {self.folder} has a controller of that name"
                 )
         tables = {names.get(name, name): table for name, table in controllers.items()}
         manifest = {**self.manifest, "configuration": {**configuration, "controllers": tables}}
@@ -148,7 +148,7 @@ class Pairs:
         seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
         why = "" if a.key == b.key else "only one of them has drawn scenes"
         if not why and seeds[0] != seeds[1]:
-            why = f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs"
+            why = f"their seeds are {seeds[0]} and {seeds[1]}, so their runs cannot be paired"
         otherwise: Any = []
         if not why:
             runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
@@ -165,11 +165,11 @@ class Pairs:
                 )
                 common = common[~scenes.isin(otherwise)]
             if not len(common):
-                why = "no law and scene is in both"
+                why = "they have no law and scene in common"
             if not len(common) and len(otherwise):
                 first, second = (json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b))
                 keys = [key for key in {**first, **second} if first.get(key) != second.get(key)]
-                why = f"all {len(otherwise)} scenes are drawn otherwise: {in_words(keys)}"
+                why = f"all {len(otherwise)} scenes were drawn differently: {in_words(keys)}"
         if why:
             raise ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
         return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(otherwise))

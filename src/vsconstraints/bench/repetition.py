@@ -108,7 +108,7 @@ def repeat(
             line = lines[number]
             where = f"{line['family']} {line['scene']}, {line[CONDITION]}, {line['controller']}"
             if isinstance(answer, Failure):
-                differences[number] = f"{where}: it cannot be made again: {answer.reason}"
+                differences[number] = f"{where}: it cannot be repeated: {answer.reason}"
             elif answer[0]:
                 found, decided_by_rounding = answer
                 by_kind = by_rounding if decided_by_rounding else differences

@@ -140,12 +140,12 @@ class Study:
             ]
             if (there := facts.get("study")) != FORMAT or missing:
                 why = (
-                    f"says nothing of {missing[0]}"
+                    f"it has no {missing[0]}"
                     if there == FORMAT
                     else f"its format is {there}, not {FORMAT}"
                 )
-                why += "; --keep makes one of a folder of evidence"
-                raise ConfigurationError(f"{path} is no study of this version: {why}")
+                why += "; write one with --keep from a folder of evidence"
+                raise ConfigurationError(f"{path} is not a study that this version can read: {why}")
             study = _of_table(path, facts)
         if not own:
             laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
@@ -156,7 +156,7 @@ class Study:
                     law.make()
             except VsconstraintsError as error:
                 raise ConfigurationError(
-                    f"{path}: the law {name} is another version's: {error}"
+                    f"{path}: the law {name} is from another version: {error}"
                 ) from error
         names = sorted(study.laws)
         whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(
@@ -164,13 +164,11 @@ class Study:
         )
         if not names or not len(study.runs) or not whole.all():
             why = "it is empty" if whole.all() else "not every law has one run in each scene"
-            raise ConfigurationError(
-                f"{path} is no study of laws that come with the package: {why}"
-            )
+            raise ConfigurationError(f"{path} is not a study of the package's laws: {why}")
         for name in study.laws:
             if name not in study.requires:
                 raise ConfigurationError(
-                    f"{path}: requires says nothing of the law {format_value(name)}"
+                    f"{path}: requires has no entry for the law {format_value(name)}"
                 )
         return study
 
@@ -214,7 +212,8 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
         empty = int(runs[column.name].isna().sum())
         if empty and column.name not in _MAY_BE_EMPTY:
             raise ConfigurationError(
-                f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so"
+                f"{path}: {empty} cells of column {column.name} are empty; write the table again "
+                "with --keep"
             )
     return Study(runs, laws, requires, frozen, files)
 
@@ -222,8 +221,8 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
 def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
     if (version := evidence.manifest.get("version")) != __version__:
         why = (
-            f"is of version {version}, and scenes of {__version__} may be others: let that "
-            f"version --keep its table"
+            f"is of version {version}, and scenes of {__version__} may differ: write it with "
+            "--keep of that version"
         )
         raise ConfigurationError(f"{evidence.folder} {why}")
     configuration = evidence.manifest["configuration"]

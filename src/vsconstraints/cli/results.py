@@ -194,8 +194,7 @@ def compare(
     console.print(f"{total} runs in {result.wall_time:.1f} s. {report_file}")
     if result.all_failed:
         errors.print(
-            "error: every run of the controllers that were to be compared failed; the report says "
-            "why"
+            "error: all runs of the compared controllers failed; see the report for the reasons"
         )
         raise typer.Exit(NOTHING_DONE)
 
@@ -242,7 +241,7 @@ def verify(folder: Path) -> None:
         errors.print(problem if problem.startswith(str(folder)) else f"{folder}: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    console.print(f"{folder} is whole: {contents}.")
+    console.print(f"{folder} is complete and unchanged: {contents}.")
 
 
 def _write_comparison(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:

@@ -105,9 +105,9 @@ def print_paragraph(text: str) -> None:
 
 
 def note(*remarks: str) -> None:
-    """Print remarks on the error stream."""
+    """Print warnings on the error stream."""
     for remark in remarks:
-        errors.print(f"note: {remark}", soft_wrap=not errors.is_terminal)
+        errors.print(f"warning: {remark}", soft_wrap=not errors.is_terminal)
 
 
 def typed_command() -> list[str]:
@@ -119,12 +119,12 @@ def typed_command() -> list[str]:
 
 
 def note_processes(jobs: int | None) -> None:
-    """Print a note if fewer processes are used than requested by ``--jobs``."""
+    """Warn if fewer processes are used than requested by ``--jobs``."""
     from ..comparisons.runs.machine import process_count
 
     used = process_count(jobs)
     if jobs is not None and used < jobs:
-        note(f"--jobs {jobs}: there are cores and memory for {used}; {used} used")
+        note(f"--jobs {jobs}: cores and memory suffice for {used}; {used} used")
 
 
 def stop(signal: int, what: str, then: str = "continues") -> NoReturn:

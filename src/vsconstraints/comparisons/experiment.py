@@ -73,7 +73,7 @@ class Experiment:
         for setting in settings:
             key, equals, text = (part.strip() for part in setting.partition("="))
             if not equals:
-                raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
+                raise ConfigurationError(f"--set must be KEY=VALUE, not {setting!r}")
             try:
                 value = parse_toml(f"value = {text}", "--set")["value"]
             except ConfigurationError as error:
@@ -110,7 +110,7 @@ class Experiment:
         if target is None:
             raise unknown_name("setting", key.partition(".")[0], {*names, *self.settings})
         if not (rest := key[len(target) + 1 :]):
-            raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
+            raise ConfigurationError(f"--set {target} needs a key: {target}.KEY=VALUE")
         return target, rest
 
     def with_baseline(self) -> Self:
@@ -124,7 +124,8 @@ class Experiment:
         )
         if baseline.law != BASELINE or baseline.run != AS_THE_SCENE:
             raise ConfigurationError(
-                f"the name {BASELINE!r} is that of the baseline; give the controller another one"
+                f"the name {BASELINE!r} is reserved for the baseline: give the controller "
+                "another one"
             )
         others = (entry for entry in self.controllers if entry is not baseline)
         return self.changed(controllers=(baseline, *others))
@@ -159,7 +160,7 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
         if name not in by_name and name not in CONTROLLERS and ":" not in name:
             others = (
                 "a suite can name others, as comparisons/laws.toml does, and module:Class or "
-                "FILE.py:Class is one of your own"
+                "FILE.py:Class names a custom one"
             )
             raise ConfigurationError(
                 f"{unknown_controller(name, {*by_name, *CONTROLLERS})}; {others}"

@@ -42,7 +42,7 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
     """Return the rate of ``count`` in ``of`` scenes. Raises InvalidInput if it is not a rate."""
     checked_confidence(confidence)
     if not 0 <= count <= of:
-        raise InvalidInput(f"{count} of {of} is no rate")
+        raise InvalidInput(f"{count} of {of} is not a rate")
     if of == 0:
         return Rate(0, 0, 0.0, 1.0, confidence)
     exact = binomtest(count, of).proportion_ci(confidence, method="exact")

@@ -162,7 +162,7 @@ def _require_shapes(values: Mapping[str, Any], samples: float) -> None:
             and value.size
             and value.dtype != (np.bool_ if name in FLAGS else np.float64)
         ):
-            raise TypeError(f"{name} are no numbers")
+            raise TypeError(f"{name} are not numbers")
         if len(shape) != len(axes):
             raise ValueError(f"{name} has the shape {shape}")
         for axis, size in zip(axes, shape, strict=True):

@@ -49,7 +49,7 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
     for scenario, controller, trial in _finished(folder):
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
         if (scenario, controller, trial) not in planned:
-            why = "is no part of this one"
+            why = "is not part of this one"
         elif any(earlier.get(part, now.get(part)) != now.get(part) for part in parts):
             why = "has other settings in this one"
         else:
@@ -58,7 +58,7 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
             f"{folder} holds another comparison, which would be lost: {scenario} with "
             f"{controller}, trial {trial}"
         )
-        instead = "Give another folder with --out, or --fresh to replace what is there"
+        instead = "Give another folder with --out, or --fresh to replace the folder's content"
         raise FolderTaken(f"{lost}, {why}. {instead}", f"{lost}, {why}")
 
 

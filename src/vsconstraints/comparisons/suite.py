@@ -59,7 +59,7 @@ class Suite(Experiment):
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
-            again = f"vsconstraints report {source} makes its report again"
+            again = f"vsconstraints report {source} writes its report again"
             raise ConfigurationError(f"{source} is a folder of results, not a suite: {again}")
 
         def suite(
@@ -120,11 +120,12 @@ class Suite(Experiment):
         if not self.scenarios or not self.controllers:
             missing = "scenario" if self.controllers else "controller"
             raise ConfigurationError(
-                f"suite {self.name}: there is nothing to compare: it has no {missing}"
+                f"suite {self.name} has no {missing}: there is nothing to compare"
             )
         if self.trials < 1 or self.seed < 0 or self.trials % 1 or self.seed % 1:
             raise ConfigurationError(
-                f"trials must be an integer from 1, and seed from 0: {self.trials}, {self.seed}"
+                "trials must be an integer of 1 or more, and seed of 0 or more, not "
+                f"{self.trials} and {self.seed}"
             )
         counts = {
             "scenarios": len(self.scenarios),
@@ -279,7 +280,9 @@ def require_variety(scenario: Scenario, trials: int, seed: int) -> None:
         second = scenario.setup(1, seed)
     drawn = first.disturbances.random or (first.images is not None and first.images.random)
     if not drawn and (first.q0 == second.q0).all():
-        same = f"{trials} trials of {scenario.name} would be the same run: nothing in it is random"
+        same = (
+            f"{trials} trials of {scenario.name} would be identical, since nothing in it is random"
+        )
         keys = "start_deviation, or pixel_noise, lost_frames or acceleration_noise in disturbances"
         example = f"--set {scenario.name}.start_deviation=0.01"
         raise ConfigurationError(f"{same}. Set {keys}, for example with {example}; or trials = 1")

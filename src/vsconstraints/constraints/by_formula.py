@@ -122,9 +122,8 @@ def require_own_curvature(kind: type) -> None:
         and vars(inherited).get("curvature_formula") is not None
     ):
         raise ConfigurationError(
-            f"{own.__name__} has a formula of its own, but the curvature_formula of "
-            f"{inherited.__name__}: give its own "
-            "too, or None"
+            f"{own.__name__} defines formula, but inherits curvature_formula from "
+            f"{inherited.__name__}: define curvature_formula too, or set it to None"
         )
 
 

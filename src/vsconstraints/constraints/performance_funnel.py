@@ -64,18 +64,19 @@ class PerformanceFunnel(Constraint):
         self.of_image = self.feature_px is not None
         if self.of_image == (self.translation_m is not None or self.rotation_rad is not None):
             raise ConfigurationError(
-                f"{self.kind} is about the image or about the camera's pose: give feature_px, or "
-                f"translation_m, "
-                "rotation_rad or both"
+                f"{self.kind} bounds the error in the image or of the camera's pose: give "
+                "feature_px, or translation_m, rotation_rad or both"
             )
         if not self.goals:
-            raise ConfigurationError(f"{self.kind} is about the error to a goal, and there is none")
+            raise ConfigurationError(
+                f"{self.kind} bounds the error to a goal, and the scenario has no goal"
+            )
         if not self.of_image and any(goal.camera is None for goal in self.goals):
             raise ConfigurationError(
                 f"{self.kind} of the camera's pose needs goals with one; give feature_px"
             )
         if self.markers is not None and not self.of_image:
-            raise ConfigurationError(f"markers of {self.kind} go with feature_px")
+            raise ConfigurationError(f"markers of {self.kind} need feature_px")
         if self.markers is not None:
             self.markers = require_numbers(self.markers, f"markers of {self.kind}")
         width: list[float | None] = [self.translation_m] * 3 + [self.rotation_rad] * 3

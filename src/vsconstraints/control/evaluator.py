@@ -287,9 +287,7 @@ class Evaluator:
         if refused:
             t, q, qd = self._checked(t, q, qd)
             self.scene.project(self.scene.camera_pose(q, t))
-            raise SceneError(
-                "a marker is not in front of the camera as the controller believes it to be"
-            )
+            raise SceneError("a marker is not in front of the camera in the controller's model")
         if before:
             try:
                 self._add_own(t)

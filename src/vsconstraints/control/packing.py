@@ -149,7 +149,8 @@ class StepArrays:
         n = self.size.n
         if [part.shape for part in motion] != [(k,), (k, n), (k,), (k,), (k,)]:
             raise InvalidInput(
-                f"own feature of the wrong shapes {[part.shape for part in motion]} for {k} numbers"
+                f"the custom feature returned the shapes {[part.shape for part in motion]} for "
+                f"{k} numbers"
             )
         step.task.error[:] = motion.error
         step.task.J[:] = motion.J
@@ -177,7 +178,7 @@ def _demand(part: object, kind: type) -> None:
     """
     if type(part) is not kind:
         raise ConfigurationError(
-            f"control takes a {kind.__name__}, not the subclass {type(part).__name__}"
+            f"control needs a {kind.__name__}, not the subclass {type(part).__name__}"
         )
 
 
@@ -207,7 +208,7 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
         raise ConfigurationError(
-            f"control takes a tip that the last joint moves, not the frame {tip.name}"
+            f"control needs a tip that the last joint moves, not the frame {tip.name}"
         )
     _write(step.camera[0], tip_R=tip.placement.rotation, tip_t=tip.placement.translation)
     write_camera(step, scene.camera)

@@ -112,7 +112,7 @@ class Controller(Part, ABC):
             if key not in used and not (key == "observer" and "dead_time" in used)
         ]
         return (
-            f"no command of the law depends on {' or '.join(names)}, which it is given"
+            f"{' or '.join(names)} is given, but no command of the law depends on it"
             if names
             else ""
         )
@@ -203,7 +203,7 @@ def fault_of(command: object, rows: Rows, task: Task) -> str:
             return f"{name} must be an array of {kind.__name__}, not {format_value(array)}"
     if not (isinstance(command.status, str) and command.status in get_args(Status)):
         return (
-            f"the law gave the status {format_value(command.status)}, which is none of "
+            f"the law gave the status {format_value(command.status)}, which must be one of "
             f"{', '.join(get_args(Status))}"
         )
     if command.qdd.shape != (n,) or command.acted.shape != (m,):
@@ -238,17 +238,15 @@ def require_known(
         if name in uses and len(getattr(rows, name)) != len(rows.labels)
     ]
     if lacking:
-        raise InvalidInput(f"{who} uses {', '.join(lacking)}, which these rows do not give")
+        raise InvalidInput(f"{who} uses {', '.join(lacking)}, which these rows do not have")
     if "period" in uses and period is None:
         raise InvalidInput(
-            f"{who} uses the sampling period: tell it by reset(period=...) before the first command"
+            f"{who} uses the sampling period: call reset(period=...) before the first command"
         )
     if remembered and remembered != rows.labels:
         raise InvalidInput(
-            f"{who} remembers other rows, {format_value(remembered)}: reset() the law before it "
-            f"is given "
-            f"those of another "
-            f"scene, {format_value(rows.labels)}"
+            f"{who} keeps the state of other rows, {format_value(remembered)}: call reset() "
+            f"before the first command for rows of another scene, {format_value(rows.labels)}"
         )
 
 
@@ -256,9 +254,8 @@ def require_model(who: str, rows: Rows, task: Task, model: Any) -> None:
     """Raise InvalidInput if there is no model, or it has other rows or another robot."""
     if model is None:
         raise InvalidInput(
-            f"{who} uses a model: ask it by ControlStep.command, or tell it by "
-            f"reset(model=step.model()) of the "
-            "control step that makes these rows"
+            f"{who} uses a model: call it through ControlStep.command, or call "
+            "reset(model=step.model()) of the control step that makes these rows"
         )
     if rows.labels != model.labels or task.J.shape[1] != len(model.present.q):
         raise InvalidInput(f"{who} has the model of other rows or of another robot")

@@ -294,8 +294,7 @@ def _nearest(
     norms = np.linalg.norm(A, axis=1)
     if (excess > limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms).any():
         raise SolverError(
-            f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, which is "
-            f"rounding"
+            f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, due to rounding"
         )
     holding = multipliers > limit.PULLING * multipliers.max()
     return Optimum(x, np.empty(0), holding, verified, fallback=verified.fallback)

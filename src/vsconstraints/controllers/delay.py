@@ -95,7 +95,7 @@ class DelayCompensated(Wrapper):
             task = then.task
         except (SceneError, InvalidInput) as error:
             ahead = rows
-            remark = f"not foreseen to when it acts: {error}"
+            remark = f"the state at which the command acts could not be predicted: {error}"
         command = self.law.command(ahead, task)
         kernels.send(own, arrays_of(rows), command.qdd)
         command.remark = "; ".join(filter(None, (remark, command.remark)))

@@ -77,7 +77,7 @@ class Demand(Part, ABC):
         )
         if self.ahead and "last_rate" in self.uses:
             raise InvalidInput(
-                f"{self.name} observes what moves φ itself: it takes no ahead = true"
+                f"{self.name} observes what moves φ itself, so ahead = true cannot be used"
             )
         for each in self._numbers():
             number = positive(getattr(self, each.name))

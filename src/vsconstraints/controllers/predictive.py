@@ -312,7 +312,7 @@ class Planner(Wrapped):
             why = (
                 f"braking: {short}"
                 if predicted < 2
-                else "the plan goes on as it was: no better one passes the check"
+                else "the previous plan is continued: no better one passes the check"
             )
             command = Command(qdd, "suboptimal", active, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))

@@ -237,7 +237,7 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
             continue
         where = f"{name} declares a range of {key!r}"
         if not anything and key not in (*parameters, *FACTORS):
-            raise ConfigurationError(f"{where}, which is none of its options")
+            raise ConfigurationError(f"{where}, which is not one of its options")
         try:
             search = Range(*each) if isinstance(each, tuple) and len(each) == 2 else each
         except ConfigurationError as error:

@@ -61,7 +61,7 @@ RELAXED = (codes.RELAXED_ROWS, codes.RELAXED_SHORT)
 SHORT = (codes.SHORT, codes.RELAXED_SHORT)
 
 UNPROVED = (
-    "rounding does not allow to prove that the task and the accelerations are the least "
+    "because of rounding, it cannot be proved that the task and the accelerations are the least "
     "that the rows allow"
 )
 
@@ -157,7 +157,9 @@ class Hierarchy(Resolver):
             for prefix in weights
             if not any(label.startswith(prefix) for label in labels)
         ]
-        return f"weights that begin no row's label: {', '.join(idle)}" if idle and labels else ""
+        if not idle or not labels:
+            return ""
+        return f"weights that match the beginning of no row's label: {', '.join(idle)}"
 
     def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :class:`.Resolver`."""

@@ -54,7 +54,8 @@ def with_masses(
         )
     if rods is not None and own:
         raise ConfigurationError(
-            f"plant: rods stand for missing inertias, and {robot.name} has its own"
+            f"plant: rods replace missing inertias, but the URDF of {robot.name} has inertias: "
+            "leave out rods"
         )
     for i in range(1, model.njoints):
         body = model.inertias[i]

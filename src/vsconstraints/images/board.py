@@ -56,15 +56,15 @@ class Board(NamedTuple):
         middle = markers.mean(axis=0)
         away = markers - middle
         if M < 3:
-            raise ConfigurationError(f"a board of tags takes three markers or more, not {M}")
+            raise ConfigurationError(f"a board of tags needs three markers or more, not {M}")
         _, s, Vt = svd(away, full_matrices=False)
         if s[1] < FLAT:
-            raise ConfigurationError("a board of tags takes markers that are not in one line")
+            raise ConfigurationError("a board of tags needs markers that are not on one line")
         off = np.abs(away @ Vt[2]).max()
         if off > FLAT:
             raise ConfigurationError(
-                f"a board of tags takes markers in one plane: one is {1e3 * off:.3g} mm away from "
-                f"theirs"
+                f"a board of tags needs markers in one plane: one is {1e3 * off:.3g} mm away "
+                "from that of the others"
             )
         inwards = -np.sign((seen_from - middle) @ Vt[2]) * Vt[2]
         x = away[1] - away[0]

@@ -173,9 +173,9 @@ class ImageSensor(Sensor):
         for name in POSTULATED:
             if getattr(disturbances, name):
                 raise ConfigurationError(
-                    f"disturbances.{name} is of markers that are seen without images: with sensor "
-                    f'= "images", rate_hz, '
-                    "latency_s, noise and blur_px of the sensor say what an image is like"
+                    f"disturbances.{name} applies to markers that are measured without images: "
+                    'with sensor = "images", set rate_hz, latency_s, noise and blur_px of the '
+                    "sensor"
                 )
         super().__init__(scene, disturbances, Ts)
         self.settings = settings
@@ -227,10 +227,10 @@ class ImageSensor(Sensor):
             tags = self.exposures[0].tags
             why = ""
             if tags.unfit:
-                why = ": those that are seen are not where those of the board can be"
+                why = ": the board cannot be where the tags that are seen would put it"
             elif tags.foreign:
                 why = f", but tags {', '.join(map(str, tags.foreign))}"
-            raise SceneError(f"no tag that is looked for is seen in the first image{why}")
+            raise SceneError(f"none of the expected tags is seen in the first image{why}")
         self.blind = (
             t - last.taken
             > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
@@ -276,7 +276,7 @@ class ImageSensor(Sensor):
             )
         unfit = sum(image.tags.unfit for image in exposures)
         if unfit:
-            remarks.append(f"in {unfit} images the tags were not where those of the board can be")
+            remarks.append(f"in {unfit} images the tags were where those of the board cannot be")
         foreign = sorted({number for image in exposures for number in image.tags.foreign})
         if foreign:
             remarks.append(
@@ -284,6 +284,6 @@ class ImageSensor(Sensor):
             )
         if self._braked:
             remarks.append(
-                f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s"
+                f"without a usable image, the arm was braked for {self._braked * self._Ts:.3g} s"
             )
         return remarks

@@ -48,7 +48,7 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     kind = cast("type[Base]", base)
     if not (isinstance(own, type) and issubclass(own, kind)):
         raise ConfigurationError(
-            f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}"
+            f"{name!r}: {module_name} has no {kind.__name__} named {class_name!r}"
         )
     return own
 
@@ -156,7 +156,7 @@ def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
     """Return the error for stored results that name code, which runs only if they are trusted."""
     code = ", ".join(map(format_value, dict.fromkeys(names)))
     return ConfigurationError(
-        f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)"
+        f"{what} needs code that the results name, {code}: give --trust (trust=True) to run it"
     )
 
 

@@ -66,8 +66,8 @@ class DaqpSolver(QPSolver):
             if flag == DAQP_OPTIMAL:
                 return Answer(np.asarray(x), np.asarray(info["lam"]), int(info["iterations"]))
         if flag == DAQP_INFEASIBLE:
-            raise Infeasible("daqp says that the rows contradict each other")
-        raise SolverError(f"daqp gave up with exit flag {flag}")
+            raise Infeasible("daqp reports that the rows contradict each other")
+        raise SolverError(f"daqp failed with exit flag {flag}")
 
 
 class ProxqpSolver(QPSolver):
@@ -105,7 +105,7 @@ class ProxqpSolver(QPSolver):
         problem.init(scaled.P, scaled.q, None, None, scaled.G, np.full(h.size, -1e20), scaled.h)
         problem.solve()
         if results.info.status != self._proxqp.QPSolverOutput.PROXQP_SOLVED:
-            raise SolverError(f"proxqp gave up with {results.info.status.name}")
+            raise SolverError(f"proxqp failed with {results.info.status.name}")
         return Answer(*scaled.original(results.x, results.z), int(results.info.iter))
 
 

@@ -93,9 +93,10 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
         others = max((other for own, other in largest.items() if own != name), default=math.inf)
         if value >= UNUSUAL and value > OUT_OF_PROPORTION * others:
             remarks.append(
-                f"**Out of proportion**: {plain(name)} commands up to {number(value)} rad/s² "
-                f"of a joint, {number(value / others)} times as much as any other controller; "
-                "an arm would do something else. Give joints limits of acceleration."
+                f"**Disproportionate command**: {plain(name)} commands up to {number(value)} "
+                f"rad/s² of a joint, {number(value / others)} times as much as any other "
+                "controller, which a real arm could not follow. Give the joints acceleration "
+                "limits."
             )
     return remarks
 

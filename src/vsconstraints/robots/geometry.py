@@ -203,7 +203,7 @@ def require_rotation(R: Array) -> Array:
     off = float(np.abs(R - nearest).max())
     if off > TYPED:
         raise InvalidInput(
-            f"no rotation: an entry is {off:.3g} away from the nearest one (columns of length "
+            f"not a rotation: an entry is {off:.3g} away from the nearest one (columns of length "
             f"{', '.join(f'{length:.4g}' for length in np.linalg.norm(R, axis=0))}), which is "
             f"{format_value(np.round(nearest, 6).tolist())}"
         )

@@ -41,7 +41,7 @@ class ActuatorLimits:
             object.__setattr__(self, name, _positive(name, getattr(self, name)))
         if self.ranges and (self.acceleration is None or not np.isfinite(self.acceleration).all()):
             raise ConfigurationError(
-                "limits that keep ranges need a limit of every joint's acceleration"
+                "limits that keep joint ranges need an acceleration limit for every joint"
             )
 
     @property
@@ -97,9 +97,8 @@ def _positive(name: str, value: object) -> PerJoint:
         or isinstance(value, bool | str)
     ):
         raise ConfigurationError(
-            f"a limit of {name} is a positive number, or one for each joint, so that a joint can "
-            f"stand still: not "
-            f"{format_value(value)}"
+            f"the limit of {name} must be a positive number, or one for each joint, so that a "
+            f"joint can stand still: not {format_value(value)}"
         )
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
 

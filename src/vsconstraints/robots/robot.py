@@ -137,7 +137,7 @@ class Robot:
             if model.parents[i + 1] != i or joint.nq != 1 or joint.nv != 1:
                 name = model.names[i + 1]
                 raise ConfigurationError(
-                    f"control takes serial chains, not {name} ({joint.shortname()})"
+                    f"only serial chains are supported, not {name} ({joint.shortname()})"
                 )
             data = joint.createData()
             joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))

@@ -307,11 +307,12 @@ def _mimics(root: ElementTree.Element) -> dict[str, Mimic]:
                 offset = float(mimic.get("offset", "0"))
             except ValueError as error:
                 raise ConfigurationError(
-                    f"the joint {name!r} mimics by no number: {error}"
+                    f"the mimic element of joint {name!r} must have numbers: {error}"
                 ) from error
             if not math.isfinite(factor * offset):
                 raise ConfigurationError(
-                    f"by what the joint {name!r} mimics another one must be finite"
+                    f"the multiplier and offset in the mimic element of joint {name!r} must be "
+                    "finite"
                 )
             mimics[name] = Mimic(mimic.get("joint", ""), factor, offset)
     return mimics
@@ -347,8 +348,8 @@ def _complete_limit(joint: ElementTree.Element, file: str) -> None:
     if limit is None:
         if kind != "continuous":
             raise ConfigurationError(
-                f"the {kind} joint {joint.get('name')!r} of {file} has no limit element; "
-                "only continuous joints may have none"
+                f"the {kind} joint {joint.get('name')!r} of {file} has no limit element; only "
+                "continuous joints may omit it"
             )
         limit = ElementTree.SubElement(joint, "limit")
     for attribute in ("effort", "velocity"):

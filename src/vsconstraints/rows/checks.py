@@ -26,9 +26,9 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
         return ""
     names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
     return (
-        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds "
-        f"the gain of {names} "
-        f"(φ up to {rows.phi[lost].max():.1e})"
+        f"the commanded accelerations (up to {size:.1e}) are too large for the rows to be "
+        f"verified: rounding exceeds the gain of {names} (φ up to {rows.phi[lost].max():.1e}); "
+        "is the goal reachable?"
     )
 
 
@@ -108,8 +108,8 @@ def check(rows: Rows, task: Task) -> None:
     if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
         at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
         raise InvalidInput(
-            f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} "
-            f"is not"
+            "switching gain and scale must be positive; they are not for "
+            f"{', '.join(rows.labels[i] for i in at)}"
         )
     if (rows.phi / FARTHEST > rows.scale).any():
         at = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
@@ -117,9 +117,8 @@ def check(rows: Rows, task: Task) -> None:
             f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at
         )
         raise InvalidInput(
-            f"no law can compute with φ beyond {FARTHEST:g} times its scale: {far}. Give both in "
-            f"the same units, in "
-            "which the scale is the size of the allowed range"
+            f"φ is more than {FARTHEST:g} times its scale, too large for any law: {far}. Give "
+            "both in the same units, in which the scale is the size of the allowed range"
         )
 
 

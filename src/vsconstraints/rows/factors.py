@@ -36,8 +36,8 @@ class RowFactors:
                 if not (number and isinstance(kind, str)):
                     where = f"{name}.{kind}" if kind else name
                     raise ConfigurationError(
-                        f"{where} of a law is a factor on the scene's, positive: not "
-                        f"{format_value(factor)}"
+                        f"{where} of a law multiplies the scene's value and must be positive, "
+                        f"not {format_value(factor)}"
                     )
 
     def options(self) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class RowFactors:
         tables = [value for value in self.options().values() if isinstance(value, Mapping)]
         absent = dict.fromkeys(kind for table in tables for kind in table if kind not in kinds)
         return (
-            f"factors of the law name {', '.join(absent)}, of which there is no row"
+            f"factors of the law name {', '.join(absent)}, but there are no such rows"
             if absent
             else ""
         )

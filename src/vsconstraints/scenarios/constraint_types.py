@@ -118,8 +118,8 @@ def make_constraint(
         return constraint
     if not isinstance(constraint, PositionConstraint):
         raise ConfigurationError(
-            f"{where}: {constraint.kind} cannot move; what can are obstacles in the image and "
-            f"forbidden regions"
+            f"{where}: {constraint.kind} cannot move; only obstacles in the image and forbidden "
+            "regions can"
         )
     return constraint.moving(motion)
 

@@ -155,7 +155,7 @@ def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
             )
     best = min(poses, key=lambda pair: pair[1], default=None)
     if best is None or not best[1] < MAX_MISS * camera.size[0]:
-        raise SceneError("no pose of the camera was found from which the markers look like this")
+        raise SceneError("no camera pose was found from which the markers appear at these pixels")
     return best
 
 
@@ -177,7 +177,8 @@ def moments_at_goals(setup: Setup) -> Iterator[Moment]:
         moment = moment_at(setup, name, t, q, np.zeros_like(q))
         if missed > setup.tolerances.feature_px:
             inexact = (
-                f"no pose shows the markers just so: the best found misses one by {missed:.3g} px"
+                "no camera pose shows the markers at exactly these pixels: the best one found "
+                f"misses a marker by {missed:.3g} px"
             )
             moment = replace(moment, problems=(inexact, *moment.problems))
         yield moment

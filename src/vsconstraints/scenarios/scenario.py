@@ -167,7 +167,7 @@ class Scenario(Described):
             raise type(error)(f"{self.name}: {error}") from error
         except ArithmeticError as error:
             raise ConfigurationError(
-                f"{self.name}: its numbers cannot be computed with: {described(error)}"
+                f"{self.name}: computing with its numbers fails: {described(error)}"
             ) from error
 
 
@@ -231,7 +231,7 @@ def extended_tables(
             )
         if len(files) > MAX_EXTENDED:
             raise ConfigurationError(
-                f"{path} extends a file that extends another …, more than {MAX_EXTENDED} in all"
+                f"{path}: the chain of extends has more than {MAX_EXTENDED} files"
             )
     tables = parts.pop()
     for over in reversed(parts):

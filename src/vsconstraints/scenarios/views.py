@@ -57,16 +57,20 @@ def pose_from(
     ]
     if len(turns) > 1:
         raise InvalidInput(
-            "a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix "
-            "and file"
+            "a pose needs exactly one of rpy, quaternion_wxyz, quaternion_xyzw, "
+            "rotation_vector, matrix and file"
         )
     if file is not None:
         if any(xyz):
-            raise InvalidInput("a pose takes xyz or file, which says the translation, too")
+            raise InvalidInput(
+                "a pose with file must not have xyz: the file contains the translation"
+            )
         return file
     if matrix is not None:
         if any(xyz):
-            raise InvalidInput("a pose takes xyz or matrix, which says the translation, too")
+            raise InvalidInput(
+                "a pose with matrix must not have xyz: the matrix contains the translation"
+            )
         return Pose.from_matrix(matrix)
     if quaternion_wxyz is not None or quaternion_xyzw is not None:
         return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
@@ -106,13 +110,14 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
     if len(mounts) > 1:
         raise ConfigurationError(
-            f"{where}: one key says where a camera is, not {' and '.join(mounts)}"
+            f"{where}: give only one key for the camera's pose, not {' and '.join(mounts)}"
         )
     if "calibration" in values:
         twice = [key for key in CALIBRATED if key in values]
         if twice:
             raise ConfigurationError(
-                f"{where}: the calibration says {' and '.join(twice)}: give one of the two"
+                f"{where}: the calibration already states {' and '.join(twice)}: give it in one "
+                "place"
             )
         # these warnings are shown at the start of every run
         with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
@@ -185,7 +190,7 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
         except InvalidInput as error:
             raise ConfigurationError(f"{where}: markers_px: {error}") from error
     elif goal.depth_m is not None:
-        raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
+        raise ConfigurationError(f"{where}: depth_m needs markers_px, but {kinds[0]} is given")
     else:
         if goal.camera_pose is not None:
             camera = from_table(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")

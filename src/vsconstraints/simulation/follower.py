@@ -66,7 +66,8 @@ class ArmInput:
             self._refuse_loop()
         elif self.jerk is not None and self.lag == 0.0:
             raise ConfigurationError(
-                "arm.jerk limits how the acceleration of a lagging loop changes: give arm.lag, too"
+                "arm.jerk needs arm.lag: it limits how fast the acceleration of a lagging loop "
+                "changes"
             )
 
     def _refuse_loop(self) -> None:
@@ -79,8 +80,8 @@ class ArmInput:
         for name, other in instead.items():
             if getattr(self, name) not in (None, 0.0):
                 raise ConfigurationError(
-                    f"arm.{name} is of a loop that follows velocities or positions; for command = "
-                    f'"acceleration" give {other}'
+                    f"arm.{name} needs a loop that follows velocities or positions; for command "
+                    f'= "acceleration" give {other}'
                 )
 
     @property
@@ -228,15 +229,15 @@ class FollowingPlant(Plant):
     ) -> None:
         if disturbances.time_constant:
             raise ConfigurationError(
-                "disturbances.time_constant is of an arm that takes accelerations: an arm that "
-                "takes velocities or positions has arm.lag"
+                "disturbances.time_constant applies to an arm that takes accelerations; for "
+                "velocities or positions give arm.lag"
             )
         delay = disturbances.command_delay
         super().__init__(q0, qd0, Ts, "acceleration", replace(disturbances, command_delay=0.0))
         self.loop = loop = LowLevelLoop(arm, q0, qd0, self.Ts, actuators, delay)
         if (self._offset.any() or self._noise) and arm.lag == 0.0 and not loop.limited:
             raise ConfigurationError(
-                "disturbing accelerations move an arm only through its loop: give arm.lag or "
+                "disturbing accelerations need the arm's loop: give arm.lag or "
                 "arm.acceleration, too"
             )
         self.x = loop.x

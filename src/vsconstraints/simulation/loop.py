@@ -418,7 +418,7 @@ class Run:
         remarks = []
         if self.fallbacks:
             remarks.append(
-                f"another QP solver than the one asked for answered in {self.fallbacks} samples"
+                f"a QP solver other than the requested one answered in {self.fallbacks} samples"
             )
         if self.unfounded:
             remarks.append(

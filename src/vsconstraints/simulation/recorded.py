@@ -81,7 +81,7 @@ class Recorded:
         Raises ValueError, TypeError or KeyError if ``values`` is not a recording.
         """
         if not isinstance(values, dict):
-            raise TypeError("it is no table")
+            raise TypeError("it is not a table")
         ended = values["ended"]
         if ended not in ("", "failed", "aborted"):
             raise ValueError("it does not say how the run ended")
@@ -89,7 +89,7 @@ class Recorded:
         rows_time = _numbers(values["rows_time"])
         step_time = _numbers(values["step_time"])
         if not len(rows_time) == len(step_time) == len(qdd):
-            raise ValueError("it has not one time for each command")
+            raise ValueError("it has not exactly one time for each command")
         if not np.isfinite(qdd).all():
             raise ValueError("its commands are not finite")
         return cls(
@@ -107,7 +107,7 @@ class Recorded:
 
 def _numbers(data: object) -> Array:
     if not isinstance(data, bytes):
-        raise TypeError("its numbers are no bytes")
+        raise TypeError("its numbers are not bytes")
     return np.frombuffer(data, dtype=np.float64).copy()
 
 

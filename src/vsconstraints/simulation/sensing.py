@@ -187,9 +187,7 @@ class Sensor:
         try:
             Z = self.believed.depth(camera)
         except SceneError as error:
-            raise SceneError(
-                f"the measured image is explained by no pose that sees it: {error}"
-            ) from error
+            raise SceneError(f"no camera pose explains the measured image: {error}") from error
         return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
@@ -260,9 +258,8 @@ class GradientError:
                 )
             if not known & set(kinds):
                 raise ConfigurationError(
-                    f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which "
-                    f"there is none; "
-                    f"gradient_error_rows may name {', '.join(sorted(known)) or 'nothing here'}"
+                    f"gradient_error_rows names the kinds {', '.join(kinds)}, but there are no "
+                    f"such rows; it may name {', '.join(sorted(known)) or 'nothing here'}"
                 )
             speeds = sorted(
                 {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}

@@ -149,8 +149,8 @@ class Setup:
         """
         if self.arm.streams and self.actuation != "acceleration":
             raise ConfigurationError(
-                f'actuation = "{self.actuation}" and arm.command = "{self.arm.command}" both say '
-                f"what the arm takes: leave out one"
+                f'actuation = "{self.actuation}" and arm.command = "{self.arm.command}" both set '
+                "the kind of command: leave out one"
             )
         # the limits of an arm that takes velocities or positions are those of its motion
         limited = self.limits.any and not self.arm.streams
@@ -164,16 +164,14 @@ class Setup:
             return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
         if self.actuation != "acceleration":
             raise ConfigurationError(
-                f'actuation = "{self.actuation}" is of an arm without mass: with plant, '
-                f"plant.controller says what "
-                "drives the joints"
+                f'actuation = "{self.actuation}" applies to an arm without mass: with plant, use '
+                "plant.controller"
             )
         for name in ("acceleration", "acceleration_noise", "time_constant", "command_delay"):
             if np.any(getattr(self.disturbances, name)):
                 raise ConfigurationError(
-                    f"disturbances.{name} is of an arm without mass: with plant, it follows from "
-                    f"controller, friction "
-                    "and gears (plant.dead_time delays torques)"
+                    f"disturbances.{name} applies to an arm without mass: with plant, set "
+                    "controller, friction and gears instead (plant.dead_time delays torques)"
                 )
         # a DynamicPlant, whose module the core does not import
         make: Callable[..., Any] = load(self.dynamics.made_by)

@@ -26,7 +26,7 @@ are not detected.
 #: Size of the filled area relative to the image, if no field of view bounds it.
 AROUND = 2.0
 #: End of the sentence about a marker that constraints separate from a goal.
-UNSOLVABLE = "no law can bring it there without violating one"
+UNSOLVABLE = "no law can bring the marker there without a violation"
 
 #: Smallest singular value, relative to the largest, of a direction that counts as determined by an
 #: image. Markers seen under an angle α determine the weakest direction by about α²: this value

@@ -33,11 +33,9 @@ def preview(
     from .preview import FIGURE, Preview, lines
 
     if (scenario is None) == (family is None):
-        raise ConfigurationError("preview takes a scenario, or --family with --scene")
+        raise ConfigurationError("preview needs a scenario, or --family with --scene")
     if out is not None and out.suffix.removeprefix(".") not in FORMATS:
-        raise ConfigurationError(
-            f"the picture is a figure: --out {out} must end in .png, .svg or .pdf"
-        )
+        raise ConfigurationError(f"the picture's file --out {out} must end in .png, .svg or .pdf")
     if family is not None:
         drawn = Family.load(family).scene(scene, half, seed)
         seen = Preview.of_scenario(drawn.scenario(condition), seed=drawn.noise)
@@ -73,7 +71,8 @@ def replay(
 
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise ConfigurationError(
-            f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films"
+            f"the replay's file must end in .html, not be {out.name!r}. For films use --gif and "
+            "--mp4"
         )
     films = [path for path in (gif, mp4) if path is not None]
     page = out or (None if films else Path(f"replay-{name_of(runs[0])}.html"))

@@ -126,10 +126,9 @@ def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
     for name, key in formats.items():
         if key in table:
             raise ConfigurationError(
-                f"{where}: this is {name}, which is not read: write the numbers of one camera as "
-                f"image_width, "
-                "image_height, camera_matrix, distortion_model and distortion_coefficients, as "
-                "ROS's files have them"
+                f"{where}: this is {name}, which is not supported: write the numbers of one "
+                "camera as image_width, image_height, camera_matrix, distortion_model and "
+                "distortion_coefficients, as in ROS's files"
             )
     return table
 
@@ -142,9 +141,8 @@ def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
     projection = table.get("camera_model", "pinhole")
     if projection not in PROJECTIONS:
         raise ConfigurationError(
-            f"{where}: this is a Kalibr camchain of a camera that is no pinhole (camera_model is "
-            f"{said(projection)}): "
-            "calibrate it as pinhole-radtan or pinhole-equi"
+            f"{where}: this is a Kalibr camchain of a camera that is not a pinhole (camera_model "
+            f"is {said(projection)}): calibrate it as pinhole-radtan or pinhole-equi"
         )
     numbers = table["intrinsics"]
     resolution = table.get("resolution")
@@ -304,8 +302,8 @@ def _stated_lens(table: Calibrated, where: str) -> str | None:
     if len(set(stated.values())) > 1:
         contradiction = " and ".join(f"{key} = {said(table[key])}" for key in stated)
         raise ConfigurationError(
-            f"{where} says two things of the lens: {contradiction}; say which lens it is with "
-            f"distortion_model"
+            f"{where} contradicts itself about the lens: {contradiction}; say which lens it is "
+            "with distortion_model"
         )
     return next(iter(stated.values()), None)
 

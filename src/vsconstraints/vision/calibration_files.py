@@ -47,7 +47,7 @@ def read_table(path: str | Path) -> Calibrated:
     where = os.fspath(path)
     table = table_of(read_text(path, "calibration"), where, "calibration")
     if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{where} is no calibration: it must be a table")
+        raise ConfigurationError(f"{where} is not a calibration: it must be a table")
     return table
 
 
@@ -76,7 +76,7 @@ def table_of(text: str, where: str, what: str) -> object:
 def _text(path: Path) -> str:
     """Return the text of a file without its byte order mark."""
     if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
+        raise ValueError("it is not a file")
     with path.open("rb") as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
@@ -113,7 +113,7 @@ def _of_yaml(text: str) -> object:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise ValueError(f"{place}it is no YAML") from None
+        raise ValueError(f"{place}it is not valid YAML") from None
 
 
 def _require_plain(yaml: Any, events: Iterator[Any]) -> None:
@@ -135,7 +135,7 @@ def _require_plain(yaml: Any, events: Iterator[Any]) -> None:
             nodes += 1  # keys and values alternate
             if nodes % 2 and isinstance(event, yaml.ScalarEvent):
                 if event.value in keys:
-                    raise ValueError(f"{place} has a key that is there already")
+                    raise ValueError(f"{place} repeats a key")
                 keys.add(event.value)
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
             event, yaml.CollectionEndEvent
@@ -163,7 +163,7 @@ def root_of_xml(text: str) -> ElementTree.Element:
         return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         line, column = error.position
-        raise ValueError(f"line {line}, column {column + 1}: it is no XML") from None
+        raise ValueError(f"line {line}, column {column + 1}: it is not valid XML") from None
 
 
 def _of_xml(text: str) -> object:
@@ -188,7 +188,7 @@ def _of_element(element: ElementTree.Element) -> object:
     table: dict[str, Any] = {}
     for child in children:
         if child.tag in table:
-            raise ValueError("it has a key that is there already")
+            raise ValueError("it repeats a key")
         table[child.tag] = _of_element(child)
     if isinstance(table.get("data"), str):
         table["data"] = table["data"].split()

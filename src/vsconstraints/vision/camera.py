@@ -106,9 +106,9 @@ class Camera:
         camera = cls(**read_calibration(calibration, distortion_model, size_px))
         if size_px is not None and tuple(size_px) != camera.size_px:
             raise ConfigurationError(
-                f"{calibration} is a calibration of images of {camera.size[0]:g} × "
-                f"{camera.size[1]:g} px, not of "
-                f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
+                f"{calibration} is a calibration for images of {camera.size[0]:g} × "
+                f"{camera.size[1]:g} px, not of {size_px[0]:g} × {size_px[1]:g} px: calibrate "
+                "the camera at the size that is used"
             )
         for doubt in camera.doubts:
             warnings.warn(f"{calibration}: {doubt}", CalibrationWarning, stacklevel=2)

@@ -222,8 +222,8 @@ def _of_table(text: str, where: str) -> HandEye:
         return found
     if found.carried not in (None, carried):
         raise ConfigurationError(
-            f"{where} says two things of the camera: {' or '.join(SAYS_WHERE)} and the keys of the "
-            f"pose contradict each other on whether the arm carries it"
+            f"{where} contradicts itself: {' or '.join(SAYS_WHERE)} and the keys of the pose "
+            "disagree on whether the arm carries the camera"
         )
     return HandEye(found.pose, carried)
 

@@ -115,7 +115,7 @@ class Measurement:
         taken = t if self.taken is None else self.taken
         if not math.isfinite(taken) or taken > t + AHEAD:
             raise InvalidInput(
-                f"an image was taken before now, t = {t:g} s, not at {format_value(self.taken)}"
+                f"an image must be taken before now, t = {t:g} s, not at {format_value(self.taken)}"
             )
         taken = min(taken, t)
         if self.camera is not None and not isinstance(self.camera, Pose):

@@ -63,9 +63,7 @@ class Rest:
                 f"the posture of rest must be finite numbers, not {format_value(self.posture)}"
             )
         if len(self.posture) and self.damping == 0.0:
-            raise ConfigurationError(
-                "a posture is approached by rest only with a damping above zero"
-            )
+            raise ConfigurationError("rest.posture needs rest.damping above zero")
 
     @property
     def any(self) -> bool:

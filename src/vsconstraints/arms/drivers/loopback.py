@@ -118,7 +118,7 @@ class LoopbackArm(Driver):
 
     real = False
     known = ("time", "fault", "at", "patience", "off")
-    watchdog = f"its own, which brakes after {1e3 * PATIENCE:g} ms without a setpoint"
+    watchdog = f"the arm's watchdog brakes after {1e3 * PATIENCE:g} ms without a setpoint"
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)

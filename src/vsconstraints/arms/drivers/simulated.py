@@ -21,7 +21,7 @@ class SimulatedArm(Driver):
 
     real = False
     simulated_time = True
-    watchdog = "time stands still without setpoints"
+    watchdog = "simulated time stops without setpoints"
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)

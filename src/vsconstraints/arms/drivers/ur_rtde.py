@@ -62,7 +62,8 @@ class UrRtde(Driver):
             )
         if address.port is not None:
             raise ConfigurationError(
-                f"an arm has ports of its own: ur-rtde://{address.host}, without :{address.port}"
+                f"the ports of the arm are fixed: give ur-rtde://{address.host}, without "
+                f":{address.port}"
             )
         if self.n != 6:
             raise ConfigurationError(
@@ -70,16 +71,15 @@ class UrRtde(Driver):
             )
         if self.period < LEAST_PERIOD - 1e-9:
             raise ConfigurationError(
-                f"an arm of Universal Robots takes a setpoint every {1e3 * LEAST_PERIOD:g} ms at "
-                f"most, not every "
-                f"{1e3 * self.period:g} ms"
+                f"an arm of Universal Robots accepts a setpoint every {1e3 * LEAST_PERIOD:g} ms "
+                f"at most, not every {1e3 * self.period:g} ms"
             )
         self.takes = cast(Takes, address.choice("send", ("position", "speed")))
         self._lookahead = address.number("lookahead", 0.03)
         self._gain = address.number("gain", 1000.0)
         if not 0.03 <= self._lookahead <= 0.2 or not 100.0 <= self._gain <= 2000.0:
             raise ConfigurationError(
-                "servoJ takes a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000"
+                "servoJ needs a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000"
             )
         least = Envelope.of(setup.scene.robot, setup.limits, setup.Ts).acceleration.min()
         self._acceleration = min(float(least), MOST_ACCELERATION)
@@ -87,8 +87,8 @@ class UrRtde(Driver):
         demand("ur-rtde")
         self._frequency = min(WATCHDOG, 0.1 / self.period)
         self.watchdog = (
-            f"the arm's own, whose program ends after {1e3 / self._frequency:g} ms "
-            f"without a setpoint"
+            f"the arm's watchdog ends its program after {1e3 / self._frequency:g} ms without a "
+            "setpoint"
         )
         self._control: Any = None
         self._receive: Any = None
@@ -112,9 +112,8 @@ class UrRtde(Driver):
         slider = float(self._receive.getTargetSpeedFraction())
         if slider < FULL:
             raise ArmError(
-                f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not "
-                f"follow in time: set it "
-                "to 100 %, and slow down by the scenario's limits"
+                f"the arm's speed slider is at {100.0 * slider:.0f} %, too slow to follow the "
+                "setpoints: set it to 100 %, and limit the speed by the scenario's limits"
             )
         self._control = _Interface(
             _tried(connecting, rtde_control.RTDEControlInterface, host, rate)
@@ -209,7 +208,7 @@ def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
 
 def _require_taken(what: str, accepted: object) -> None:
     if accepted is False:
-        raise ArmError(f"the arm did not take {what}")
+        raise ArmError(f"the arm rejected {what}")
 
 
 def stop_program(host: str) -> None:

@@ -116,7 +116,7 @@ def evidence(
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError(
-            "--jobs is for processes of this machine, and none are used with --cluster"
+            "--jobs sets the number of processes on this machine, and --cluster uses none"
         )
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes)
@@ -152,9 +152,7 @@ def with_call_times(
 
     if source is None:
         if slower is not None or budget_us is not None:
-            raise ConfigurationError(
-                "--slower and --budget-us are about time that passes: give --time-passes, too"
-            )
+            raise ConfigurationError("--slower and --budget-us need --time-passes")
         return chosen
     with progress() as show:
         times = call_times(
@@ -203,10 +201,7 @@ def run_campaign(
     if plan.shard.of == 1:
         console.print(write_report(out, wanted))
     if state.all_failed:
-        errors.print(
-            "error: every run of the controllers that were to be compared failed; column reason "
-            "says why"
-        )
+        errors.print("error: all runs of the compared controllers failed; see column reason")
         raise typer.Exit(NOTHING_DONE)
 
 
@@ -261,12 +256,13 @@ def advise(
     if scenario is not None:
         if asked.said:
             raise ConfigurationError(
-                f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers"
+                f"{scenario} already states {', '.join(asked.said)}: give a scenario or these "
+                "options, not both"
             )
         asked = Situation.of(Scenario.load(scenario))
     elif not asked.said and keep is None:
         raise ConfigurationError(
-            "advise takes a scenario, or answers such as --joints 6 --latency-ms 30"
+            "advise needs a scenario, or options such as --joints 6 --latency-ms 30"
         )
     with progress() as show:
         runs = Study.load(study or SHIPPED, trust, partial(show, "scenes"), own=keep is not None)
@@ -346,7 +342,7 @@ def tune(
 
     for key in (setting.partition("=")[0].strip() for setting in settings or ()):
         if key in ("half", "scenes"):
-            why = "laws are tuned on training scenes alone, and --scenes says on how many"
+            why = "tuning uses training scenes only: set their number with --scenes"
             raise ConfigurationError(f"--set {key}: {why}")
     chosen = Campaign.load(campaign).select(
         families or (), controllers or (), settings=settings or ()

@@ -47,7 +47,7 @@ def _contents(folder: Path) -> tuple[str, list[Path], list[str]]:
         f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of "
         f"{len(evidence.families)} families"
     )
-    return contents, stored_files(folder), [f"scenes {lost} are not there"] if lost else []
+    return contents, stored_files(folder), [f"scenes {lost} are missing"] if lost else []
 
 
 CAMPAIGN = ResultsKind(_write_report, _contents)

@@ -104,7 +104,7 @@ def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> No
         errors.print(f"error: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    whole = f"{sum(map(len, frozen.hashes.values()))} scenes are as they were made"
+    whole = f"{sum(map(len, frozen.hashes.values()))} scenes are unchanged"
     console.print(f"Test set {frozen.version}: {whole}. SHA-256 of its index: {frozen.sha256}")
 
 
@@ -155,7 +155,8 @@ def leaderboard(
         for path in tables:
             if path.stem in studies:
                 raise ConfigurationError(
-                    f"two tables are named {path.stem}, and laws are told apart by their names"
+                    f"two tables have the name {path.stem}, which tells their laws apart: rename "
+                    "one of the files"
                 )
             study = Study.load(
                 path, trust, lambda done, scenes: show("scenes", done, scenes), own=True
@@ -175,17 +176,17 @@ def leaderboard(
             )
     for name, repetition in repetitions.items():
         for sentence in repetition.by_rounding:
-            errors.print(f"remark: rounding decides {name}: {sentence}")
+            errors.print(f"warning: rounding decides {name}: {sentence}")
         for file in repetition.changed_files:
             errors.print(
-                f"error: {name}: {file}, which custom laws have loaded or read, has another "
-                f"content here"
+                f"error: {name}: {file}, which custom laws have loaded or read, has different "
+                "content here"
             )
         for sentence in repetition.differences:
             errors.print(f"error: {name}: {sentence}")
         for law, file in repetition.moved.items():
             errors.print(
-                f"remark: {name}: no run of {law} is repeated, since this law is now {file}"
+                f"warning: {name}: no run of {law} is repeated, since this law is now {file}"
             )
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
         counts += f", {len(repetition.by_rounding)} are decided by rounding"

@@ -68,7 +68,7 @@ class CallTimes:
         laws = [entry for entry in campaign.controllers if entry.name != BASELINE]
         missing = [entry.name for entry in laws if not {entry.name, entry.law} & self.calls.keys()]
         if missing:
-            raise ConfigurationError(f"call times: there is none of {', '.join(missing)}")
+            raise ConfigurationError(f"call times are missing for {', '.join(missing)}")
         title = f"{campaign.title}, time passes"
         timed = tuple(map(self._timed, laws))
         return campaign.changed(title=title, controllers=timed, call_times=asdict(self)).checked()
@@ -84,7 +84,7 @@ class CallTimes:
                 f"laws are called as often as {1e6 * self.budget_s:g} µs per T_s of the scene allow"
             )
         return (
-            f"how long after the beginning of a period a law's command begins to act [µs]: "
+            "delay from the beginning of a period until a law's command begins to act [µs]: "
             f"{'; '.join(said)}."
         )
 

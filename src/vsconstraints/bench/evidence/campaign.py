@@ -191,7 +191,7 @@ class Campaign(Experiment):
         """
         if not self.families:
             raise ConfigurationError(
-                f"campaign {self.name}: it names no family, so there is no scene to be drawn"
+                f"campaign {self.name} names no family, so no scenes can be drawn: give families"
             )
         if not 1 <= self.scenes <= MAX_SCENES:
             raise ConfigurationError(f"scenes must be from 1 to {MAX_SCENES}, not {self.scenes}")

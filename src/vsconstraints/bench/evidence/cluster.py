@@ -48,7 +48,7 @@ SOON = 0.02  # polling interval for the identity checks at the start [s]
 MAX_LOST = 3  # a call fails if more workers than this disappear while they have it
 # longest time without any worker [s]: workers that died may be restarted
 PATIENCE = 60.0
-GOES_ON = "what was finished is stored, and the same command goes on"
+GOES_ON = "finished runs are stored, and the same command continues"
 
 
 class Session(NamedTuple):
@@ -216,7 +216,7 @@ class _Cluster:
                 asked = "what results depend on there: can vsconstraints be imported there?"
                 self._refuse(worker, f"ended when it was asked {asked}")
             elif not future.done():
-                self._refuse(worker, f"said nothing for {BEGIN:g} s")
+                self._refuse(worker, f"did not answer for {BEGIN:g} s")
             # for example, vsconstraints is not installed on the worker
             elif (error := future.exception()) is not None:
                 self._refuse(worker, f"cannot make runs: {described(error)}")
@@ -243,7 +243,7 @@ class _Cluster:
         self._usable[worker] = False
         if not self._started:
             raise ConfigurationError(f"worker {worker} {why}")
-        warnings.warn(f"worker {worker} {why}; it is given nothing", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"worker {worker} {why}; it is not used", RuntimeWarning, stacklevel=2)
 
     def _packed(self, *call: Any) -> bytes:
         return pickle.dumps((self._session, *call))

@@ -50,7 +50,7 @@ class Facts:
             return from_table(cls, table, "its footer")
         except ConfigurationError as error:
             raise ConfigurationError(
-                f"{path} cannot be read: it is no shard of a campaign ({error})"
+                f"{path} cannot be read: it is not a shard of a campaign ({error})"
             ) from error
 
 
@@ -112,7 +112,7 @@ def finished_shards(folder: Path, campaign: Campaign) -> list[Facts]:
     """
     problems = _differences([shard.facts for shard in _complete_shards(folder)], campaign)
     if problems:
-        instead = "Give another folder with --out, or --fresh to replace what is there"
+        instead = "Give another folder with --out, or --fresh to replace the folder's content"
         raise ConfigurationError(
             f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}"
         )
@@ -164,8 +164,7 @@ def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
     for facts in there:
         files.update(facts.files)
     return [
-        f"the content of {name} is another one now"
-        for name in changed(files, contents(files, folders))
+        f"the content of {name} has changed" for name in changed(files, contents(files, folders))
     ]
 
 
@@ -177,7 +176,7 @@ def require_same_files(stored: Iterable[StoredShard]) -> None:
             other = first.setdefault(name, shard)
             if other.facts.files[name] != content:
                 made = f"{other.path} and {shard.path} were made with different contents of {name}"
-                why = "which own parts have loaded or read"
+                why = "which custom parts have loaded or read"
                 raise ConfigurationError(f"these are not parts of one campaign: {made}, {why}")
 
 

@@ -76,7 +76,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:
         raise ConfigurationError(
-            "there is nothing to merge: give the folders after the one that is written"
+            "there is nothing to merge: give the folders to merge after the output folder"
         )
     manifests = {folder: evidence.manifest for folder, evidence in read.items()}
     for folder, manifest in manifests.items():
@@ -90,12 +90,10 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     _require_all(sources, manifests)
     once = _each_once(sources)
     if manifest_of(out) and "merged" not in manifest_of(out):
-        raise ConfigurationError(
-            f"{out} holds results of its own: give a folder that is empty or new"
-        )
+        raise ConfigurationError(f"{out} already holds results: give an empty or new folder")
     if out.resolve() in {folder.resolve() for folder in folders}:
         raise ConfigurationError(
-            f"{out} is one of the folders that are to be merged: give another one to be written"
+            f"{out} is one of the folders to merge: give another output folder"
         )
     with locked(out, "evidence"):
         clear(out)
@@ -177,9 +175,9 @@ def _require_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
             if missing
             else ""
         )
-        unfinished = "an interrupted command goes on when it is given again"
+        unfinished = "to continue an interrupted command, give it again"
         raise ConfigurationError(
-            f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}"
+            f"{which or 'the campaign is incomplete'}: scenes {lost} are missing; {unfinished}"
         )
 
 
@@ -216,7 +214,7 @@ def _require_same_results(one: StoredShard, other: StoredShard, scenes: list[int
                 f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, "
                 f"with different {name}"
             )
-            why = "one of them was changed, or the law is not the same from run to run"
+            why = "one of them was changed, or the law's runs are not reproducible"
             raise ConfigurationError(f"{twice}: {why}")
 
 

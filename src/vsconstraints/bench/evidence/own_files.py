@@ -88,7 +88,7 @@ def require_unchanged_files(files: Files, earlier: Files) -> None:
     """Raise ConfigurationError if the content of a file differs from that of earlier results."""
     for name in changed(files, earlier):
         why = "was changed while the campaign ran, or differs from one worker to another"
-        what = f"the file {name}, which own parts have loaded or read, {why}"
+        what = f"the file {name}, which custom parts have loaded or read, {why}"
         raise ConfigurationError(
             f"{what}: run the campaign again in another folder, or with --fresh"
         )

@@ -149,7 +149,7 @@ def facts_of(path: Path) -> dict[str, Any]:
     with _reading(path):
         facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
         if not isinstance(facts, dict):
-            raise ValueError("its facts are no table")
+            raise ValueError("its metadata is not a table")
     return facts
 
 
@@ -187,8 +187,8 @@ def read(
                     lines = lines.append_column(name, pa.nulls(len(lines), pa.float64()))
             if missing := [name for name in wanted.names if name not in lines.column_names]:
                 raise ValueError(
-                    f"it has no column {missing[0]!r}; another version wrote it, which can report "
-                    f"on it"
+                    f"it has no column {missing[0]!r}: it was written by another version, which "
+                    "can report on it"
                 )
             tables.append(lines.select(wanted.names).cast(wanted))
     return pa.concat_tables(tables)

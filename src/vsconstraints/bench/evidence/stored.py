@@ -148,7 +148,7 @@ class Evidence(StoredResults):
                 Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES
             ):
                 raise ConfigurationError(
-                    f"{path} and its parts in other tables say different things of themselves"
+                    f"the metadata of {path} contradicts that of its other tables"
                 )
             if problem := _foreign(facts, self.manifest) or next(
                 _wrong_lines(shard, configuration), ""

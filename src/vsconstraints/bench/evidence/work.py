@@ -57,7 +57,7 @@ class Shard:
         number, slash, of = text.partition("/")
         if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
             raise ConfigurationError(
-                f"--shard takes i/n with i from 1 to n, such as 2/4, not {text!r}"
+                f"--shard must be i/n with i from 1 to n, such as 2/4, not {text!r}"
             )
         return cls(int(number), int(of))
 

@@ -144,7 +144,7 @@ def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
         value = _value(tree, ends, beside, where)
         if value is None:
             raise ConfigurationError(
-                f"{where}: {tree.name} stands at q0 and at camera_at_q of goals"
+                f"{where}: {tree.name} is allowed only at q0 and at camera_at_q of goals"
             )
         return value
     if isinstance(tree, dict):
@@ -195,8 +195,8 @@ def check_ends(setup: Setup, ends: Ends) -> None:
         lines = LinesOfSight(setup.scene)
     except ConfigurationError as error:
         raise ConfigurationError(
-            f'{error}; on_hidden_markers = "continue" draws scenes without a look at what the '
-            f"robot hides"
+            f'{error}; on_hidden_markers = "continue" draws scenes without checking what the '
+            "robot hides"
         ) from error
     for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
         hidden = [] if q is None else lines.hidden(q[None], [t])[0]

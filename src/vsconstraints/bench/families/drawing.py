@@ -114,7 +114,7 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
             f"{where} must be finite, and less than 1e300, not {format_value(value)}"
         )
     if both[0].size == 0:
-        raise ConfigurationError(f"{where} is of no number at all: {format_value(value)}")
+        raise ConfigurationError(f"{where} has no number: {format_value(value)}")
     if not np.all(rule.holds(*both)):
         numbers = [part.tolist() for part in both]
         raise ConfigurationError(
@@ -238,7 +238,7 @@ def require_no_placement(tree: Any, where: str) -> None:
     A condition must not have one, since a scene is placed once for all conditions.
     """
     if isinstance(tree, Placed):
-        raise ConfigurationError(f"{where}: {tree.name} stands in the family, not in a condition")
+        raise ConfigurationError(f"{where}: {tree.name} belongs in the family, not in a condition")
     inside = (
         tree.items()
         if isinstance(tree, dict)

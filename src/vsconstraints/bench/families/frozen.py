@@ -99,7 +99,7 @@ class FrozenFamily(Family):
             lines = _checked_lines(file, self.tables["frozen"][scene.half]["sha256"])
         except (KeyError, TypeError) as error:
             raise ConfigurationError(
-                f"{self.name}: frozen does not say where its {scene.half} scenes are"
+                f"{self.name}: frozen has no entry for its {scene.half} scenes"
             ) from error
         if scene.seed != seed or scene.number >= len(lines):
             asked = f"{scene.number} of seed {scene.seed}"
@@ -119,9 +119,8 @@ class FrozenFamily(Family):
         tables = said["tables"]
         if {*tables} != {*self.conditions} or said["number"] != scene.number:
             raise ConfigurationError(
-                f"{where} says that it is number {said['number']} with conditions "
-                f"{', '.join(tables)}; they are "
-                f"{', '.join(self.conditions)}"
+                f"{where} states number {said['number']} with conditions {', '.join(tables)}; "
+                f"they are {', '.join(self.conditions)}"
             )
         said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
         return replace(
@@ -264,7 +263,8 @@ class TestSet:
                 or Scenario(family.name, family.tables, family.folder).files
             ):
                 raise ConfigurationError(
-                    f"family {family.name} is there twice, or needs files: a test set has none"
+                    f"family {family.name} appears twice, or needs files, which a test set "
+                    "cannot hold"
                 )
             source = replace(family, tables={**family.tables, "testset": version})
             index.families[family.name] = said = _Family({}, source.tables, {})
@@ -311,9 +311,9 @@ class TestSet:
         )
         if secret_seed == self.seed or (most or 1) > there:
             why = (
-                f"seed {self.seed} is their own"
+                f"seed {self.seed} is that of the test set"
                 if secret_seed == self.seed
-                else f"{most} are asked for"
+                else f"{most} are requested"
             )
             raise ConfigurationError(
                 f"test set {self.version} has {there} {half} scenes of each family; {why}"
@@ -333,7 +333,7 @@ class TestSet:
         """
         for path in sorted(self.folder.glob("*.jsonl*")):
             if path.name not in self.hashes:
-                yield f"{path.name} is no file of the test set"
+                yield f"{path.name} is not a file of the test set"
         whole: list[tuple[FrozenFamily, Drawn, str]] = []
         for family, half in product(self.families, HALVES):
             file = family.file(half)
@@ -348,7 +348,7 @@ class TestSet:
                 if line is None or known is None:
                     yield f"{at} is {'missing' if line is None else 'not in the index'}"
                 elif _digest(line) != known:
-                    yield f"{at} was changed: its SHA-256 is another one"
+                    yield f"{at} was changed: its SHA-256 differs from the index"
                 else:
                     try:
                         family.read(line, scene)
@@ -360,8 +360,8 @@ class TestSet:
             other = family.source.scene(scene.number, scene.half, self.seed)
             if not other.found or line_of(other) != line:
                 yield (
-                    f"{family.file(scene.half).name}: scene {scene.number} is another one when "
-                    f"it is drawn here"
+                    f"{family.file(scene.half).name}: scene {scene.number} differs when it is "
+                    "drawn here"
                 )
 
 

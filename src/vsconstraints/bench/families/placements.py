@@ -39,7 +39,7 @@ class Ends(NamedTuple):
         end = self.q[goal]
         if start is None or end is None:
             raise ConfigurationError(
-                f"{where}: goal {goal} is no pose, so there is no way to it that is known"
+                f"{where}: goal {goal} is not a pose, so the path to it is unknown"
             )
         return start, end
 
@@ -89,7 +89,7 @@ def look_at(
     robot = place.ends.scene.robot
     if not (distance > 0.0 and np.any(normal)):
         raise ConfigurationError(
-            f"{place.where}: distance must be positive and normal no zero vector"
+            f"{place.where}: distance must be positive and normal must not be zero"
         )
     start = place.ends.q[0] if place.ends.q else None
     if near is not None:

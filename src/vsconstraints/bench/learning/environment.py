@@ -100,7 +100,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self._k, stage = run.run(0, 1, STEP)
         if prepared.bound is None or run.at_once == 1 or stage != LAW:
             raise ConfigurationError(
-                f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy"
+                f"{scenes.name}: the environment does not support images, MuJoCo or custom parts "
+                "in NumPy"
             )
         now = prepared.bound.now
         ranges = setup.scene.robot.ranges
@@ -129,7 +130,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self._begin(_scene_number(self.scenes.name, options, drawn, count))
         if self._observation.shape != self.observation_space.shape:
             raise ConfigurationError(
-                f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0"
+                f"{self.scenes.name}: scene {self._scene} has observations of another size than "
+                "scene 0"
             )
         return self._observation, self._info(False)
 

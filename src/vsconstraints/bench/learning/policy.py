@@ -156,7 +156,7 @@ def _require_small(opened: BinaryIO) -> None:
             with archive.open(member) as array:
                 read = _HEADERS.get(np.lib.format.read_magic(array))
                 if read is None:
-                    raise ValueError(f"{member.filename} is in a format that is not known")
+                    raise ValueError(f"{member.filename} is in an unknown format")
                 shape, _, kind = read(array)
                 if (
                     not kind.hasobject
@@ -180,7 +180,7 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
     except Exception as error:  # NumPy raises any error for invalid headers and archives
         what = one_line(str(error)) or type(error).__name__
         raise ConfigurationError(
-            f"{path}: no weights can be read: {what}; numpy.savez writes such files"
+            f"{path}: weights cannot be read: {what}; write them with numpy.savez"
         ) from error
     law = str(arrays.pop("law", ""))
     acceleration = arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
@@ -192,7 +192,7 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
     for name, array in arrays.items():
         if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
             raise ConfigurationError(
-                f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone"
+                f"{path}: {name} must have only finite numbers less than {LARGE:g}"
             )
     size = arrays["W0"].shape[-1:]
     for W, b in names:

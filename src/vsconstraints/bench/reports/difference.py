@@ -52,9 +52,7 @@ def page(found: Difference) -> str:
 def verdict(found: Difference) -> str:
     """Return the lines that say what got worse and what got better."""
     if not found.pairs.differ.any():
-        return (
-            f"All {len(found.pairs.differ)} runs that both have are the same, but for their times."
-        )
+        return f"All {len(found.pairs.differ)} runs in common are identical except for their times."
     worse = found.worse
     better = [
         each

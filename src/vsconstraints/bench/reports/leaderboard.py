@@ -33,7 +33,7 @@ def require_whole(study: Study, testset: TestSet, where: str) -> None:
             key: known[key] for key in ("seed", "sha256")
         }:
             raise ConfigurationError(
-                f"{where}: {file} of test set {testset.version} is not what it has run"
+                f"{where}: {file} of test set {testset.version} is not the file that was run"
             )
     _require_scenes(study, testset, where)
     runs = study.runs.fillna({"violation_fraction": 0.0})  # NaN in a run that failed at once

@@ -73,9 +73,8 @@ def write_evidence_report(
         on_remark(remark)
     if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
         raise ConfigurationError(
-            f"{folder} has none of the {count} runs that its report was made from: runs, rows and "
-            f"scenes are missing. "
-            "The report is left as it is"
+            f"{folder} has none of the {count} runs that its report was made from: runs, rows "
+            "and scenes are missing. The report is left unchanged"
         )
     own = folder / "tuning"
     tuning = tuning if tuning is not None else own if own.is_dir() else None

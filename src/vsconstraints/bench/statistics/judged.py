@@ -239,7 +239,5 @@ def checked(runs: Any, by: Sequence[str], metric: Metric | None = None) -> Any:
     again = runs.duplicated(which)
     if again.any():
         first = ", ".join(str(cell) for cell in runs.loc[again, which].iloc[0])
-        raise ConfigurationError(
-            f"{int(again.sum())} runs are there twice, the first of them {first}"
-        )
+        raise ConfigurationError(f"{int(again.sum())} runs appear twice, the first of them {first}")
     return runs

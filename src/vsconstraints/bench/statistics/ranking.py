@@ -249,6 +249,6 @@ def left_out_ranks(rates: ArrayLike) -> Array:
     """
     each = array(rates, "rates", 2)
     if len(each) < 2:
-        raise InvalidInput("one family cannot be left out of one")
+        raise InvalidInput("leaving out a family needs two families or more, not one")
     ranks: Array = rankdata(-np.round(each.sum(axis=0) - each, 12), method="min", axis=1)
     return ranks

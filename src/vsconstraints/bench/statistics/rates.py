@@ -186,7 +186,9 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     ordered: Array = np.sort(array(values, "values"))
     n = len(ordered)
     if np.isnan(ordered).any():
-        raise InvalidInput("a median of values of which one is NaN; leave out what does not count")
+        raise InvalidInput(
+            "the median is undefined, since a value is NaN: leave out values that do not count"
+        )
     if n == 0:
         return Median(math.nan, -math.inf, math.inf, 0)
     lower = ordered[(n - 1) // 2]
@@ -239,6 +241,8 @@ def log_ratios(a: Array, b: Array) -> Array:
     """
     negative = np.concatenate([a[a < 0.0], b[b < 0.0]])
     if len(negative):
-        raise InvalidInput(f"no ratio of negative values: {format_value(negative[0])}")
+        raise InvalidInput(
+            f"the ratio of negative values is undefined: {format_value(negative[0])}"
+        )
     with np.errstate(divide="ignore", invalid="ignore"):  # zeros are allowed, see above
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))

@@ -225,7 +225,7 @@ class Problem:
     def __post_init__(self) -> None:
         if not self.laws:
             raise ConfigurationError(
-                f"campaign {self.campaign.name}: it has no controller but {BASELINE} to be tuned"
+                f"campaign {self.campaign.name}: it has no controller to tune, only {BASELINE}"
             )
 
     @cached_property

@@ -115,7 +115,7 @@ class Journal(dict[Setting, ByFamily]):
             try:
                 entry = dict(json.loads(line))
                 if entry.pop("checksum") != _checksum(entry):
-                    raise ValueError("it is not what was written")
+                    raise ValueError("it differs from what was written")
                 self.files.update(entry.get("files", {}))
                 self[entry["law"], entry["options"]] = {
                     family: Judged(**{**values, "point": tuple(values["point"])})
@@ -124,7 +124,7 @@ class Journal(dict[Setting, ByFamily]):
             except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 where = f"{path}, line {number} is damaged ({type(error).__name__})"
                 raise ConfigurationError(
-                    f"{where}: delete it, and its setting is evaluated again"
+                    f"{where}: delete it to evaluate its setting again"
                 ) from error
         if rest:
             with storing("evaluations", path.parent):
@@ -207,7 +207,7 @@ class Tuned:
     def toml(self, family: str) -> list[str]:
         """Return lines of the best setting in a family as a TOML table of controllers."""
         if not self.law.ranges:
-            return [f"# {self.law.name}: nothing is searched"]
+            return [f"# {self.law.name}: no parameters to tune"]
         best = self.best(family)
         default = self.default.by_family[family]
         judged = best.by_family[family]
@@ -357,9 +357,7 @@ def _require_same_files(journal: Journal, folder: Path, problem: Problem) -> Non
     """Raise ConfigurationError if a file that a custom law loaded or read has changed."""
     campaign = problem.campaign
     now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
-    if other := [
-        f"the content of {name} is another one now" for name in changed(journal.files, now)
-    ]:
+    if other := [f"the content of {name} has changed" for name in changed(journal.files, now)]:
         raise ConfigurationError(
             f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out"
         )
@@ -371,7 +369,7 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     here = plain(problem.configuration())
     there = manifest_of(folder).get("tuning") if path.exists() else here
     if there is None:
-        raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
+        raise ConfigurationError(f"{path} cannot be read: it is not the manifest of a tuning")
     if there != here:
         other = in_words(list(differences(there, here)))
         raise ConfigurationError(

@@ -45,7 +45,7 @@ def storing(what: str, folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        why = f"{error}; what is there stays, and the same command goes on"
+        why = f"{error}; finished runs are kept, and the same command continues"
         raise StorageError(f"{what} cannot be stored in {folder}: {why}") from error
 
 
@@ -151,7 +151,7 @@ def recorded(folder: Path) -> Sums | None:
     sums = {}
     for number, line in enumerate(lines[:-1], start=1):
         if (parts := re.fullmatch(r"([0-9a-f]{64})  (.+)", line)) is None:
-            raise ConfigurationError(f"{path} was changed: line {number} is no checksum")
+            raise ConfigurationError(f"{path} was changed: line {number} is not a checksum")
         sums[parts[2]] = parts[1]
     return sums
 
@@ -208,24 +208,22 @@ def check_sums(
     if (sums := recorded(folder)) is None:
         return (
             [],
-            f"{folder} carries no checksums: it cannot be told whether a file in it was changed",
+            f"{folder} has no checksums, so changes to its files cannot be detected",
         )
     there = digests(folder, paths)
     missing = [name for name in sums if name not in there and not (folder / name).is_file()]
     unknown = [name for name in there if name not in sums]
     wrong = {
-        "not what was stored (checksums differ)": [
+        "changed since they were stored (checksums differ)": [
             name for name in there if sums.get(name, there[name]) != there[name]
         ],
         "missing": [
             name for name in missing if all_there or not name.startswith(f"{TRAJECTORIES}/")
         ],
-        f"not in {SUMS} (put there later, or by a command that was ended)": unknown
-        if finished
-        else [],
+        f"not in {SUMS} (added later, or by an interrupted command)": unknown if finished else [],
     }
     remark = (
-        f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
+        f"{folder} is unfinished; files without checksums: {_named(unknown)}" if unknown else ""
     )
     return [f"{what}: {_named(names)}" for what, names in wrong.items() if names], remark
 
@@ -239,8 +237,10 @@ def require_unchanged(
     """
     problems, remark = check_sums(folder, paths, finished, all_there)
     if problems:
-        instead = "Put back what was stored, or give the command again that made it"
-        raise ConfigurationError(f"{folder} is not whole: {'; '.join(problems)}. {instead}")
+        instead = "Restore the stored files, or run the command that made them again"
+        raise ConfigurationError(
+            f"{folder} is incomplete or changed: {'; '.join(problems)}. {instead}"
+        )
     return remark
 
 

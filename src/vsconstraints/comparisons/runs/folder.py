@@ -47,9 +47,9 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         problem = f"{path} holds {there}, not {kind}"
         raise FolderTaken(f"{problem}: give another folder with --out", problem)
     if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
-        nothing = f"no {kind.removeprefix('a ')} that could go on"
+        nothing = f"no {kind.removeprefix('a ')} to continue"
         raise ConfigurationError(
-            f"{path} holds something, and {nothing}: give a folder that is empty or new"
+            f"{path} is not empty and holds {nothing}: give a folder that is empty or new"
         )
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -90,7 +90,7 @@ def require_inside(folder: Path) -> None:
                 os.path.islink(path)
                 and os.path.commonpath([whole, os.path.realpath(path)]) != whole
             ):
-                why = "where results would be written to: replace it by what it leads to"
+                why = "where results would be written: replace it by its target"
                 raise ConfigurationError(f"{path} is a link that leads out of the folder, {why}")
 
 

@@ -113,7 +113,7 @@ def simulate_apart(
         raise LawProcessLostError(str(answer.reason))
     try:
         if not isinstance(answer, dict):
-            raise TypeError("it is no table")
+            raise TypeError("it is not a table")
         add_to_notes(_files_from(answer["files"]))
         reason = answer.get("failed")
         recorded = None if reason else Recorded.from_plain(answer["recorded"], setup.scene.robot.n)
@@ -132,14 +132,14 @@ def _files_from(table: object) -> Files:
     Raises ValueError or TypeError if they are not absolute paths with hashes of contents.
     """
     if not isinstance(table, dict):
-        raise TypeError("its files are no table")
+        raise TypeError("its files are not a table")
     if len(table) > MAX_FILES:
         raise ValueError(f"it names more than {MAX_FILES} files")
     for path, content in table.items():
         if not (isinstance(path, str) and isinstance(content, str)):
-            raise TypeError("its files are no texts")
+            raise TypeError("its files are not texts")
         if not os.path.isabs(path) or "\0" in path:
-            raise ValueError("a file has no absolute path")
+            raise ValueError("the path of a file is not absolute")
         if not re.fullmatch("[0-9a-f]{16}|", content):
             raise ValueError("a file has no hash")
     return table

@@ -194,10 +194,11 @@ class Pool(Generic[Answer]):
         if self._failed_starts >= MAX_FAILED_STARTS:
             ended = (
                 f"{self._failed_starts} processes in a row ended before they were ready, the "
-                f"last one with"
+                "last one with"
             )
             needs = (
-                "a script that uses several needs `if __name__ == '__main__':` around what it does"
+                "a script that uses several processes needs `if __name__ == '__main__':` around "
+                "its statements"
             )
             raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 

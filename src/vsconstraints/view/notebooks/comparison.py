@@ -176,7 +176,7 @@ class Comparison:
                     line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial
                 ]
                 raise ConfigurationError(
-                    f"{one} left nothing on {name}: {'; '.join(reasons) or 'it was not run'}"
+                    f"{one} has no results on {name}: {'; '.join(reasons) or 'it was not run'}"
                 )
             records.append(record)
         found = self.stored.scenarios[name]

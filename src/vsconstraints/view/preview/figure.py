@@ -45,13 +45,13 @@ def lines(preview: Preview) -> Iterator[str]:
     robot = setup.scene.robot
     yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
     for moment in moments:
-        where = "not known" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        where = "unknown" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
         yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
     if not preview.rows:
-        yield "  no rows, and no limits of joints"
+        yield "  no rows and no joint limits"
         return
     shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
-    yield "  rows nearest to their boundary: distance (φ); ! outside, * near"
+    yield "  rows nearest to their boundary: distance, φ in parentheses; ! violated, * near"
     table = [["", "", *(moment.name for moment in moments)]]
     for row in shown:
         mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
@@ -61,7 +61,7 @@ def lines(preview: Preview) -> Iterator[str]:
         first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
         yield f"  {first} {'  '.join(others)}".rstrip()
     if len(shown) < len(preview.rows):
-        yield f"  … and {len(preview.rows) - len(shown)} that are farther away"
+        yield f"  … and {len(preview.rows) - len(shown)} farther away"
 
 
 def draw_preview(preview: Preview) -> Sheet:
@@ -151,7 +151,7 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
-        sheet.text(LEFT, sheet.at + 0.1, "No rows, and no limits of joints.")
+        sheet.text(LEFT, sheet.at + 0.1, "No rows and no joint limits.")
         sheet.at += 0.3
         return
     names = [moment.name for moment in preview.moments]
@@ -179,7 +179,7 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
             sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
     sheet.at = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
-        note = "limit[…]: the robot's own range, about which there is no row"
+        note = "limit[…]: a range of the robot that no row bounds"
         sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
         sheet.at += 0.16
 

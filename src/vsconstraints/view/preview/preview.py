@@ -46,7 +46,7 @@ class Row:
     def text(self, k: int) -> str:
         """Format the distance to the boundary in a moment, with φ in brackets."""
         if np.isnan(self.clearance[k]):
-            return "not known"
+            return "unknown"
         phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
         return f"{self.clearance[k]:.3g} {self.unit}{phi}".replace("-", "−")
 
@@ -196,6 +196,6 @@ def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
             moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
         except (VsconstraintsError, KeyError, TypeError):
             moments.append(
-                nowhere(setup, name, 0.0, nothing, "where the robot is there is not known")
+                nowhere(setup, name, 0.0, nothing, "the robot's configuration there is unknown")
             )
     return tuple(moments)

@@ -81,7 +81,7 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
             )
         if names.count(run.law) > 1:
             raise ConfigurationError(
-                f"two of the runs are called {run.law!r}: give each its own name"
+                f"two of the runs have the name {run.law!r}: rename one of them"
             )
 
 
@@ -212,7 +212,7 @@ def select_run(
     parts = file.stem.split("--")
     if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
         form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
-        raise ConfigurationError(f"{file} is no trajectory of a comparison: {form}")
+        raise ConfigurationError(f"{file} is not the trajectory of a comparison: {form}")
     if not file.is_file():
         raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
     comparison = StoredComparison.load(file.parent.parent, trust)
@@ -254,11 +254,11 @@ def _simulated(run: str, seed: int) -> ReplayRun:
     law, _, last = rest.rpartition(":")
     law, trial = (law, int(last)) if law and last.isdecimal() else (rest, 0)
     if not (scenario and separator and law):
-        raise ConfigurationError(f"{run!r} names no run: give {HOW}")
+        raise ConfigurationError(f"{run!r} is not a run: give {HOW}")
     shipped, behind, _ = law.partition(":")
     if behind and shipped in CONTROLLERS:
         raise ConfigurationError(
-            f"{run!r} names no run: a trial is a number from 0 on, not {last!r}"
+            f"{run!r} is not a run: a trial is a number from 0 on, not {last!r}"
         )
     loaded = Scenario.load(scenario)
     done = perform(
