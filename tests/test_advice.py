@@ -212,7 +212,7 @@ def test_what_is_unlike_anything_in_the_study_is_named(
     assert advise(runs, LIKE).unlike == ()
     assert reason in advise(runs, replace(LIKE, **changes)).unlike
     few = study({"sliding-mode": share(5, 19)})
-    assert advise(few, LIKE).unlike == ("1only 9 scenes are similar, fewer than 20",)
+    assert advise(few, LIKE).unlike == ("only 19 scenes are similar, fewer than 20",)
 
 
 def test_the_situation_of_scenes_and_scenarios() -> None:
@@ -285,7 +285,7 @@ def test_studies_that_cannot_be_used_are_refused_by_name(folder: Path, tmp_path:
     for lines, facts, why in (
         (table, {"study": 1, "controllers": laws}, "its format is 1, not 2"),
         (table.slice(0, 0), {"controllers": laws}, "it is empty"),
-        (table, {"controllers": {**laws, "odd": {}}}, "the law odd is another version's"),
+        (table, {"controllers": {**laws, "odd": {}}}, "the law odd is from another version"),
         (table, {"controllers": {**laws, "sliding-mode": {"k": 3}}}, "'k'"),
         (table.slice(1), {"controllers": laws}, "not every law has one run in each scene"),
         (table.drop_columns("delay"), {"controllers": laws}, "no column 'delay'"),
@@ -354,10 +354,10 @@ def test_answers_are_in_the_units_of_the_options() -> None:
     [
         ((), "needs a scenario, or options"),
         (("ur5-fow",), "unknown scenario 'ur5-fow'. Did you mean 'ur5-fov'"),
-        (("ur5-fov", "--joints", "7"), "ur5-fov itself says joints"),
+        (("ur5-fov", "--joints", "7"), "ur5-fov already states joints"),
         (
             ("ur5-fov", "--known-motion", "--noise-px", "1"),
-            "ur5-fov itself says noise, unknown_motion",
+            "ur5-fov already states noise, unknown_motion",
         ),
         (
             ("--rows", "joint-ranges"),

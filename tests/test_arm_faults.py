@@ -331,7 +331,7 @@ class Told:
         (
             False,
             2,
-            "the loop has ended, and the guardian process sent the arm to stop by its own means",
+            "the loop has ended, and the guardian process sent the arm its stop command",
         ),
         (
             False,

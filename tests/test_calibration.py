@@ -271,7 +271,7 @@ def test_a_calibration_that_cannot_be_used_says_why(
 def test_what_is_no_calibration_at_all_says_so(tmp_path: Path, text: str) -> None:
     (tmp_path / "camera.yaml").write_text(text)
     with pytest.raises(
-        ConfigurationError, match=r"calibration.*camera\.yaml|camera\.yaml is no calibration"
+        ConfigurationError, match=r"calibration.*camera\.yaml|camera\.yaml is not a calibration"
     ):
         read_calibration(tmp_path / "camera.yaml")
 
@@ -395,7 +395,7 @@ def test_a_calibration_for_another_image_size_is_refused(tmp_path: Path) -> None
     file = by_opencv(tmp_path / "camera.yaml")
     with pytest.raises(
         ConfigurationError,
-        match="of images of 640 × 480 px, not of 1280 × 960 px: calibrate the camera",
+        match="for images of 640 × 480 px, not of 1280 × 960 px: calibrate the camera",
     ):
         Camera.from_calibration(file, size_px=(1280, 960))
 

@@ -309,7 +309,9 @@ def test_merging_takes_nothing_that_was_changed_or_is_gone(
     content = trajectory.read_bytes()
     for change in (lambda: trajectory.write_bytes(content[:-1]), trajectory.unlink):
         change()
-        with pytest.raises(ConfigurationError, match=f"1 is not whole: .*{trajectory.name}"):
+        with pytest.raises(
+            ConfigurationError, match=f"1 is incomplete or changed: .*{trajectory.name}"
+        ):
             merge(tmp_path / "merged", [one, two])
         assert not (tmp_path / "merged").exists()
     trajectory.write_bytes(content)

@@ -125,7 +125,7 @@ def test_one_run_that_is_lost_counts_in_a_suite(
     assert code == 1
     assert "scene, 7, one" in said
     assert named in said.replace("\\", "") or named in said
-    assert "35 of them are the same" in said
+    assert "35 of them are identical" in said
     # the other way round it is a gain, and too few to be significant
     assert answer(b, a)[0] == 0
     # and where only rates count, one of twelve is nothing

@@ -128,7 +128,7 @@ def test_scenes_that_were_drawn_otherwise_are_no_pairs(tmp_path: Path) -> None:
     assert found.pairs.drawn_otherwise == 3
     assert len(found.pairs.differ) == 6 * (SCENES - 3)
     assert found.pairs.differ.sum() == 1
-    assert "3 scenes are not the same in both, and left out." in page(found)
+    assert "3 scenes differ between the two and are left out." in page(found)
     other = stored(tmp_path / "other", lines(), dict.fromkeys(range(SCENES), 1.0))
     with pytest.raises(
         ConfigurationError,

@@ -169,7 +169,7 @@ FAILING = {"reason": "the law gave nothing at 0.5 s", "status": "failed", "utili
             drawn_runs({"odd": {"a": 1.0, "b": 0.1}}, ["ur5"], 20),
             "In the condition odd: most successful: **a** ",
         ),
-        (drawn_runs({"nominal": {}}, ["ur5"], 3), "There is nothing to compare"),
+        (drawn_runs({"nominal": {}}, ["ur5"], 3), "there is nothing to compare"),
         (
             frame(
                 [

@@ -376,7 +376,7 @@ def test_tags_are_between_the_markers() -> None:
 @pytest.mark.parametrize(
     ("markers", "side", "ids", "message"),
     [
-        (MARKERS[:2], None, None, "takes three markers or more, not 2"),
+        (MARKERS[:2], None, None, "needs three markers or more, not 2"),
         (np.arange(9.0).reshape(3, 3), None, None, "not on one line"),
         (
             MARKERS + np.diag((0.0, 0.0, 0.0, 0.02))[:, 1:],

@@ -349,11 +349,11 @@ def test_the_command_makes_images_of_any_scenario(
             {"disturbances.pixel_noise": 0.1},
             r"disturbances\.pixel_noise applies to markers that are measured without images",
         ),
-        ({"disturbances.delay": 1}, r"disturbances\.delay is of markers"),
+        ({"disturbances.delay": 1}, r"disturbances\.delay applies to markers"),
         ({"sensor.tag_side_m": 0.2}, "overlap"),
         (
             {"target": {"markers": [[0.5, 0.1, 0.0], [0.6, 0.1, 0.0]]}},
-            "takes three markers or more, not 2",
+            "needs three markers or more, not 2",
         ),
     ],
 )

@@ -427,7 +427,7 @@ def test_what_is_remembered_is_not_taken_for_that_of_other_rows(form: str) -> No
         for those in (other, Rows.none(6)):
             with pytest.raises(
                 InvalidInput,
-                match=rf"'{demand.name}' remembers other rows, \('row\[0\]', .*reset\(\)",
+                match=rf"'{demand.name}' keeps the state of other rows, \('row\[0\]', .*reset\(\)",
             ):
                 answer(those, task)
         law.reset()

@@ -335,15 +335,15 @@ def test_ready_made_robots_have_published_limits():
 @pytest.mark.parametrize(
     ("limits", "said"),
     [
-        ({"acceleration": 0.0}, "acceleration is a positive number"),
+        ({"acceleration": 0.0}, "acceleration must be a positive number"),
         ({"acceleration": -1.0}, "so that a joint can stand still"),
         ({"acceleration": [1.0, -1.0]}, "positive number"),
         ({"acceleration": float("nan")}, "positive number"),
         ({"acceleration": []}, "positive number"),
         ({"acceleration": True}, "positive number"),
         ({"acceleration": "5"}, "positive number"),
-        ({"jerk": [[1.0]]}, "jerk is a positive number"),
-        ({"effort": 0.0}, "effort is a positive number"),
+        ({"jerk": [[1.0]]}, "jerk must be a positive number"),
+        ({"effort": 0.0}, "effort must be a positive number"),
         ({"ranges": True}, "need an acceleration limit for every joint"),
         (
             {"ranges": True, "acceleration": [1.0, float("inf")]},

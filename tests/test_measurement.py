@@ -402,7 +402,7 @@ def test_what_does_not_fit_is_refused(measured, monkeypatch):
         compiled.bind(SlidingMode()),
         defined.bind(SlidingMode()),
     ):
-        with pytest.raises(InvalidInput, match=r"measured|image was taken"):
+        with pytest.raises(InvalidInput, match=r"measured|image must be taken"):
             call(1.0, q, qd, **measured)
     np.testing.assert_array_equal(compiled.evaluate(1.0, q, qd).pixels, before)
 

@@ -179,9 +179,9 @@ def test_other_sizes_and_no_model_are_refused(tmp_path: Path) -> None:
     ("others", "message"),
     [
         ({"W0": np.full((8, SIZE), np.nan)}, "W0 must have only finite numbers"),
-        ({"b1": np.array([0.0, np.inf, 0.0])}, "b1 must have finite numbers"),
-        ({"W1": np.full((3, 8), 1e300)}, "W1 must have finite numbers, less than 1e[+]30"),
-        ({"b0": np.array(["a"] * 8)}, "b0 must have finite numbers"),
+        ({"b1": np.array([0.0, np.inf, 0.0])}, "b1 must have only finite numbers"),
+        ({"W1": np.full((3, 8), 1e300)}, "W1 must have only finite numbers less than 1e[+]30"),
+        ({"b0": np.array(["a"] * 8)}, "b0 must have only finite numbers"),
         ({"b1": None}, "layers are W0, b0, W1, b1 and so on, not W0, b0, W1$"),
         ({"W0": None, "b0": None}, "layers are W0, b0, W1, b1 and so on, not W1, b1$"),
         (dict.fromkeys(("W0", "b0", "W1", "b1")), "layers are W0, .* not none"),

@@ -149,11 +149,11 @@ def kept(folder: Path, *suites: Suite) -> Path:
         (suite("seed=7"), "has other settings"),
         (
             suite(controllers=("potential-field",)),
-            "example-2d-fov with sliding-mode, trial 0, is no part",
+            "example-2d-fov with sliding-mode, trial 0, is not part",
         ),
         (
             Suite.load().select(["ur5-fov"], ["sliding-mode"]),
-            "example-2d-fov with tracking, trial 0, is no part",
+            "example-2d-fov with tracking, trial 0, is not part",
         ),
     ],
     ids=["setting", "option", "seed", "controllers", "scenarios"],
@@ -184,7 +184,7 @@ def test_what_loses_nothing_goes_on(other: Suite, tmp_path: Path) -> None:
 
 
 def test_fewer_trials_are_another_comparison(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="trial 1, is no part"):
+    with pytest.raises(ConfigurationError, match="trial 1, is not part"):
         require_nothing_lost(kept(tmp_path, suite("trials=2")), suite().with_baseline())
 
 

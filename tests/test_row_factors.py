@@ -226,12 +226,12 @@ def test_an_arm_runs_a_law_with_its_factors() -> None:
     [
         ({"K": 0.0}, "K of a law multiplies the scene's value and must be positive, not 0.0"),
         ({"K": True}, "K of a law multiplies"),
-        ({"switching_gain": {"fov": -1.0}}, "switching_gain.fov of a law is a factor"),
+        ({"switching_gain": {"fov": -1.0}}, "switching_gain.fov of a law multiplies"),
         ({"switching_gain": "much"}, "not 'much'"),
         ({"K": {"fov": float("nan")}}, "K.fov of a law"),
         (
             {"speed_gain": {"speed": 2.0}},
-            "speed_gain of a law is a factor on the scene's, positive: not {'speed': 2.0}",
+            "speed_gain of a law multiplies the scene's value and must be positive, not {'speed': 2.0}",
         ),
         ({"k": 2.0}, "'k'. Available: K, command_delay, dead_time, observer, rank_tolerance"),
     ],
