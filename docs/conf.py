@@ -47,6 +47,9 @@ nitpicky = True
 # Names of other packages: their inventories are on the network, which a build does not use.
 other_packages = (
     "abc",
+    "_frozen_importlib",
+    "signal",
+    "xml",
     "coal",
     "collections",
     "contextlib",
@@ -88,6 +91,11 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.folder.Line"),
     ("py:class", "vsconstraints.comparisons.experiment.Own"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
+    ("py:class", "vsconstraints.comparisons.runs.pool.Answer"),
+    ("py:obj", "vsconstraints.comparisons.runs.pool.Answer"),
+    ("py:class", "vsconstraints.plugins.registry.Value"),
+    ("py:class", "AbstractContextManager"),
+    ("py:class", "ReportOptions"),  # of the command line, which the reference leaves out
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.ranges.Known"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),

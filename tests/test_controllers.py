@@ -318,7 +318,7 @@ def test_a_task_that_is_not_finite_is_named(name: str, options: dict[str, Any]) 
 def test_gains_and_scales_must_be_positive(what: str, value: float) -> None:
     rows, task = sound()
     broken = replace(rows, **{what: with_entry(getattr(rows, what), value, 2)})
-    with pytest.raises(InvalidInput, match=r"positive: sphere\[tip\] is not"):
+    with pytest.raises(InvalidInput, match=r"positive; they are not for sphere\[tip\]"):
         SlidingMode().command(broken, task)
 
 
@@ -1088,7 +1088,7 @@ def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
         assert bound is None or bound.solve() == 0
         return
     assert command.status == "failed"
-    assert command.reason.endswith("rounding exceeds the gain of a, b (φ up to -1.0e-01)")
+    assert "rounding exceeds the gain of a, b (φ up to -1.0e-01)" in command.reason
     np.testing.assert_array_equal(command.qdd, np.zeros(2))
     assert bound is None or bound.solve() != 0
 

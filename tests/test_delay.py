@@ -215,7 +215,7 @@ def test_what_it_uses_and_says() -> None:
     assert law.uses == (*HierarchicalQP().uses, "σ", "σ̇", "K", "T_s", "memory", "model")
     assert make_controller("tracking", {"command_delay": 0.02}).unused() == ""
     assert (
-        "depends on observer"
+        "observer is given, but no command of the law depends on it"
         in make_controller("tracking", {"command_delay": 0.02, "observer": 0.1}).unused()
     )
     assert law.remark(("a",)) == HierarchicalQP().remark(("a",))

@@ -169,7 +169,7 @@ def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn
     drawn = ran("drawn", "switching_gain = { uniform = [20.0, 30.0] }")
     with pytest.raises(
         ConfigurationError,
-        match=r"all 3 scenes are drawn otherwise: constraints\.0\.switching_gain$",
+        match=r"all 3 scenes were drawn differently: constraints\.0\.switching_gain$",
     ):
         difference(before, drawn)
 

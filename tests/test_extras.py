@@ -79,7 +79,10 @@ def test_every_package_that_is_imported_is_in_some_identity() -> None:
     uses it.
     """
     found = set()
-    for path in (ROOT / "src").rglob("*.py"):
+    paths = set((ROOT / "src").rglob("*.py"))
+    # programs of their own, in environments of their own
+    paths -= set((ROOT / "src" / "vsconstraints" / "stacks" / "adapters").rglob("*.py"))
+    for path in paths:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {alias.name.partition(".")[0] for alias in node.names}

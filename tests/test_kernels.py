@@ -314,7 +314,7 @@ def test_bad_shapes_and_signs_are_named_as_ever(law):
         for value in (0.0, -1.0):
             array = getattr(rows, field).copy()
             array[3] = value
-            with pytest.raises(InvalidInput, match=r"positive: row\[3\]"):
+            with pytest.raises(InvalidInput, match=r"positive; they are not for row\[3\]"):
                 law.command(replace(rows, **{field: array}), task)
 
 

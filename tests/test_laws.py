@@ -40,7 +40,7 @@ from vsconstraints.controllers.base import restart
 from vsconstraints.controllers.demands import ImplicitSwitchWithDrift, Nothing
 from vsconstraints.controllers.ranges import ROWS
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.formulas import formula
+from vsconstraints.formulas import formula, where
 from vsconstraints.formulas.row import Row
 from vsconstraints.rows import Array, Command, Rows, Task
 
@@ -50,7 +50,7 @@ compiled = pytest.mark.skipif(load("laws") is None, reason="there is no compiler
 @formula
 def not_faster(row: Row) -> Any:
     """−u⁺ where φ is at least what it was, nothing at first; what φ is."""
-    return np.where(row.phi >= row.memory[0], -row.switching_gain, np.inf), row.phi
+    return where(row.phi >= row.memory[0], -row.switching_gain, np.inf), row.phi
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def test_rows_in_other_units_than_their_scale_are_refused_by_name(
     law = made(demand, resolver)
     with pytest.raises(
         InvalidInput,
-        match=r"beyond 1e\+30 times its scale: row\[1\] \(φ = 1\.0e\+60, scale .*row\[4\]",
+        match=r"more than 1e\+30 times its scale, too large for any law: row\[1\] \(φ = 1\.0e\+60, scale .*row\[4\]",
     ):
         getattr(law, form)(replace(rows, phi=1e60 * phi), task)
     assert getattr(law, form)(replace(rows, phi=np.full(5, -1e60)), task).status in (

@@ -181,8 +181,12 @@ def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Excepti
         if formula is not None
     )
     reason = next((line for line in str(error).splitlines()[1:] if line.strip()), str(error))
+    chooses = any(
+        "where" in formula.__code__.co_names for formula in formulas if formula is not None
+    )
+    remedy = "; use vsconstraints.formulas.where in place of np.where" if chooses else ""
     warnings.warn(
-        f"the compiler refuses a formula, so that rows of {names} are made in NumPy: "
+        f"the compiler refuses a formula, so that rows of {names} are made in NumPy{remedy}: "
         f"{reason.strip()}",
         RuntimeWarning,
         stacklevel=3,

@@ -107,7 +107,7 @@ class Stopwatch:
     """Running time of a process, without the time during which it or its watcher was stopped.
 
     A process is stopped by a signal, by a batch system, or with the whole machine. The watcher
-    counts in short ticks. If a tick lasts longer than :data:`LONGEST_TICK`, the watcher itself was
+    counts in short ticks. If a tick lasts longer than ``LONGEST_TICK``, the watcher itself was
     stopped, and the excess does not count.
     """
 

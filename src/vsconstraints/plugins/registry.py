@@ -83,7 +83,7 @@ class Part:
     #: :class:`vsconstraints.reports.results.Results` and the scenario's name, and return Markdown.
     report_sections: Mapping[str, str] = field(default_factory=dict)
     #: Results of other kinds than comparisons, by kind: objects of
-    #: :class:`vsconstraints.cli.results.ResultsKind`.
+    #: ``vsconstraints.cli.results.ResultsKind``.
     results: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -146,7 +146,10 @@ class Camera:
             if a file cannot be read, or if it states that the camera is on the arm while the
             argument is for a camera beside it, or vice versa.
 
-        Issues a CalibrationWarning if the camera is so far away that millimetres are suspected.
+        Warns
+        -----
+        CalibrationWarning
+            if the camera is so far away that millimetres are suspected.
         """
         given = {
             "camera_in_tip": camera_in_tip,

@@ -279,7 +279,7 @@ def unpacked(packed: bytes) -> Any:
 
 
 def unpacked_plain(packed: bytes) -> Any:
-    """Return the answer of :func:`_packed_plain`: reading it runs no code and makes no objects."""
+    """Return the answer of ``_packed_plain``: reading it runs no code and makes no objects."""
     try:
         is_answer, content = msgspec.msgpack.decode(packed, type=tuple[bool, Any])
     except Exception as error:  # damaged data can raise any error

@@ -23,7 +23,7 @@ AVOIDED = {"ranges": "range[", "all": ""}
 def large_projection(J: Array, error: Array, rank_tolerance: float) -> Array:
     """Return the large projection operator P (n, n) of Marey and Chaumette (IROS 2010, eq. 24).
 
-    P = λ̄ P_‖e‖ + (1 − λ̄)(I − J†J) with P_‖e‖ = I − Jᵀe eᵀJ / (eᵀJJᵀe), which protects only the
+    P = λ̄ Pₑ + (1 − λ̄)(I − J†J) with Pₑ = I − Jᵀe eᵀJ / (eᵀJJᵀe), which protects only the
     norm of the error e (k,); λ̄ is 0 for ‖e‖ < 0.1 and 1 for ‖e‖ > 0.7 (:func:`.opening`).
     """
     n = J.shape[1]

@@ -253,7 +253,7 @@ def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
 def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     """Return the position (3,) of a camera that has the motions of all runs in view.
 
-    The camera has the field of view :data:`FIELD_OF_VIEW`. From a distance d it sees a point x to
+    The camera has the field of view ``FIELD_OF_VIEW``. From a distance d it sees a point x to
     the right of the centre, y above it and z nearer than it if |x| ≤ w (d − z) and |y| ≤ h (d − z).
     The distance is the least such d.
     """
