@@ -22,7 +22,13 @@ from vsconstraints.plugins.classes import code_named, imported_class
 from vsconstraints.robots.robot import Robot
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.score import NAME_OF_LAW, Recorded, read_recording, recorded_trajectory
+from vsconstraints.score import (
+    NAME_OF_LAW,
+    Recorded,
+    Recording,
+    read_recording,
+    recorded_trajectory,
+)
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -91,6 +97,7 @@ def test_an_exported_run_has_the_scores_of_the_simulation(
     np.testing.assert_equal(scores_of(setup, again, baseline), scores_of(setup, run, baseline))
     assert again.status == run.status
     assert again.reason.startswith("recorded in a file")
+    assert "baseline" not in again.reason
 
 
 def test_positions_alone_at_other_times_are_interpolated(
@@ -138,6 +145,30 @@ def test_measured_pixels_count_instead_of_those_of_the_model(
     assert np.isfinite(found.clearance).all()
     assert np.abs(found.clearance - run.clearance)[:, of_image].max() > 2.0
     assert (found.clearance == run.clearance)[:, np.invert(of_image)].all()
+
+
+def test_a_marker_that_left_the_image_is_not_scored_where_it_was_last_seen(
+    setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    """Without pixels of a marker, its row has the clearance of the model there."""
+    pixels = run.features_px.copy()
+    pixels[100:, 0] = np.nan
+    pixels[:, 1] = np.nan
+    file = tmp_path / "run.npz"
+    np.savez(file, t=run.t, q=run.q, qd=run.qd, qdd_command=run.qdd_command, pixels=pixels)
+    found = recorded_trajectory(setup, read_recording(file, robot, markers=4), "it")
+    np.testing.assert_allclose(found.clearance, run.clearance, atol=1e-9)
+    assert f"replace {2 * len(run.t) - 100} of a marker that is not seen" in found.reason
+
+
+def test_measured_pixels_leave_the_error_of_a_feature(run: Trajectory, robot: Robot) -> None:
+    """A line may be reached with its markers anywhere on it."""
+    setup = Scenario.load("ur5-fov").with_override("duration", 0.02)
+    setup = setup.with_override("task.feature", "line").setup()
+    recording = Recording(run.t[:10], run.q[:10], run.qd[:10], pixels=run.features_px[:10])
+    found = recorded_trajectory(setup, recording, "it")
+    expected = max(setup.scene.camera.focal) * np.abs(found.error).max(axis=1)
+    np.testing.assert_allclose(found.feature_error_px, expected)
 
 
 # --- bags ---
@@ -190,6 +221,14 @@ def test_joint_states_of_bags_are_matched_by_name(
         read_recording(bag, Robot.from_urdf(ROOT / "examples" / "six_axis.urdf", tip="tool"))
 
 
+def test_another_start_than_that_of_the_baseline_is_named(setup: Setup, run: Trajectory) -> None:
+    recording = Recording(run.t[:10], run.q[:10] + 0.05, run.qd[:10])
+    assert (
+        "starts 0.05 rad or m from that of the baseline"
+        in recorded_trajectory(setup, recording, "it").reason
+    )
+
+
 # --- files that cannot be meant ---
 
 
@@ -209,6 +248,9 @@ def jumping(t: Array, at: int, by: float) -> Array:
         (lambda run: {"t": 0.0 * run.t}, "all samples have the same time"),
         (lambda run: {f"q{i + 1}": np.rad2deg(run.q[:, i]) for i in range(6)}, "degrees, not rad.*--degrees"),
         (lambda run: {f"qd{i + 1}": np.rad2deg(run.qd[:, i]) for i in range(6)}, "speeds are 57.3 times"),
+        (lambda run: {f"qd{i + 1}": 30 / np.pi * run.qd[:, i] for i in range(6)}, "9.55 times.*per minute"),
+        (lambda run: {f"qd{i + 1}": (-1) ** (i == 2) * run.qd[:, i] for i in range(6)}, "speeds of elbow_joint have the opposite"),
+        (lambda run: {"t": np.concatenate(([0.0], 1.7e9 + run.t[1:]))}, "jump by 1.7e[+]09 s after sample 1.*--start"),
         (lambda run: {"q3": np.full(len(run.t), np.nan)}, "less than two samples with all joints"),
         (lambda run: {"u1": run.t, "v1": run.t}, "no columns u2, v2.*all 4 markers"),
     ],
@@ -246,6 +288,9 @@ def test_gaps_and_repeated_times_are_named(run: Trajectory, robot: Robot, tmp_pa
         ("t,q1\n0.0\n", "line 2: 1 values for 2 columns"),
         ("q1,q2\n0.0,1.0\n", "no column of times.*q1, q2"),
         ("t,q1\n", "has no samples"),
+        ("t,q1\n\n", "has no samples"),
+        ("t;q1\n0,0;1,0\n", "semicolons between its columns"),
+        ("t,q1,q1\n0.0,1.0,2.0\n", "two or more columns q1"),
         ("", "no column of times.*none"),
     ],
 )
@@ -264,6 +309,16 @@ def test_files_of_other_kinds(robot: Robot, tmp_path: Path) -> None:
         (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 damaged")
         with pytest.raises(ConfigurationError, match=words):
             read_recording(tmp_path / name, robot)
+
+
+@pytest.mark.parametrize(
+    "change", [{"q": np.zeros((6, 3))}, {"qd": np.zeros((2, 6))}, {"pixels": np.zeros((3, 8))}]
+)
+def test_arrays_of_other_shapes(change: Mapping[str, Array], robot: Robot, tmp_path: Path) -> None:
+    arrays: dict[str, Any] = {"t": np.arange(3.0), "q": np.zeros((3, 6)), **change}
+    np.savez(tmp_path / "run.npz", **arrays)
+    with pytest.raises(ConfigurationError, match=r"has the shape .* for 3 times"):
+        read_recording(tmp_path / "run.npz", robot, markers=4)
 
 
 # --- the command ---

@@ -73,8 +73,17 @@ def _csv(path: Path) -> dict[str, Array]:
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file)
         header = [name.strip() for name in next(lines, [])]
+        if len(header) == 1 and ";" in header[0]:
+            raise ConfigurationError(
+                f"{path} has semicolons between its columns: write commas, and decimal points"
+            )
+        twice = sorted({name for name in header if header.count(name) > 1})
+        if twice:
+            raise ConfigurationError(f"{path} has two or more columns {', '.join(twice)}")
         rows = []
         for number, line in enumerate(lines, start=2):
+            if not line:
+                continue
             if len(line) != len(header):
                 raise ConfigurationError(
                     f"{path}, line {number}: {len(line)} values for {len(header)} columns"
@@ -115,6 +124,15 @@ def _npz(path: Path) -> dict[str, Array]:
             raise ConfigurationError(f"{path} has no array {name!r}; it has {', '.join(arrays)}")
     columns: dict[str, Array] = {"t": np.asarray(arrays["t"], dtype=np.float64)}
     q = np.asarray(arrays["q"])
+    for name, axes in (("q", 2), ("qd", 2), ("qdd_command", 2), ("pixels", 3)):
+        if name not in arrays:
+            continue
+        shape = arrays[name].shape
+        if len(shape) != axes or shape[0] != len(columns["t"]):
+            raise ConfigurationError(
+                f"{path}: {name} has the shape {shape} for {len(columns['t'])} times; its first "
+                f"axis is time, and it has {axes} axes"
+            )
     names = [str(name) for name in arrays.get("names", range(1, q.shape[1] + 1))]
     for array, prefix in (("q", "q"), ("qd", "qd"), ("qdd_command", "qdd")):
         for name, values in zip(names, np.asarray(arrays.get(array, q[:, :0])).T, strict=False):

@@ -21,7 +21,12 @@ GAP = 5.0, 0.02
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
 ON_GRID = 1e-6  #: Largest distance of a time from the grid, as a share of the sampling time.
 #: Ratio of given to differenced speeds, or its inverse, from which on they contradict.
-CONTRADICTION = 10.0
+#: Revolutions per minute are 9.55 times radians per second.
+CONTRADICTION = 8.0
+#: Cosine of given and differenced speeds below which their signs contradict. Noise of a joint at
+#: rest, differenced and a sample late, has −0.5.
+OPPOSITE = -0.8
+LONGEST_GAP = 3600.0  #: Time [s] between two samples from which on a clock was set.
 
 
 @dataclass(frozen=True)
@@ -48,8 +53,10 @@ class Recording:
             raise ConfigurationError(
                 f"the recording lasts {self.t[-1]:.3g} s, less than a sampling time, {Ts} s"
             )
-        pixels = None if self.pixels is None else _pixels_at(grid, self.t, self.pixels)
         as_it_is = len(self.t) == N and np.abs(self.t - grid).max() <= ON_GRID * Ts
+        pixels = self.pixels
+        if pixels is not None and not as_it_is:
+            pixels = _pixels_at(grid, self.t, pixels)
         if as_it_is and self.qd is not None:
             return replace(self, t=grid, pixels=pixels)
         if self.qd is not None:
@@ -69,13 +76,10 @@ class Recording:
 
 
 def _pixels_at(grid: Array, t: Array, pixels: Array) -> Array:
-    """Interpolate pixels (N, M, 2) linearly; NaN for a marker that is never seen."""
-    found = np.full((len(grid), *pixels.shape[1:]), np.nan)
-    for i in range(pixels.shape[1]):
-        seen = np.isfinite(pixels[:, i]).all(axis=1)
-        for axis in (0, 1) if seen.any() else ():
-            found[:, i, axis] = np.interp(grid, t[seen], pixels[seen, i, axis])
-    return found
+    """Interpolate pixels (N, M, 2) linearly; NaN unless seen at the samples on both sides."""
+    columns = pixels.reshape(len(t), -1).T
+    found: Array = np.column_stack([np.interp(grid, t, values) for values in columns])
+    return found.reshape(-1, *pixels.shape[1:])
 
 
 def read_recording(
@@ -132,7 +136,7 @@ def read_recording(
     # a continuous joint may be reported within a turn
     motion["q"] = np.where(robot.continuous, np.unwrap(motion["q"], axis=0), motion["q"])
     if "qd" in motion:
-        _require_speeds(path, motion["t"], motion["q"], motion["qd"])
+        _require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
     return Recording(**motion, remarks=(*remarks, *_gaps(motion["t"])))
 
 
@@ -233,12 +237,20 @@ def _seconds(path: Path, t: Array) -> Array:
             f"{path}: samples are {period:.4g} s apart: are the times in ms or ns? They must be "
             "seconds; a column t_ns has nanoseconds"
         )
+    steps = np.diff(t)
+    k = int(steps.argmax())
+    if steps[k] > LONGEST_GAP:
+        raise ConfigurationError(
+            f"{path}: time stamps jump by {steps[k]:.4g} s after sample {k + 1}, {t[k]:.4g} s "
+            "after the first: a clock was set, or a first stamp is 0. Score one part with --start "
+            "and --end; for a bag, --clock log takes the times of recording"
+        )
     since: Array = t - t[0]
     return since
 
 
-def _require_speeds(path: Path, t: Array, q: Array, qd: Array) -> None:
-    """Raise ConfigurationError if speeds are not the derivatives of the positions."""
+def _require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> None:
+    """Raise ConfigurationError if speeds contradict the positions in size or in sign."""
     moved = np.diff(q, axis=0)
     told = 0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None]
     size = float(np.abs(moved).sum())
@@ -246,7 +258,15 @@ def _require_speeds(path: Path, t: Array, q: Array, qd: Array) -> None:
     if not 1.0 / CONTRADICTION < ratio < CONTRADICTION and size > ON_GRID:
         raise ConfigurationError(
             f"{path}: speeds are {ratio:.3g} times what the positions change: are they in degrees "
-            "per second, or the times in another unit?"
+            "per second or in revolutions per minute, or the times in another unit?"
+        )
+    sizes = np.linalg.norm(told, axis=0) * np.linalg.norm(moved, axis=0)
+    turned = ((told * moved).sum(axis=0) < OPPOSITE * sizes) & (np.abs(moved).sum(axis=0) > ON_GRID)
+    if turned.any():
+        joints = ", ".join(robot.joint_names[j] for j in np.flatnonzero(turned))
+        raise ConfigurationError(
+            f"{path}: speeds of {joints} have the opposite sign of the change of their positions: "
+            "give both in the same direction"
         )
 
 

@@ -23,6 +23,10 @@ from .recording import Recording
 NAME_OF_LAW = "vsconstraints.score.scored:Recorded"
 
 
+#: Largest distance of a joint from q0 [rad or m] at which a recording starts as the baseline does.
+SAME_START = 0.01
+
+
 class Recorded(Controller):
     """Place of the unknown law of a recorded run, which cannot be simulated."""
 
@@ -44,6 +48,9 @@ def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Traje
     assert motion.qd is not None
     states = np.stack([motion.q, motion.qd], axis=1)
     remarks = [f"recorded in {where}", *motion.remarks]
+    apart = float(np.abs(motion.q[0] - setup.q0).max())
+    if apart > SAME_START:
+        remarks.append(f"the recording starts {apart:.3g} rad or m from that of the baseline, q0")
     qdd = motion.qdd
     if qdd is None:
         remarks.append("accelerations are differences of the speeds")
@@ -65,21 +72,29 @@ def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Traje
 
 def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajectory, str]:
     """Return the trajectory with measured pixels (N, M, 2), and a remark on their deviation."""
-    seen = setup.scene.camera.undistort(pixels)
-    deviation = np.linalg.norm(seen - run.features_px, axis=2)
+    ideal = setup.scene.camera.undistort(pixels)
+    deviation = np.linalg.norm(ideal - run.features_px, axis=2)
+    # a marker that is not seen may have left the image: its last pixel would hide that
+    hidden = np.isnan(deviation)
+    seen = np.where(hidden[:, :, None], run.features_px, ideal)
     clearance = setup.clearance(run.t, run.q, run.qd, seen, run.points)
     of_image = np.array([unit == "px" for unit in setup.constraints.units], dtype=np.bool_)
     goals = np.array([setup.task.goal_at(t) for t in run.t])
     wanted = np.array([goal.pixels for goal in setup.task.goals])[goals]
+    error = np.linalg.norm(seen - wanted, axis=2).max(axis=1)
+    of_feature = setup.task.feature.reached_by == "feature"
     measured = replace(
         run,
         features_px=seen,
-        feature_error_px=np.linalg.norm(seen - wanted, axis=2).max(axis=1),
+        feature_error_px=run.feature_error_px if of_feature else error,
         clearance=np.where(of_image, clearance, run.clearance),
         between_clearance=np.where(of_image, np.inf, run.between_clearance),
     )
     most = float(np.nanmax(deviation)) if np.isfinite(deviation).any() else np.nan
-    return measured, f"measured pixels deviate by up to {most:.3g} px from those of the model"
+    remark = f"measured pixels deviate by up to {most:.3g} px from those of the model"
+    if hidden.any():
+        remark += f", which replace {np.count_nonzero(hidden)} of a marker that is not seen"
+    return measured, remark
 
 
 def store(
