@@ -21,8 +21,6 @@ from .recording import Recording
 
 #: Law of a recorded run in results.
 NAME_OF_LAW = "vsconstraints.score.scored:Recorded"
-
-
 #: Largest distance of a joint from q0 [rad or m] at which a recording starts as the baseline does.
 SAME_START = 0.01
 
