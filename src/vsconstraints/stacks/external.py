@@ -83,8 +83,9 @@ class ExternalStack(MeasuredProgram):
         super().begin(setup)
         self._declared = ""
         self._process = process = StackProcess(self._arguments, RUN_LIMIT)
+        line = process.line(START_LIMIT)
         try:
-            declaration = read_declaration(process.line(START_LIMIT))
+            declaration = read_declaration(line)
         except StackFailedError as error:
             raise self._with_messages(error) from error
         uses = tuple(dict.fromkeys(declaration.uses))
@@ -148,7 +149,10 @@ def _arguments(command: Sequence[str] | str, adapter: str | None, python: str | 
         return [python or sys.executable, str(ADAPTERS / f"{adapter}_stack.py")]
     if python is not None:
         raise ConfigurationError("python is the interpreter of an adapter; a command names its own")
-    parts = shlex.split(command) if isinstance(command, str) else list(command)
+    try:
+        parts = shlex.split(command) if isinstance(command, str) else list(command)
+    except ValueError as error:
+        raise ConfigurationError(f"the command of a stack, {command!r}: {error}") from error
     if not parts or not all(isinstance(part, str) and part for part in parts):
         raise ConfigurationError(
             f"the command of a stack must be a list of texts, not {format_value(command)}"
