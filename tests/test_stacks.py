@@ -188,6 +188,25 @@ class Sparing(Stack):
         return 0.0 * now["pixels"]
 
 
+def test_names_and_reasons_of_a_stack_are_one_short_line(setup):
+    code = (
+        "import json\nwordy = 'it is' + 40_000 * '\\n\\x1b[31m very late'\n"
+        "print(json.dumps({'protocol': 1, 'uses': [], 'output': 'velocity', 'name': wordy}), flush=True)\n"
+        "input()\ninput()\nprint(json.dumps({'no_answer': wordy}), flush=True)\n"
+    )
+    stack = ExternalStack([sys.executable, "-c", code])
+    try:
+        stack.begin(setup)
+        answer = stack.respond(observed(setup))
+        (declared, *_) = stack.run_remarks()
+    finally:
+        stack.end()
+    for text in (declared, answer.reason):
+        assert "it is" in text
+        assert text.isprintable()
+        assert len(text) < 300
+
+
 def test_a_class_that_uses_more_than_it_declares_fails_by_name(setup):
     run = simulate(setup, Sparing())
     assert run.status == "failed"

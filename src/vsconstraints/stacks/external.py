@@ -16,7 +16,14 @@ from ..simulation.programs import COMMANDS, Answer, Observation
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .description import describe
-from .protocol import StackFailedError, encode, read_declaration, read_reply, setup_message
+from .protocol import (
+    StackFailedError,
+    encode,
+    one_line,
+    read_declaration,
+    read_reply,
+    setup_message,
+)
 from .stack import Measured, MeasuredProgram
 
 START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s].
@@ -90,7 +97,7 @@ class ExternalStack(MeasuredProgram):
             raise self._with_messages(error) from error
         uses = tuple(dict.fromkeys(declaration.uses))
         self.output = declaration.output  # type: ignore[assignment]  # checked with the declaration
-        named = declaration.name or Path(self._arguments[-1]).name
+        named = one_line(declaration.name or Path(self._arguments[-1]).name)
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
         )

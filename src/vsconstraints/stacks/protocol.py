@@ -125,7 +125,7 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
     if time < 0.0:
         raise StackFailedError(f"its compute_s must be a time in seconds, not {time}")
     if reply.no_answer is not None:
-        return Answer(None, time, reply.no_answer or "it gave no reason")
+        return Answer(None, time, one_line(reply.no_answer) or "it gave no reason")
     return checked_answer(getattr(reply, output), output, n, time)
 
 
@@ -151,6 +151,13 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
 def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the message that a stack gets before a run."""
     return {"protocol": VERSION, "units": UNITS, "settings": dict(settings), **data}
+
+
+def one_line(text: str, most: int = 200) -> str:
+    """Return a text for the results: printable, on one line, and cut if it is long."""
+    # the first cut limits the work, the second one the result
+    line = " ".join("".join(c if c.isprintable() else " " for c in text[: 2 * most]).split())
+    return line if len(line) <= most else f"{line[:most]}…"
 
 
 def _shown(line: bytes, most: int = 200) -> str:
