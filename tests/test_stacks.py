@@ -19,7 +19,8 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.programs import Observation
 from vsconstraints.simulation.recorded import Recorded, replay
-from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, external
+from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
+from vsconstraints.stacks.child import StackProcess
 from vsconstraints.stacks.description import describe
 from vsconstraints.stacks.protocol import USES
 from vsconstraints.stacks.stack import Measured
@@ -58,6 +59,7 @@ def asked(setup, code, periods=1):
 
 FAILING = {
     "dies at once": ("raise SystemExit(3)", "exit code 3"),
+    "dies with a word": ("raise SystemExit('no licence')", "no licence"),
     "dies later": (GREETS + "raise ValueError('no robot')", "ValueError: no robot"),
     "is killed": (GREETS + "os.kill(os.getpid(), 9)", "SIGKILL"),
     "greets with text": ("print('hello', flush=True)\nimport time; time.sleep(9)", "declaration"),
@@ -70,10 +72,14 @@ FAILING = {
     "answers infinity": (ANSWERS + "print('{\"velocity\": [1e999, 0, 0, 0, 0, 0]}', flush=True)", "finite|range"),
     "answers five": (ANSWERS + "print('{\"velocity\": [0, 0, 0, 0, 0]}', flush=True)", "6 numbers, one per joint"),
     "answers a text": (ANSWERS + "print('{\"velocity\": \"fast\"}', flush=True)", "fast"),
+    "answers bytes": (ANSWERS + "os.write(1, b'\\xff\\x00\\n')", "must be an answer"),
+    "answers no UTF-8": (ANSWERS + "os.write(1, b'{\"no_answer\": \"\\xff\"}\\n')", "must be an answer"),
+    "computes backwards": (ANSWERS + STILL.replace("}", ", \"compute_s\": -1}"), "compute_s"),
     "answers positions": (ANSWERS + "print('{\"position\": [0, 0, 0, 0, 0, 0]}', flush=True)", "output 'velocity'"),
     "closes its output": (GREETS + "os.close(1); time.sleep(9)", "closed its standard output"),
     "writes without end": (GREETS + "while True: os.write(1, b'0' * 65536)", "line of more than"),
     "hangs": (GREETS + "time.sleep(99)", "no answer within"),
+    "never ends its line": (GREETS + "while True: os.write(1, b' '); time.sleep(0.02)", "no answer within"),
     "is busy on standard error": (GREETS + "while True: os.write(2, b'busy\\n' * 1000)", "no answer within"),
 }  # fmt: skip
 
@@ -83,11 +89,12 @@ def test_a_stack_that_fails_is_refused_with_the_reason_and_its_last_messages(
     setup, what, monkeypatch
 ):
     monkeypatch.setattr(
-        external, "START_LIMIT", 5.0 if what not in ("hangs", "is busy on standard error") else 1.0
+        external, "START_LIMIT", 1.0 if "no answer within" in FAILING[what][1] else 5.0
     )
     code, reason = FAILING[what]
-    with pytest.raises(StackFailedError, match=reason):
+    with pytest.raises(StackFailedError, match=reason) as failure:
         asked(setup, code, periods=3)
+    assert str(failure.value).count("its last messages") <= 1
 
 
 def test_a_late_answer_ends_the_run_after_the_limit_of_a_reply(setup, monkeypatch):
@@ -103,6 +110,27 @@ def test_the_total_time_of_a_run_is_limited(setup, monkeypatch):
     monkeypatch.setattr(external, "RUN_LIMIT", 0.5)
     with pytest.raises(StackFailedError, match=r"more than 0\.5 s"):
         asked(setup, GREETS + "time.sleep(99)")
+
+
+def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):
+    monkeypatch.setattr(external, "RUN_LIMIT", 0.3)
+    slow = ANSWERS + "time.sleep(0.04); " + STILL
+    with pytest.raises(StackFailedError, match=r"more than 0\.3 s"):
+        asked(setup, slow, periods=20)
+
+
+def test_the_time_during_which_this_process_is_stopped_does_not_count(monkeypatch):
+    """The clock jumps by an hour while the process waits."""
+    code = "import time; time.sleep(0.5); print('late', flush=True); time.sleep(9)"
+    process = StackProcess([sys.executable, "-c", code], 9.0)
+    clock = time.monotonic
+    calls = iter(range(10**9))
+    monkeypatch.setattr(child.time, "monotonic", lambda: clock() + 3600.0 * (next(calls) > 0))
+    try:
+        assert process.line(1.9) == b"late"
+    finally:
+        monkeypatch.undo()
+        process.end()
 
 
 def test_a_command_that_does_not_exist_is_named(setup):
@@ -158,6 +186,25 @@ class Sparing(Stack):
 
     def step(self, now):
         return 0.0 * now["pixels"]
+
+
+def test_names_and_reasons_of_a_stack_are_one_short_line(setup):
+    code = (
+        "import json\nwordy = 'it is' + 40_000 * '\\n\\x1b[31m very late'\n"
+        "print(json.dumps({'protocol': 1, 'uses': [], 'output': 'velocity', 'name': wordy}), flush=True)\n"
+        "input()\ninput()\nprint(json.dumps({'no_answer': wordy}), flush=True)\n"
+    )
+    stack = ExternalStack([sys.executable, "-c", code])
+    try:
+        stack.begin(setup)
+        answer = stack.respond(observed(setup))
+        (declared, *_) = stack.run_remarks()
+    finally:
+        stack.end()
+    for text in (declared, answer.reason):
+        assert "it is" in text
+        assert text.isprintable()
+        assert len(text) < 300
 
 
 def test_a_class_that_uses_more_than_it_declares_fails_by_name(setup):
@@ -395,6 +442,7 @@ def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
         ({"adapter": "pinc"}, "Did you mean 'pink'"),
         ({"command": ["a"], "python": "python3"}, "a command names its own"),
         ({"command": [1]}, "must be a list of texts"),
+        ({"command": "python3 'mine.py"}, "No closing quotation"),
     ],
 )
 def test_a_wrong_stack_is_refused_before_it_runs(options, reason):

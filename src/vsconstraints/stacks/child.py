@@ -16,13 +16,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from ..errors import format_value
-from ..plugins.processes import LONGEST_TICK, PR_SET_PDEATHSIG
+from ..plugins.processes import PR_SET_PDEATHSIG
 from .protocol import StackFailedError
 
 MAX_LINE = 1_000_000  #: Longest line that a stack may write [bytes].
 TAIL = 4_000  #: Part of the standard error that is kept, its end [bytes].
 SHOWN_LINES = 8  #: Number of last lines of the output in the reason of a failure.
-TICK = 0.5  #: Longest time between two checks of a time limit [s].
+TICK = 0.1  #: Longest time between two checks of a time limit [s].
 GRACE = 1.0  #: Time that a stack has to end after its standard input is closed [s].
 READ = 65_536  #: Largest number of bytes that are read at once.
 
@@ -93,8 +93,8 @@ class StackProcess:
                 raise self.failure(f"it wrote a line of more than {MAX_LINE} bytes")
             if self._ready(self._readable, TICK, self._out):
                 self._read()
-            else:
-                self._check(waited, limit)
+            # also after a part of a line, or a stack could write one byte after the other for ever
+            self._check(waited, limit)
         line, _, self._received = self._received.partition(b"\n")
         return line
 
@@ -105,22 +105,22 @@ class StackProcess:
             try:
                 message = message[os.write(self._in, message) :]
             except BlockingIOError:
-                if not self._ready(self._writable, TICK, self._in):
-                    self._check(waited, limit)
+                self._ready(self._writable, TICK, self._in)
+                self._check(waited, limit)
             except OSError as error:
                 raise self.failure(self._end() or "it closed its standard input") from error
 
     def _ready(self, poll: select.poll, seconds: float, wanted: int) -> bool:
         """Wait until a descriptor is ready, for at most ``seconds``; return True if it is.
 
-        The standard error is read on the way. The time counts, except for that during which this
-        process was stopped.
+        The standard error is read on the way. The time counts, but at most ``seconds``: a longer
+        time means that this process was stopped.
         """
         begun = time.monotonic()
         ready = [descriptor for descriptor, _ in poll.poll(1e3 * seconds)]
-        self._waited += min(time.monotonic() - begun, LONGEST_TICK)
         if self._err in ready:
             self._read_errors()
+        self._waited += min(time.monotonic() - begun, seconds)
         return wanted in ready
 
     def _check(self, waited_before: float, limit: float) -> None:

@@ -16,7 +16,14 @@ from ..simulation.programs import COMMANDS, Answer, Observation
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .description import describe
-from .protocol import StackFailedError, encode, read_declaration, read_reply, setup_message
+from .protocol import (
+    StackFailedError,
+    encode,
+    one_line,
+    read_declaration,
+    read_reply,
+    setup_message,
+)
 from .stack import Measured, MeasuredProgram
 
 START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s].
@@ -83,13 +90,14 @@ class ExternalStack(MeasuredProgram):
         super().begin(setup)
         self._declared = ""
         self._process = process = StackProcess(self._arguments, RUN_LIMIT)
+        line = process.line(START_LIMIT)
         try:
-            declaration = read_declaration(process.line(START_LIMIT))
+            declaration = read_declaration(line)
         except StackFailedError as error:
             raise self._with_messages(error) from error
         uses = tuple(dict.fromkeys(declaration.uses))
         self.output = declaration.output  # type: ignore[assignment]  # checked with the declaration
-        named = declaration.name or Path(self._arguments[-1]).name
+        named = one_line(declaration.name or Path(self._arguments[-1]).name)
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
         )
@@ -148,7 +156,10 @@ def _arguments(command: Sequence[str] | str, adapter: str | None, python: str | 
         return [python or sys.executable, str(ADAPTERS / f"{adapter}_stack.py")]
     if python is not None:
         raise ConfigurationError("python is the interpreter of an adapter; a command names its own")
-    parts = shlex.split(command) if isinstance(command, str) else list(command)
+    try:
+        parts = shlex.split(command) if isinstance(command, str) else list(command)
+    except ValueError as error:
+        raise ConfigurationError(f"the command of a stack, {command!r}: {error}") from error
     if not parts or not all(isinstance(part, str) and part for part in parts):
         raise ConfigurationError(
             f"the command of a stack must be a list of texts, not {format_value(command)}"

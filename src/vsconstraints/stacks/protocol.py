@@ -41,6 +41,10 @@ IN_EACH_PERIOD = {
 USES: dict[str, str] = BEFORE_A_RUN | IN_EACH_PERIOD
 
 
+#: What decoding a line raises: texts that are not UTF-8 have an error of their own.
+UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError)
+
+
 class StackFailedError(Exception):
     """A stack cannot go on; the message is the reason, with the end of its output."""
 
@@ -89,7 +93,7 @@ def read_declaration(line: bytes) -> Declaration:
     """Return the declaration in a line; raises StackFailedError if it is not one."""
     try:
         declaration = _decode_declaration(line)
-    except msgspec.MsgspecError as error:
+    except UNREADABLE as error:
         example = '{"protocol": 1, "uses": ["q"], "output": "velocity"}'
         raise StackFailedError(
             f"its first line on standard output must be its declaration, such as {example}, "
@@ -108,7 +112,7 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
     """Return the answer in a line for n joints; raises StackFailedError if it is not one."""
     try:
         reply = _decode_reply(line)
-    except msgspec.MsgspecError as error:
+    except UNREADABLE as error:
         if b"NaN" in line or b"Infinity" in line:
             raise StackFailedError(
                 f"it answered numbers that are not finite: {_shown(line)}"
@@ -118,8 +122,10 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
             f"error: it wrote {_shown(line)} ({error})"
         ) from error
     time = math.nan if reply.compute_s is None else reply.compute_s
+    if time < 0.0:
+        raise StackFailedError(f"its compute_s must be a time in seconds, not {time}")
     if reply.no_answer is not None:
-        return Answer(None, time, reply.no_answer or "it gave no reason")
+        return Answer(None, time, one_line(reply.no_answer) or "it gave no reason")
     return checked_answer(getattr(reply, output), output, n, time)
 
 
@@ -145,6 +151,13 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
 def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the message that a stack gets before a run."""
     return {"protocol": VERSION, "units": UNITS, "settings": dict(settings), **data}
+
+
+def one_line(text: str, most: int = 200) -> str:
+    """Return a text for the results: printable, on one line, and cut if it is long."""
+    # the first cut limits the work, the second one the result
+    line = " ".join("".join(c if c.isprintable() else " " for c in text[: 2 * most]).split())
+    return line if len(line) <= most else f"{line[:most]}…"
 
 
 def _shown(line: bytes, most: int = 200) -> str:
