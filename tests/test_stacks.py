@@ -68,6 +68,10 @@ FAILING = {
     "commands torques": (f"print('{DECLARATION.replace('velocity', 'torque')}')", "unknown output of a stack 'torque'"),
     "prints beside": (ANSWERS + "print('solved', flush=True); " + STILL, "'solved'"),
     "prints afterwards": (ANSWERS + STILL.replace("\n", "; print('solved', flush=True)\n"), "solved"),
+    "answers 1e308": (
+        ANSWERS + "print('{\"velocity\": [1e308, 0, 0, 0, 0, 0]}', flush=True)",
+        r"beyond 1e\+12",
+    ),
     "answers NaN": (ANSWERS + "print('{\"velocity\": [NaN, 0, 0, 0, 0, 0]}', flush=True)", "not finite"),
     "answers infinity": (ANSWERS + "print('{\"velocity\": [1e999, 0, 0, 0, 0, 0]}', flush=True)", "finite|range"),
     "answers five": (ANSWERS + "print('{\"velocity\": [0, 0, 0, 0, 0]}', flush=True)", "6 numbers, one per joint"),

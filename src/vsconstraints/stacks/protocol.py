@@ -129,6 +129,10 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
     return checked_answer(getattr(reply, output), output, n, time)
 
 
+#: Largest number in an answer; the differences of larger ones may be infinite.
+LARGEST = 1e12
+
+
 def checked_answer(command: Any, output: Output, n: int, compute_time: float) -> Answer:
     """Return an answer for n joints; raises StackFailedError if it is not n finite numbers."""
     if command is None:
@@ -145,6 +149,10 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
         )
     if not np.isfinite(numbers).all():
         raise StackFailedError(f"its {output} is not finite: {numbers}")
+    if np.abs(numbers).max(initial=0.0) > LARGEST:
+        raise StackFailedError(
+            f"its {output} is beyond {LARGEST:g}, which no arm reaches: {numbers}"
+        )
     return Answer(numbers, compute_time)
 
 
