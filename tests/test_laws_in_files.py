@@ -73,7 +73,7 @@ def test_a_path_begins_in_the_folder_that_is_given_or_else_in_the_working_direct
     ("name", "words"),
     [
         ("laws/none.py:Late", r"there is no file .*/laws/none\.py"),
-        ("laws/late.py:Early", "late holds no Controller of the name 'Early'"),
+        ("laws/late.py:Early", "late has no Controller named 'Early'"),
         ("laws/late.py:", "must be module:Class or FILE.py:Class"),
         ("laws/late.txt:Late", "must be module:Class or FILE.py:Class"),
         ("laws:late.py", "must be module:Class or FILE.py:Class"),

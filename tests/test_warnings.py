@@ -175,7 +175,7 @@ def test_what_was_warned_of_stands_in_manifest_and_report(compared: tuple[Path, 
         assert f"afar: {text}" in lines or f"afar: {text[:60]}" in lines
         assert text.replace("[", "\\[").replace("]", "\\]") in report
     assert (
-        f"**Warnings** of scenarios, (listed in their sections): [afar](#scenario-afar) "
+        f"**Warnings** of scenarios (listed in their sections): [afar](#scenario-afar) "
         f"({len(warnings['afar'])})." in report
     )
     near = [line for line in section(report, "near") if "Warnings" in line or "impossible" in line]
