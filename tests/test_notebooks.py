@@ -548,7 +548,7 @@ def test_the_notebooks_run() -> None:
     for cell in whole.cells:
         for output in cell.outputs:
             assert output.output_type != "error"
-            expected = "a constraint of it is defined in this session"
+            expected = "a constraint or feature of it is defined in this session"
             assert (
                 output.get("name") != "stderr"
                 or expected in output.text
