@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import importlib.abc
-import importlib.machinery
-import importlib.util
 import json
 import math
 import os
@@ -14,10 +11,10 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
-from typing import Any
+from types import CodeType
 
 import pytest
 
@@ -70,7 +67,7 @@ def watch(test_file: str, sources: Instrumented, result: Path) -> int:
     """
     watcher = _Watcher(len(sources.functions))
     builtins.__dict__[ENTERED] = watcher.flags
-    sys.meta_path.insert(0, _Changed(sources.code))
+    _replace_sources(sources.code)
     ended = pytest.main([*QUIET, test_file], plugins=[watcher])
     if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         return 1  # the file cannot be imported
@@ -86,7 +83,7 @@ def judge(mutant: Mutant | None, root: Path, limits: Mapping[str, float], result
     SIGALRM ends the process if one takes longer.
     """
     if mutant is not None:
-        sys.meta_path.insert(0, _Changed({str(root / mutant.file): mutant.source}))
+        _replace_sources({str(root / mutant.file): mutant.source})
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
     signal.alarm(IMPORTS)
     return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
@@ -157,35 +154,21 @@ class _Chosen:
             os._exit(1)
 
 
-class _Changed(importlib.abc.MetaPathFinder):
-    """Loads the modules of some files from other sources."""
+def _replace_sources(sources: Mapping[str, str] | Mapping[str, CodeType]) -> None:
+    """Let every import of these files in this process use another text or code.
 
-    def __init__(self, sources: Mapping[str, str] | Mapping[str, CodeType]) -> None:
-        self.sources = sources
+    Modules that are found by their name and laws that are loaded by their path are read by the same
+    loader.
+    """
+    original = SourceFileLoader.get_code
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
-        if spec is None or spec.origin not in self.sources:
-            return None
-        is_package = spec.submodule_search_locations is not None
-        loader = _Source(fullname, spec.origin, self.sources[spec.origin])
-        return importlib.util.spec_from_file_location(
-            fullname,
-            spec.origin,
-            loader=loader,
-            submodule_search_locations=[] if is_package else None,
-        )
+    def get_code(loader: SourceFileLoader, fullname: str) -> CodeType | None:
+        source = sources.get(loader.path)
+        if source is None:
+            return original(loader, fullname)
+        if isinstance(source, CodeType):
+            return source
+        code: CodeType = compile(source, loader.path, "exec", dont_inherit=True)
+        return code
 
-
-class _Source(importlib.machinery.SourceFileLoader):
-    def __init__(self, fullname: str, path: str, source: str | CodeType) -> None:
-        super().__init__(fullname, path)
-        self.source = source
-
-    def get_code(self, fullname: str) -> CodeType:
-        if isinstance(self.source, CodeType):
-            return self.source
-        code: Any = compile(self.source, self.path, "exec", dont_inherit=True)
-        return code  # type: ignore[no-any-return]
+    SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
