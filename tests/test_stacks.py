@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ import pytest
 from vsconstraints import Robot
 from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.reports.results import Results
 from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -476,3 +478,13 @@ def test_a_process_that_is_stopped_with_its_parent_is_gone(setup):
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert ended(int(said.stdout))
+
+
+def test_reports_do_not_call_a_stack_numpy_code():
+    laws = {"tracking": {"type": "tracking"}, "mine": {"type": stack_law(), "command": ["mine"]}}
+    line = {"scenario": "a", "trial": 0, "compiled": False, "duration_s": 1.0}
+    lines = [{**line, "controller": name, "rows_time_median_us": 2.0} for name in laws]
+    manifest = {"configuration": {"controllers": laws}}
+    stored = SimpleNamespace(manifest=manifest, scenarios=["a"], results=lines, constraints=[])
+    results = Results(stored)
+    assert [results.implementation(name) for name in laws] == ["NumPy", "external"]

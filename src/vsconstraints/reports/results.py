@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 from ..comparisons import StoredComparison
 from ..comparisons.metrics import Metric
+from ..comparisons.runs.spec import stack_law
 from ..comparisons.suite import BASELINE
 from .groups import grouped
 from .markdown import Table, bold
@@ -43,6 +44,12 @@ class Results:
             dict.fromkeys(name for group in self.groups for name in group.controllers)
         )
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
+        #: Controllers that are programs in processes of their own.
+        self.external = frozenset(
+            name
+            for name, table in configuration["controllers"].items()
+            if table.get("type") == stack_law()
+        )
         self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
         self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)
         for line in sorted(stored.results, key=lambda line: line["trial"]):
@@ -83,9 +90,10 @@ class Results:
         return [name for name in self.scenarios if self.is_ranked(name)]
 
     def implementation(self, controller: str, scenario: str | None = None) -> str:
-        """Return the implementation of a controller, compiled or NumPy, in a scenario or in all.
+        """Return the implementation of a controller, in a scenario or in all.
 
-        It is empty for recorded runs, whose times are unknown.
+        It is compiled, NumPy, or external for a program in a process of its own, and empty for
+        recorded runs, whose times are unknown.
         """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
         flags = {
@@ -94,6 +102,8 @@ class Results:
             if line["duration_s"] >= 0.0
             and not (line["duration_s"] > 0.0 and math.isnan(line["rows_time_median_us"]))
         }
+        if flags and controller in self.external:
+            return "external"
         return " and ".join(
             name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags
         )
