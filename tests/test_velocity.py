@@ -153,9 +153,13 @@ def visp_avoidance(q: Array, qd: Array, low: Array, high: Array, P: Array) -> Ar
     return q2
 
 
+@pytest.mark.parametrize("unit", [1.0, 0.4])
 @pytest.mark.parametrize("at", [0.05, 0.09, 0.095])
-def test_avoidance_is_that_of_visp(at: float) -> None:
-    """One joint is within the zone, at these shares of its range from the end, another outside."""
+def test_avoidance_is_that_of_visp(at: float, unit: float) -> None:
+    """One joint is within the zone, at these shares of its range from the end, another outside.
+
+    σ counts in units of which half the range has ``1 / unit``.
+    """
     rng = np.random.default_rng(8)
     n = 6
     low, high = np.full(n, -2.0), np.full(n, 3.0)
@@ -163,14 +167,15 @@ def test_avoidance_is_that_of_visp(at: float) -> None:
     q[1] = high[1] - at * 5.0
     q[4] = low[4] + 0.08 * 5.0
     half = 2.5
-    sigma = np.concatenate([(q - 0.5) / half - 1.0, (0.5 - q) / half - 1.0])
+    scale = np.full(2 * n, 1.0 / unit)
+    sigma = np.concatenate([(q - 0.5) / half - 1.0, (0.5 - q) / half - 1.0]) * scale
     K = np.full(2 * n, 0.1)
-    Lg = np.vstack([np.eye(n), -np.eye(n)]) * 0.1 / half
+    Lg = np.vstack([np.eye(n), -np.eye(n)]) * 0.1 / half / unit
     labels = tuple(f"range[joint {i + 1}].{side}" for side in ("upper", "lower") for i in range(n))
     task = Task(
         rng.normal(size=(6, n)), np.zeros(6), 0.1 * rng.normal(size=6), np.zeros(6), qd=np.zeros(n)
     )
-    rows = Rows(sigma, Lg, np.zeros(2 * n), np.ones(2 * n), labels, np.ones(2 * n), sigma,
+    rows = Rows(sigma, Lg, np.zeros(2 * n), np.ones(2 * n), labels, scale, sigma,
                 np.zeros(2 * n), K)  # fmt: skip
     primary = made("resolved-rate", gain=0.2).command(rows, task).qd
     command = made("resolved-rate-avoidance", gain=0.2).command(rows, task)
@@ -313,6 +318,13 @@ def test_wrappers_of_velocity_laws_command_velocities() -> None:
     law = VelocityQP()
     assert commands_velocity(Observed(law))
     assert not commands_velocity(make_controller("tracking"))
+
+
+@pytest.mark.parametrize("name", ["resolved-rate-avoidance", "velocity-damper"])
+def test_rows_without_sigma_are_refused_by_name(name: str) -> None:
+    rows, task = problem(0, m=4)
+    with pytest.raises(InvalidInput, match=r"rows\.sigma"):
+        made(name).command(replace(rows, sigma=np.empty(0)), task)
 
 
 # --- in scenes ---

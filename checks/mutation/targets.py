@@ -52,6 +52,17 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/delay.py",
         "controllers/goal_governor.py",
     ),
+    "velocity": (
+        "src/vsconstraints/controllers/velocity",
+        "src/vsconstraints/simulation/follower.py",
+        "src/vsconstraints/compiled/follower.py",
+    ),
+    "features": ("src/vsconstraints/vision/features",),
+    "recordings": (
+        "src/vsconstraints/score",
+        "src/vsconstraints/stacks",
+        "src/vsconstraints/simulation/programs.py",
+    ),
     "formulas": (
         "src/vsconstraints/formulas",
         "src/vsconstraints/vision/measurement.py",
@@ -123,6 +134,8 @@ TESTS = (
     "tests/test_disturbances.py",
     "tests/test_disturbed_loop.py",
     "tests/test_dynamics.py",
+    "tests/test_features.py",
+    "tests/test_follower.py",
     "tests/test_formulas.py",
     "tests/test_geometry.py",
     "tests/test_goal_governor.py",
@@ -149,6 +162,7 @@ TESTS = (
     "tests/test_plan_program.py",
     "tests/test_predictive.py",
     "tests/test_qp_solvers.py",
+    "tests/test_recorded_runs.py",
     "tests/test_reports.py",
     "tests/test_reproduction.py",
     "tests/test_resolvers.py",
@@ -157,9 +171,11 @@ TESTS = (
     "tests/test_saturation.py",
     "tests/test_scores_by_hand.py",
     "tests/test_simulation.py",
+    "tests/test_stacks.py",
     "tests/test_statistics.py",
     "tests/test_statistics_tables.py",
     "tests/test_tracking.py",
+    "tests/test_velocity.py",
     "tests/test_workspace.py",
 )
 
