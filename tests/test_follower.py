@@ -13,7 +13,7 @@ import pytest
 from vsconstraints.compiled import load
 from vsconstraints.controllers import HierarchicalQP, ResolvedRate, Tracking, VelocityQP
 from vsconstraints.dynamics import ArmDynamics
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Command
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -149,6 +149,34 @@ def test_an_arm_that_takes_positions_stops_at_the_last(lag: float, rate: float |
     assert np.abs(reached[-10:]).max() < 1e-6
     back = T_S * -reached[reached < 0.0].sum()
     assert back == pytest.approx(0.25, abs=0.05)
+
+
+@pytest.mark.parametrize("lag", [0.1, 0.3])
+def test_a_loop_of_positions_is_critically_damped(lag: float) -> None:
+    """ë + ė/τ + e/(4τ²) = 0, of which e = (e₀ + (ė₀ + e₀/2τ) t) exp(−t/2τ) is the solution."""
+    plant = plant_of(ArmInput("position", lag=lag))
+    speeds(plant, [0.5])
+    error = 0.3 + 0.5 * T_S - plant.q[0]
+    rate = -plant.qd[0]
+    for k in range(1, 100):
+        speeds(plant, [0.0])
+        t = k * T_S
+        expected = (error + (rate + error / (2.0 * lag)) * t) * np.exp(-t / (2.0 * lag))
+        # the loop of positions is sampled: it holds its speed for a period
+        assert 0.3 + 0.5 * T_S - plant.q[0] == pytest.approx(expected, abs=0.01 * error)
+
+
+def test_an_arm_in_motion_keeps_its_speed_until_a_delayed_command_arrives() -> None:
+    arm = ArmInput("velocity", lag=0.01)
+    disturbances = Disturbances(command_delay=1.5 * T_S)
+    plant = FollowingPlant(arm, np.full(1, 0.3), np.full(1, 0.4), T_S, disturbances)
+    # the command arrives in the middle of the second period, and is taken at its end
+    assert speeds(plant, [0.0] * 3) == pytest.approx([0.4, 0.4, 0.4 * np.exp(-T_S / 0.01)])
+
+
+def test_a_delay_beyond_all_bounds_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="command_delay must not exceed"):
+        plant_of(ArmInput("velocity", lag=0.01), delay=1e4 * T_S)
 
 
 def test_accelerations_are_integrated_from_one_command_to_the_next() -> None:
