@@ -104,6 +104,8 @@ def _may_be_quick(item: pytest.Item) -> bool:
 
 
 class _Watcher:
+    """Pytest plugin that notes which functions each quick test enters, and its CPU time."""
+
     def __init__(self, n_functions: int) -> None:
         self.flags = bytearray(n_functions)
         self.tests: dict[str, tuple[float, list[int]]] = {}
@@ -137,6 +139,8 @@ class _Watcher:
 
 
 class _Chosen:
+    """Pytest plugin that runs some tests in a given order, and ends the process if one fails."""
+
     def __init__(self, limits: Mapping[str, float], result: Path) -> None:
         self.limits = limits
         self.result = result
@@ -145,7 +149,7 @@ class _Chosen:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = sorted(
             (item for item in items if item.nodeid in self.place),
-            key=lambda i: self.place[i.nodeid],
+            key=lambda item: self.place[item.nodeid],
         )
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
@@ -180,6 +184,8 @@ class _Changed(importlib.abc.MetaPathFinder):
 
 
 class _Source(importlib.machinery.SourceFileLoader):
+    """Loader of one module from another source, or from code."""
+
     def __init__(self, fullname: str, path: str, source: str | CodeType) -> None:
         super().__init__(fullname, path)
         self.source = source
