@@ -101,6 +101,8 @@ def _may_be_quick(item: pytest.Item) -> bool:
 
 
 class _Watcher:
+    """Pytest plugin that notes which functions each quick test enters, and its CPU time."""
+
     def __init__(self, n_functions: int) -> None:
         self.flags = bytearray(n_functions)
         self.tests: dict[str, tuple[float, list[int]]] = {}
@@ -134,6 +136,8 @@ class _Watcher:
 
 
 class _Chosen:
+    """Pytest plugin that runs some tests in a given order, and ends the process if one fails."""
+
     def __init__(self, limits: Mapping[str, float], result: Path) -> None:
         self.limits = limits
         self.result = result
@@ -142,7 +146,7 @@ class _Chosen:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = sorted(
             (item for item in items if item.nodeid in self.place),
-            key=lambda i: self.place[i.nodeid],
+            key=lambda item: self.place[item.nodeid],
         )
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:

@@ -27,8 +27,8 @@ from .checksums import sum_file
 
 Formulas = Sequence[Callable[..., Any]]
 
-#: Number of states of a function whose compiled files are kept, most recently used first: without
-#: formulas of its own, and with them.
+#: States of the code of which a function's compiled files are kept, the most recently used ones:
+#: their number for a function without formulas of its own, and for one with them.
 KEPT = 8
 KEPT_WITH_FORMULAS = 64
 HASH = 16  #: Length of the hash in the names of functions.
@@ -95,7 +95,7 @@ def state_of(settings: str, formulas: Formulas = ()) -> str:
     return state.hexdigest()[:HASH]
 
 
-def _names(folder: Path, beginning: str) -> list[Path]:
+def _compiled_files(folder: Path, beginning: str) -> list[Path]:
     """List the compiled files in a folder whose names begin in this way."""
     with suppress(OSError):
         return [
@@ -144,14 +144,14 @@ class CachedFunction:
             file
             for place in (source, *source.glob("*"))
             if place.is_dir()
-            for file in _names(place, self._beginning)
+            for file in _compiled_files(place, self._beginning)
         ]
         if folder is None or (chosen and not filled):
             raise OSError(
                 f"no folder to keep compiled code in: cannot write {source}; NUMBA_CACHE_DIR names "
                 f"another one"
             )
-        if not _names(folder, self._beginning):
+        if not _compiled_files(folder, self._beginning):
             for file in (*filled, *map(sum_file, filled)):
                 shutil.copy2(file, folder)
                 (folder / file.name).chmod(0o644)
@@ -160,7 +160,7 @@ class CachedFunction:
     @property
     def files(self) -> list[Path]:
         """Files with the compiled code."""
-        return _names(self.folder, self._beginning)
+        return _compiled_files(self.folder, self._beginning)
 
     def note_use(self) -> None:
         """Note that the files are used now, for :meth:`remove_old`."""
@@ -171,7 +171,7 @@ class CachedFunction:
     def remove_old(self, kept: int) -> None:
         """Remove the files of all states of the function but the most recently used ones."""
         used: dict[str, float] = {}
-        files = _names(self.folder, self._function)
+        files = _compiled_files(self.folder, self._function)
         for file in files:
             with suppress(OSError):
                 state = file.name.removeprefix(self._function)[:HASH]

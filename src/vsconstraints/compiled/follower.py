@@ -7,6 +7,9 @@ that are roots of polynomials of degree one or two, or of one exponential.
 
 A position command moves a reference linearly to it within a period; the loop then wants u = ṙ + w
 (r − q), as cascaded drives do: see :func:`approach`.
+
+``push`` is d, ``most`` is A, ``left`` is the time that is left of a motion, and ``until`` the time
+until its next change; ``x`` (s, n) is the state, whose rows are named below.
 """
 
 from __future__ import annotations
@@ -22,9 +25,10 @@ from .parts import address, call_int_pointer, checked, struct_loader
 from .signatures import FLOAT, INT, MATRIX, VOID, signature
 from .workspace import F8, I8, zeros
 
-#: Rows of the state of a joint: coordinate, speed and the loop's acceleration a; wanted speed u;
-#: position reference and its rate; periods since a command was taken. Then, for every command that
-#: may still be taken, the newest first, its position and its speed; last q̈_c and d_c.
+#: Rows of the state of a joint: q, q̇ and the loop's acceleration a; wanted speed u; position
+#: reference r and ṙ; periods since a command was taken, from 0 to ``periods`` − 1. Two rows follow
+#: for every command that may still be taken, the newest first: its position and its speed. The
+#: last two rows are q̈_c and d_c of the period.
 Q, QD, A, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
 #: Most parts of the motion between two instants at which the arm takes commands.
 MOST_PARTS = 64
@@ -34,13 +38,14 @@ SAME = 1e-12  #: Relative difference below which two accelerations are the same.
 class Follower(NamedTuple):
     """Low-level loop of an arm, and how it takes commands.
 
-    ``Ts`` is the period of the controller, ``tick`` the time between two instants at which the arm
-    may take a command, ``ticks`` their number in a period, and ``periods`` that of periods between
-    two of them; one of these is 1. ``ages`` are the ages of the command that is taken at each tick,
-    in periods, and ``fresh`` is 1 where it is not the one of the tick before. ``positions`` is 1 if
-    positions are commanded. ``implicit`` (1,) is 1 if q_c advances by T_s q̇_c with the new q̇_c.
-    ``lag`` is τ, ``feedback`` is κ. ``reference`` is the state of the loop where another arm
-    follows it: ``move`` and ``moved`` are then the function that moves it, and its workspace.
+    ``Ts`` [s] is the period of the controller. The arm takes commands at instants that are ``tick``
+    [s] apart: ``ticks`` of them in a period, or one every ``periods`` periods; one of both is 1.
+    ``ages`` tells for each instant of a period how many periods old the newest command is that has
+    arrived, and ``fresh`` is 1 where it is not that of the instant before. ``positions`` is 1 if
+    the arm takes positions. ``implicit`` (1,) is 1 if q_c advances with the new q̇_c alone, as for
+    laws that command speeds. ``lag`` is τ [s], ``feedback`` is κ [1/s]. ``reference`` is the state
+    of the loop. Where an arm with mass follows it as its reference, ``move`` and ``moved`` are the
+    addresses of the function that moves that arm, and of its workspace.
     """
 
     Ts: float
@@ -139,7 +144,7 @@ def saturated(f: Follower, x: Array, j: int, left: float, asked: float) -> float
 
 @in_place
 def exceeding(a: float, most: float, push: float, lag: float) -> float:
-    """Return the time after which |a| of a lagging joint exceeds A, which only |d| > A causes."""
+    """Return the time until |a| of a lagging joint exceeds A, infinity if |d| ≤ A."""
     if abs(push) <= most:
         return math.inf
     share = (np.copysign(most, -push) + push) / (a + push)
@@ -150,8 +155,8 @@ def exceeding(a: float, most: float, push: float, lag: float) -> float:
 def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> tuple[float, bool]:
     """Move joint j with ȧ = ``jerk`` until a is what the loop asks for, or at its limit.
 
-    Return the time that is left, and True if a is what the loop asks for. ``met``: it is already,
-    and what the loop asks for changes faster.
+    Return the time that is left, and True if a is then what the loop asks for. ``met`` is True if
+    it is so at the beginning, and what the loop asks for changes faster than a.
     """
     most = f.acceleration[j]
     lag = f.lag
@@ -216,14 +221,14 @@ def approach(error: float, feedback: float, most: float) -> float:
 
 
 @in_place
-def take_command(f: Follower, x: Array, tick: int, duration: float) -> None:
-    """Let all joints take the command that is due at a tick, which lasts ``duration`` [s]."""
-    row = COMMANDS + 2 * f.ages[tick]
+def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
+    """Let all joints take the command of an instant, which they follow for ``duration`` [s]."""
+    row = COMMANDS + 2 * f.ages[instant]
     for j in range(x.shape[1]):
         if f.positions == 0:
             x[WANTED, j] = x[row + 1, j]
             continue
-        if f.fresh[tick]:
+        if f.fresh[instant]:
             x[RATE, j] = (x[row, j] - x[REFERENCE, j]) / max(f.Ts, duration)
         error = x[REFERENCE, j] - x[Q, j]
         x[WANTED, j] = x[RATE, j] + approach(error, f.feedback, f.acceleration[j])
@@ -234,12 +239,12 @@ def take_command(f: Follower, x: Array, tick: int, duration: float) -> None:
 def advance(f: Follower, x: Array, span: float) -> None:
     """Move the joints for the first ``span`` [s] of a period, whose command is integrated."""
     done = 0.0
-    for tick in range(f.ticks):
+    for instant in range(f.ticks):
         t = min(f.Ts / f.ticks, span - done)
         if t <= 0.0:
             return
         if f.periods == 1 or x[AGE, 0] == 0.0:
-            take_command(f, x, tick, f.tick)
+            take_command(f, x, instant, f.tick)
         for j in range(x.shape[1]):
             if f.lag == 0.0:
                 follow_at_once(x, j, t, f.acceleration[j], x[-1, j])
@@ -286,11 +291,11 @@ def follow_part(follower_address: int, x: Array, span: float) -> None:
 
 @in_place
 def write_reference(f: Follower, x: Array) -> None:
-    """Replace the command x[-2] by the mean acceleration of the loop that follows it."""
+    """Move the loop through a period, and replace the command x[-2] by its mean acceleration."""
     own = f.reference
     for j in range(x.shape[1]):
         own[-2, j] = x[-2, j]
-        x[-2, j] = -own[QD, j]
+        x[-2, j] = -own[QD, j]  # the speed at the beginning, until that at the end is known
     integrate_command(f, own)
     advance(f, own, f.Ts)
     for j in range(x.shape[1]):

@@ -36,7 +36,7 @@ VOID = types.void
 INT = types.int64
 FLOAT = types.float64
 
-#: Options of functions that only other compiled functions call.
+#: Options of functions that only other compiled functions call, which make arrays or do not.
 MAKES_ARRAYS = {"error_model": "numpy", **accelerator.PART}
 PART = {**MAKES_ARRAYS, **accelerator.IN_PLACE}
 

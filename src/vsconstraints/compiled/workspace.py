@@ -349,7 +349,7 @@ def fields(kind: Any) -> dict[str, Any]:
 
 
 def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
-    """Return the shape of a declared array; letters without a length count 1."""
+    """Return the shape of a declared array; a letter that ``lengths`` lacks stands for 1."""
     _, *shape = declared.__metadata__
     return tuple([length if type(length) is int else lengths.get(length, 1) for length in shape])
 
@@ -359,7 +359,8 @@ def zeros(
 ) -> Any:
     """Return a structure of zeros, with arrays of their declared types and shapes.
 
-    ``known`` contains fields that exist already.
+    ``known`` contains fields that exist already. ``lengths`` are those of the letters in the
+    declarations; see :func:`shape_of`.
     """
     values = dict(known or {})
     lengths = lengths or {}

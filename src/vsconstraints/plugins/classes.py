@@ -31,12 +31,13 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     in ``folder``, without one in the working directory. Raises ConfigurationError if the file does
     not exist, if the module cannot be imported, or if it does not contain such a class.
     """
-    where, class_name = _parts(name)
+    where, class_name = _split(name)
     module_name = module_of(name)
     file = plugin_file(name, folder)
     if file is None and _is_path(where):
         raise ConfigurationError(f"{name!r}: there is no file {_path_of(where, folder).absolute()}")
     try:
+        # chdir: the module may change the working directory, which is then restored
         with chdir("."), noted_import(module_name):
             module = importlib.import_module(module_name) if file is None else _module_from(file)
     # a custom module can fail in any way while it is imported
@@ -77,7 +78,7 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
 
     None for an installed module, and for a file that does not exist.
     """
-    where = _parts(name)[0]
+    where = _split(name)[0]
     if _is_path(where):
         file = _path_of(where, folder)
     elif folder is not None and not where.startswith(OF_PACKAGE):
@@ -89,7 +90,7 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
 
 def module_of(name: str) -> str:
     """Return the name of the module that a name denotes, for messages and for names of files."""
-    where = _parts(name)[0]
+    where = _split(name)[0]
     return Path(where).stem if _is_path(where) else where
 
 
@@ -112,7 +113,7 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
     for name in names:
         if ":" in name:
             file = plugin_file(name, folder)
-            module = _parts(name)[0]
+            module = _split(name)[0]
             spec = _spec_of(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
             files += [Path(path) for path in (file, origin) if path is not None]
@@ -160,7 +161,7 @@ def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
     )
 
 
-def _parts(name: str) -> tuple[str, str]:
+def _split(name: str) -> tuple[str, str]:
     """Split a name into its module or path and its class; ConfigurationError if it has none."""
     where, _, class_name = name.rpartition(":")
     is_module = re.fullmatch(r"\w+(\.\w+)*", where) is not None

@@ -160,7 +160,7 @@ def figures() -> list[Any]:
 
 
 def in_order(values: Mapping[str, Value], before: Mapping[str, str]) -> dict[str, Value]:
-    """Return the values in their order, but each of the keys in ``before`` before another one."""
+    """Return the values in order, but each that has a name in ``before`` before that other one."""
     names = [name for name in values if not before.get(name)]
     for name in values:
         if name not in names:

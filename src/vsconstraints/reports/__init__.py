@@ -1,15 +1,9 @@
-"""Reports: tables and figures made from a stored comparison."""
+"""Reports: tables and figures made from a stored comparison.
 
-from typing import Any
+Commands such as ``--help`` need only the figure formats: ``write_report`` is imported at its first
+use.
+"""
 
+from ..plugins.lazy import exported
 
-def __getattr__(name: str) -> Any:
-    """Import ``write_report`` on first access.
-
-    Commands such as ``--help`` need only the figure formats, so they do not load the report.
-    """
-    if name != "write_report":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .report import write_report
-
-    return write_report
+__getattr__ = exported(__name__, {"write_report": "report"})

@@ -16,12 +16,13 @@ from ..rows import Array, BoolArray
 from ..simulation.units import degrees_question
 from .files import Clock, read_columns
 
-#: Factor on the median period, and time [s], beyond which two samples have a gap between them.
+#: Two samples have a gap between them if they are farther apart than this factor times the median
+#: period, and than this time [s].
 GAP = 5.0, 0.02
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
 ON_GRID = 1e-6  #: Largest distance of a time from the grid, as a share of the sampling time.
-#: Ratio of given to differenced speeds, or its inverse, from which on they contradict.
-#: Revolutions per minute are 9.55 times radians per second.
+#: Ratio of the motion by the given speeds to that of the positions, or its inverse, from which on
+#: they contradict. Revolutions per minute are 9.55 times radians per second.
 CONTRADICTION = 8.0
 #: Cosine of given and differenced speeds below which their signs contradict. Noise of a joint at
 #: rest, differenced and a sample late, has −0.5.
@@ -231,13 +232,13 @@ def _seconds(path: Path, t: Array) -> Array:
     """Return increasing times from 0; raise ConfigurationError if they cannot be seconds."""
     if len(t) < 2:
         raise ConfigurationError(f"{path}: all samples have the same time")
-    period = float(np.median(np.diff(t)))
+    steps = np.diff(t)
+    period = float(np.median(steps))
     if period >= SLOW:
         raise ConfigurationError(
             f"{path}: samples are {period:.4g} s apart: are the times in ms or ns? They must be "
             "seconds; a column t_ns has nanoseconds"
         )
-    steps = np.diff(t)
     k = int(steps.argmax())
     if steps[k] > LONGEST_GAP:
         raise ConfigurationError(

@@ -19,7 +19,7 @@ from .disturbances import Disturbances
 from .plant import Plant
 
 Commands = Literal["acceleration", "velocity", "position"]
-#: Largest difference between a number of periods and a whole one.
+#: Tolerance of whole numbers: of periods, and relative of their number per command.
 WHOLE = 1e-9
 #: Most instants per period at which an arm takes commands.
 MOST_TICKS = 1000
@@ -105,10 +105,11 @@ ACCELERATIONS = ArmInput()  #: An arm that takes accelerations.
 
 
 def periods_of(rate: float | None, Ts: float) -> tuple[int, int]:
-    """Return the instants per period at which an arm takes commands, and the periods per instant.
+    """Return ``ticks`` and ``periods``: an arm takes ``ticks`` commands in ``periods`` periods.
 
-    One of the two is 1. Raises ConfigurationError unless the rate [Hz] is a multiple or a divisor
-    of 1/T_s, and at most MOST_TICKS times as high.
+    One of the two is 1. ``rate`` is that of commands [Hz]; None stands for 1/T_s. Raises
+    ConfigurationError unless it is a multiple or a divisor of 1/T_s, and at most MOST_TICKS times
+    as high.
     """
     if rate is None:
         return 1, 1
@@ -135,10 +136,11 @@ class LowLevelLoop:
     determines q̇_c, and q_c ← q_c + T_s q̇_c. The integral is that of the commands alone: the
     measured q̇ in its place would lag behind them.
 
-    ``x`` (s, n) is the state, at rest with its command at first, and ``arrays`` is the compiled
-    :class:`vsconstraints.compiled.follower.Follower`. ``actuators`` is their limit of
-    accelerations, ``delay`` how late commands arrive [s]. Raises ConfigurationError if a limit is
-    not one number or one for each joint, or the rate does not fit T_s [s].
+    ``x`` (s, n) is the state: it begins at ``q0`` and ``qd0``, and so do all commands. ``arrays``
+    is the compiled :class:`vsconstraints.compiled.follower.Follower`. ``actuators`` limits |q̈|
+    where ``arm`` states no limit, ``delay`` is how late commands arrive [s]. Raises
+    ConfigurationError if a limit is not one number or one for each joint, or the rate does not fit
+    T_s [s].
     """
 
     def __init__(
@@ -157,9 +159,11 @@ class LowLevelLoop:
         n = len(q0)
         ticks, periods = periods_of(arm.rate, Ts)
         tick = Ts / ticks if periods == 1 else periods * Ts
-        split_delay("disturbance command_delay", delay, Ts)
+        split_delay("disturbance command_delay", delay, Ts)  # raises if too many are pending
+        # at each instant of a period, how long the period's command is still on its way
         late = np.maximum(delay - np.arange(ticks) * Ts / ticks, 0.0)
         ages = np.ceil(late / Ts - WHOLE).astype(np.int64)
+        # of the instant before; a command of the period before is a period older by now
         before = np.append(ages[-1] + 1, ages[:-1])
         own = actuators if arm.acceleration is None else arm.acceleration
         # critically damped, unless the loop is faster than the arm takes commands
@@ -190,23 +194,23 @@ class LowLevelLoop:
         return bool(np.isfinite(self.arrays.acceleration).all())
 
     def moving(self, move: int, moved: int) -> None:
-        """Let an arm follow this loop: the address of its function, and of its workspace."""
+        """Set the addresses of the function that moves the following arm, and of its workspace."""
         self.arrays = self.arrays._replace(move=move, moved=moved)
         self.workspace = Workspace(self.arrays)
 
     def take_speeds(self) -> None:
-        """Let q_c advance by T_s q̇_c, as for a law that commands speeds."""
+        """Let q_c advance by T_s q̇_c with the new q̇_c, as for a law that commands speeds."""
         self.arrays.implicit[0] = 1
 
     def acceleration_of(self, command: Command) -> Array:
-        """Return the q̈_c (n,) that continues the last command to a new one."""
+        """Return the q̈_c (n,) of a command, or that from the last commanded q̇_c to its own."""
         if not len(command.qd):
             return command.qdd
         qdd: Array = (command.qd - self.x[self.kernels.COMMANDS + 1]) / self.Ts
         return qdd
 
     def remarks(self) -> list[str]:
-        """Return the adapter between law and arm, for a reader of the results."""
+        """Return a remark on the integration between law and arm, for a reader of the results."""
         if self.arrays.implicit[0]:
             return []
         takes = "velocities" if self.arm.command == "velocity" else "positions"

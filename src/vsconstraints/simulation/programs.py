@@ -136,7 +136,9 @@ class ProgramLoop:
     def command(self, k: int, pixels: Array, camera: Pose, labels: tuple[str, ...]) -> Command:
         """Ask the program for sample ``k``, and return its answer as a command.
 
-        ``pixels`` (M, 2) are the true ideal pixels, and ``camera`` is the true pose.
+        ``pixels`` (M, 2) are the true ideal pixels, and ``camera`` is the true pose, from which an
+        estimation begins where nothing was measured. ``labels`` are those of the rows, none of
+        which acts.
         """
         t = k * self._setup.Ts
         seen, taken, pose = self._sensor.newest(k, pixels)
@@ -160,7 +162,7 @@ class ProgramLoop:
         return Command(np.zeros(n), "ok", acted, labels, qd=self._velocity(answer))
 
     def _velocity(self, answer: Answer) -> Array:
-        """Return the commanded velocity (n,) of an answer."""
+        """Return the commanded velocity (n,) of an answer, and note a commanded position."""
         if answer.command is None:
             return np.zeros(len(self._position))
         if self.program.output == "velocity":

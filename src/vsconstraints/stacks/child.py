@@ -111,10 +111,10 @@ class StackProcess:
                 raise self.failure(self._end() or "it closed its standard input") from error
 
     def _ready(self, poll: select.poll, seconds: float, wanted: int) -> bool:
-        """Wait until a descriptor is ready, for at most ``seconds``; return True if it is.
+        """Wait for at most ``seconds``; return True if the ``wanted`` descriptor is ready.
 
-        The standard error is read on the way. The time counts, but at most ``seconds``: a longer
-        time means that this process was stopped.
+        Standard error that arrives is kept, and ends the wait early. The time counts, but at most
+        ``seconds``: a longer time means that this process was stopped.
         """
         begun = time.monotonic()
         ready = [descriptor for descriptor, _ in poll.poll(1e3 * seconds)]
@@ -146,23 +146,29 @@ class StackProcess:
             self._err = -1
 
     def _end(self) -> str:
-        """Describe how the process has ended; empty if it has not."""
+        """Describe how the process has ended; empty if it does not end soon."""
         deadline = time.monotonic() + GRACE
         while not self._has_ended() and time.monotonic() < deadline:
             time.sleep(0.01)
         if not self._has_ended():
             return ""
-        # the process is reaped at the end, after its group was killed
-        status = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        status = self._exit_status()
         if status is None or status.si_code == os.CLD_EXITED:
             code = "unknown" if status is None else status.si_status
             return f"it ended with the exit code {code}"
         return f"it was ended by the signal {signal.Signals(status.si_status).name}"
 
     def _has_ended(self) -> bool:
-        """Return True if the process has ended, without reaping it."""
+        """Return True if the process has ended."""
+        return self._exit_status() is not None
+
+    def _exit_status(self) -> os.waitid_result | None:
+        """Return how the process has ended; None if it has not.
+
+        This does not reap it: :meth:`end` does, after it has killed the group.
+        """
         ended = os.WEXITED | os.WNOHANG | os.WNOWAIT
-        return os.waitid(os.P_PID, self._process.pid, ended) is not None
+        return os.waitid(os.P_PID, self._process.pid, ended)
 
     def failure(self, reason: str) -> StackFailedError:
         """Return the error of this reason with the last lines of the stack's standard error."""

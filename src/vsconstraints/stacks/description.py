@@ -63,12 +63,12 @@ def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
     if setup.limits.known:
         for name in known:
             limit = setup.limits.of_joint(name, len(speed))
-            known[name] = None if np.isinf(limit).all() else _list(limit)
+            known[name] = None if np.isinf(limit).all() else plain(limit)
     return {
         "limits": {
-            "lower": _list(lower),
-            "upper": _list(upper),
-            "velocity": _list(speed),
+            "lower": plain(lower),
+            "upper": plain(upper),
+            "velocity": plain(speed),
             **known,
         }
     }
@@ -148,7 +148,7 @@ def matrix(pose: Pose) -> list[list[float]]:
 
 
 def plain(value: object) -> Any:
-    """Return a number, text, array or sequence as plain data without infinity; None otherwise."""
+    """Return a number, text, array or sequence as plain data; None for others and infinity."""
     if isinstance(value, np.ndarray | tuple | list):
         return [plain(each) for each in np.asarray(value, dtype=object).tolist()]
     if isinstance(value, bool | str | int):
@@ -156,7 +156,3 @@ def plain(value: object) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return None
-
-
-def _list(values: Array) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]

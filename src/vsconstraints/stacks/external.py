@@ -18,6 +18,7 @@ from .child import StackProcess
 from .description import describe
 from .protocol import (
     StackFailedError,
+    checked_declaration,
     encode,
     one_line,
     read_declaration,
@@ -93,10 +94,9 @@ class ExternalStack(MeasuredProgram):
         line = process.line(START_LIMIT)
         try:
             declaration = read_declaration(line)
+            uses, self.output = checked_declaration(declaration.uses, declaration.output)
         except StackFailedError as error:
             raise self._with_messages(error) from error
-        uses = tuple(dict.fromkeys(declaration.uses))
-        self.output = declaration.output  # type: ignore[assignment]  # checked with the declaration
         named = one_line(declaration.name or Path(self._arguments[-1]).name)
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"

@@ -46,7 +46,7 @@ UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError)
 
 
 class StackFailedError(Exception):
-    """A stack cannot go on; the message is the reason, with the end of its output."""
+    """A stack cannot go on; the message is the reason, with its last messages if it has any."""
 
 
 class Declaration(msgspec.Struct, forbid_unknown_fields=True):
@@ -74,7 +74,7 @@ _decode_declaration = msgspec.json.Decoder(Declaration).decode
 
 
 def checked_declaration(uses: object, output: object) -> tuple[tuple[str, ...], Output]:
-    """Return what a stack declares that it uses and commands.
+    """Return the data that a stack declares as used, each once, and its output.
 
     Raises StackFailedError, with the candidates, if a name is unknown.
     """
@@ -90,7 +90,10 @@ def checked_declaration(uses: object, output: object) -> tuple[tuple[str, ...], 
 
 
 def read_declaration(line: bytes) -> Declaration:
-    """Return the declaration in a line; raises StackFailedError if it is not one."""
+    """Return the declaration in a line; raises StackFailedError if it is not one.
+
+    Its names are those that the stack gave: :func:`checked_declaration` checks them.
+    """
     try:
         declaration = _decode_declaration(line)
     except UNREADABLE as error:
@@ -104,7 +107,6 @@ def read_declaration(line: bytes) -> Declaration:
             f"it speaks version {declaration.protocol} of the protocol, and this package version "
             f"{VERSION}"
         )
-    checked_declaration(declaration.uses, declaration.output)
     return declaration
 
 

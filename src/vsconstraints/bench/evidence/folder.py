@@ -119,7 +119,7 @@ def finished_shards(folder: Path, campaign: Campaign) -> list[Facts]:
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
-    complete = _complete_shards(folder)
+    complete = _complete_shards(folder)  # again: a changed file was removed with its shard
     names = {shard.name for shard in complete}
     for path in stored_files(folder):
         if path.suffix == ".parquet" and path.stem not in names:
@@ -140,7 +140,10 @@ def _complete_shards(folder: Path) -> list[StoredShard]:
 
 
 def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
-    """Describe how stored shards differ from a campaign: the first shard that does, or files."""
+    """Describe how stored shards differ from a campaign; empty if they do not.
+
+    Only the first kind of difference is described: identity of a shard, files, number of scenes.
+    """
     identities = campaign.identities()
     for facts in stored:
         if facts.family not in identities:
@@ -157,11 +160,11 @@ def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
     return []
 
 
-def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
+def _changed_files(stored: Iterable[Facts], campaign: Campaign) -> list[str]:
     """Return a sentence for each custom file that changed since a stored shard was made."""
     folders = own_folders(campaign.controllers, campaign.families)
     files: Files = {}
-    for facts in there:
+    for facts in stored:
         files.update(facts.files)
     return [
         f"the content of {name} has changed" for name in changed(files, contents(files, folders))
@@ -275,10 +278,10 @@ def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     entries = {entry.name: entry for entry in task.controllers}
     with deadline(task.limit) as step:
         step()
-        _, there = benches(task, task.scenes[0])
+        _, by_condition = benches(task, task.scenes[0])
         for key in sorted(
-            keys if there else (), key=lambda key: task.conditions.index(key.condition)
+            keys if by_condition else (), key=lambda key: task.conditions.index(key.condition)
         ):
             step()
-            records[key] = there[key.condition].run(entries[key.controller])
+            records[key] = by_condition[key.condition].run(entries[key.controller])
     return records

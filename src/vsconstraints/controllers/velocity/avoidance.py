@@ -16,7 +16,7 @@ from .resolved_rate import ResolvedRate
 
 #: Errors below and above which the large projection operator is the classical one and opens fully.
 CLOSED, OPENED = 0.1, 0.7
-#: Rows that are avoided, by the option ``avoids``: beginnings of their labels.
+#: Beginning of the labels of the rows that are avoided, by the option ``avoids``.
 AVOIDED = {"ranges": "range[", "all": ""}
 
 
@@ -40,8 +40,8 @@ def large_projection(J: Array, error: Array, rank_tolerance: float) -> Array:
     return large
 
 
-def share_of(name: str, value: object, most: float = 1.0) -> float:
-    """Return a positive number up to ``most``; raise ConfigurationError for anything else."""
+def number_up_to(name: str, value: object, most: float = 1.0) -> float:
+    """Return a positive number of at most ``most``; raise ConfigurationError for anything else."""
     number = positive_number(name, value)
     if number > most:
         raise ConfigurationError(f"{name} must be at most {most:g}, not {number:g}")
@@ -95,9 +95,9 @@ class ResolvedRateAvoidance(ResolvedRate):
             slope_at_zero=slope_at_zero,
             rank_tolerance=rank_tolerance,
         )
-        self.zone = share_of("zone", zone, 0.5)
-        self.full = share_of("full", full)
-        self.tune = share_of("tune", tune)
+        self.zone = number_up_to("zone", zone, 0.5)
+        self.full = number_up_to("full", full)
+        self.tune = number_up_to("tune", tune)
         self._begins = one_of("avoids", avoids, AVOIDED)
         self.avoids = avoids
 

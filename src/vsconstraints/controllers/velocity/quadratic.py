@@ -19,21 +19,21 @@ from ..resolver import Resolver
 from ..resolvers import AUTO, Filter, Hierarchy
 from .gain import VelocityLaw
 
-#: Damping of the inner program, far below that of the law, which has its own equations.
+#: Damping of the inner program, of no effect: its task contains the damping of the law already.
 TO_ROUNDING = 1e-14
 UNBOUNDED = 1e200  #: Bound h of a row that demands nothing; rows of a program must be finite.
 
 
 @dataclass(frozen=True)
 class VelocityBound(Demand):
-    """Bounds h of G q̇ ≤ h, which the rows of the inner program hold as −φ."""
+    """Demand G q̇ ≤ h of the inner program, whose rows have L_gφ = G and φ = −h."""
 
     name = "velocity-bound"
     everywhere = True
 
     @staticmethod
     def formula(row: Row) -> Any:
-        """Return the bound."""
+        """Return h; infinity where it is ``UNBOUNDED``."""
         return np.where(row.phi > -0.5 * UNBOUNDED, -row.phi, np.inf)
 
 
@@ -96,19 +96,18 @@ class QuadraticVelocity(VelocityLaw):
         return self.task_of(task)
 
     def box(self, rows: Rows, task: Task) -> tuple[Array, Array]:
-        """Return the least and greatest q̇ (n,) after a period from the last command.
+        """Return the least and greatest q̇ (n,) within the limit of accelerations for a period.
 
-        They are (0,) each without a limit of accelerations.
+        They begin at the last command, or at the present q̇ if there is none. They are (0,) each
+        without a limit.
         """
         limit = self.max_acceleration
+        if limit is None or (limit == "limits" and not len(rows.qdd_max)):
+            return UNKNOWN, UNKNOWN
         before = self.last if len(self.last) else task.qd
         assert self.period is not None
         if limit == "limits":
-            if not len(rows.qdd_max):
-                return UNKNOWN, UNKNOWN
             return before + self.period * rows.qdd_min, before + self.period * rows.qdd_max
-        if limit is None:
-            return UNKNOWN, UNKNOWN
         return before - self.period * limit, before + self.period * limit
 
     def solve(self, rows: Rows, task: Task) -> Command:
@@ -116,9 +115,9 @@ class QuadraticVelocity(VelocityLaw):
         G, h = self.bounds(rows, task)
         J, v = self.weighted_task(task)
         least, greatest = self.box(rows, task)
-        none = np.zeros(len(h))
+        no_drift = np.zeros(len(h))
         program = Rows(
-            -h, G, none, rows.switching_gain, rows.labels, rows.scale, qdd_min=least,
+            -h, G, no_drift, rows.switching_gain, rows.labels, rows.scale, qdd_min=least,
             qdd_max=greatest,
         )  # fmt: skip
         try:

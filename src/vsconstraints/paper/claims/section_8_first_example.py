@@ -1,4 +1,4 @@
-"""Section 8, simulation of the first example: claims 1a to 1g, 2, 3a to 3d, 4a, 4b and 10a."""
+"""Section 8, simulation of the first example: claims 1a to 4b and 10a."""
 
 from __future__ import annotations
 

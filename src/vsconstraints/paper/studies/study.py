@@ -82,10 +82,10 @@ class Study(ABC):
 
 
 class Sweep(Study):
-    """Study whose data have one or several lines for each run.
+    """Study whose data have one or several points, lines of data, for each run.
 
-    A line begins with the case, whose class is ``Case``, and continues with ``columns``. The figure
-    is that of ``layout``.
+    A point begins with the case, whose class is ``Case``, and continues with ``columns``. The
+    figure is that of ``layout``.
     """
 
     Case: Any  #: NamedTuple of varied values.
@@ -94,9 +94,9 @@ class Sweep(Study):
 
     @abstractmethod
     def lines(self, case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-        """Return the study's own columns for the run of a case, as one or several lines of data.
+        """Return the study's own columns for the run of a case, for one or several points.
 
-        ``results`` holds the other runs.
+        ``results`` holds all runs.
         """
 
     @abstractmethod
@@ -112,7 +112,7 @@ class Sweep(Study):
         return points
 
     def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a line of data: the case, and the columns.
+        """Return a point, one line of data: the case, and the columns.
 
         Columns that are not the study's own are taken from the summary. ``violation`` is in % of L.
         A column that is neither known here nor a score of the run is NaN.

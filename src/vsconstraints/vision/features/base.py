@@ -118,7 +118,7 @@ class Feature(ABC):
         """Raise ConfigurationError if the feature is not defined at a goal."""
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """Return s_ref (k,) relative to a new goal, from its value relative to an old goal.
+        """Return ``reference``, s_ref (k,) relative to an old goal, relative to a new goal.
 
         ``near`` (k,) is the error with respect to the new goal. Features that are not unique
         (angles) are chosen closest to it.

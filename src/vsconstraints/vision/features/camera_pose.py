@@ -27,7 +27,7 @@ class CameraPose(Feature):
     reached_by = "pose"
 
     def size(self, markers: int) -> int:
-        """Return 6: three coordinates and three angles."""
+        """Return 6: a translation and a rotation vector."""
         return 6
 
     def check_goal(self, goal: Goal) -> None:
@@ -92,7 +92,7 @@ class Rotation(Feature):
 
 
 def _padded(rotation: Array) -> Array:
-    """Return a pose (6,) without translation."""
+    """Return (0, 0, 0, θu) (6,): the feature of a pose with this θu (3,) and no translation."""
     return np.concatenate((np.zeros(3), rotation))
 
 

@@ -11,7 +11,7 @@ from ..scene import State, interaction_matrix
 from .base import Feature, FeatureMotion, Goal, selected
 
 InteractionMatrix = Literal["current", "desired", "mean"]
-#: Share of the goal's interaction matrix.
+#: Weight of the interaction matrix at the goal; the rest is that of the current image.
 SHARES: dict[str, float] = {"current": 0.0, "desired": 1.0, "mean": 0.5}
 
 

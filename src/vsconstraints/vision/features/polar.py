@@ -46,5 +46,5 @@ class Polar(ViewFeature):
         zero = np.zeros_like(rho)
         wide = 1.0 + rho * rho
         radial = [-c / Z, -s / Z, rho / Z, wide * s, -wide * c, zero]
-        angular = [s / (rho * Z), -c / (rho * Z), zero, c / rho, s / rho, zero - 1.0]
+        angular = [s / (rho * Z), -c / (rho * Z), zero, c / rho, s / rho, -np.ones_like(rho)]
         return np.array([radial, angular]).transpose(2, 0, 1).reshape(-1, 6)

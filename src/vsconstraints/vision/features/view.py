@@ -17,9 +17,9 @@ from ..scene import State, interaction_matrix
 from .base import Feature, FeatureMotion, Goal, selected
 from .camera_pose import require_pose
 
-#: Steps of difference quotients, as motions in radians or in shares of the smallest depth: of
-#: values, differenced twice, where truncation h⁴ meets rounding 1e-16/h²; and of interaction
-#: matrices, where h² meets 1e-16/h.
+#: Steps h of difference quotients, as rotations in radians or as translations in shares of the
+#: smallest depth, 1 m at most. Of values, also for second derivatives, where truncation h⁴ meets
+#: rounding 1e-16/h²; and of interaction matrices, where h² meets 1e-16/h.
 VALUE_STEP = 1e-3
 MATRIX_STEP = 3e-6
 
@@ -90,7 +90,7 @@ class ViewFeature(Feature):
 
     @abstractmethod
     def value(self, view: View, goal: View) -> Array:
-        """Return s (k,) of a view.
+        """Return s (k,) of a view; view and goal hold the feature's own markers only.
 
         s may be stated relative to the goal, as in log(Z/Z*), if the goal only adds a constant.
         Raises SceneError, or returns NaN, where s is not defined.
@@ -99,7 +99,8 @@ class ViewFeature(Feature):
     def interaction_matrix(self, view: View, goal: View) -> Array:
         """Return L (k, 6) with ṡ = L (v, ω): the camera's twist in its own frame, static markers.
 
-        This method derives it by differences of the value.
+        This method derives it by differences of the value. Their steps are at most
+        ``VALUE_STEP`` [m, rad], and shorter where a marker is nearer than 1 m.
         """
         nearest = view.depth.min(initial=1.0)
         columns = []
@@ -236,7 +237,7 @@ class ViewFeature(Feature):
 
 
 def _slope(function: Callable[[float], Array], h: float) -> Array:
-    """Return the derivative at 0 of a function, by four differences with the step h."""
+    """Return the derivative at 0 of a function, from its values at ±h and ±2h."""
     near = function(h) - function(-h)
     far = function(2.0 * h) - function(-2.0 * h)
     return (8.0 * near - far) / (12.0 * h)
