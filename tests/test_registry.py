@@ -40,7 +40,7 @@ class Stiff:
     stiffness: float
 
 
-def plant(robot, settings, q0, qd0, period, limits):
+def plant(robot, settings, q0, qd0, period, limits, loop):
     made = Plant(q0, qd0, period, "acceleration", Disturbances(), limits)
     made.stiffness = settings.stiffness
     return made

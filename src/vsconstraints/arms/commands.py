@@ -50,7 +50,6 @@ def run(
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
     from ..compiled import prepare
-    from ..plugins.classes import beside
     from ..plugins.processes import exit_code
     from ..scenarios import Scenario
     from . import Job, driver_for, image_source, real_time, run_on_arm, store
@@ -109,7 +108,7 @@ def run(
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
         # custom parts may import neighbouring modules at any time
-        with beside(loaded.folder, entry.folder_of_neighbours):
+        with entry.importing_beside(loaded.folder):
             setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm), keep)
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..constraints import Constraint
 from ..errors import ConfigurationError
-from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
 from .metrics import Score, score
@@ -183,7 +182,7 @@ def perform(
     """
     scenario = spec.load()
     # custom parts may change the working directory, and import neighbouring modules at any time
-    with chdir("."), beside(scenario.folder, spec.controller.folder_of_neighbours):
+    with chdir("."), spec.controller.importing_beside(scenario.folder):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
         law_run = LawRun(

@@ -207,6 +207,7 @@ class MujocoArm:
 class DynamicPlant(Plant):
     """Arm with mass: the commanded q̈_c is the reference of its joint controller.
 
+    With a low-level ``loop``, which takes velocities or positions, the reference is its motion.
     Raises ConfigurationError or InvalidInput if the arm has no inertias, its torques cannot hold it
     at the start, or a setting does not fit the robot.
     """
@@ -221,6 +222,7 @@ class DynamicPlant(Plant):
         qd0: Array,
         Ts: float,
         limits: JointLimits | None = None,
+        loop: LowLevelLoop | None = None,
     ) -> None:
         super().__init__(q0, qd0, Ts, "acceleration", Disturbances(), limits)
         n = robot.n
@@ -262,20 +264,16 @@ class DynamicPlant(Plant):
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
         self.workspace = Workspace(self.arm)
         self._mujoco = None
-        self._loop: LowLevelLoop | None = None
+        self._loop = loop
         self._compiled = load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
             self.mover = self._compiled.MOVE, self.workspace.address
-        self._compiled.begin(self.workspace, self.x)
-
-    def follow_loop(self, loop: LowLevelLoop) -> None:
-        """Follow the motion of a low-level loop that takes velocities or positions."""
-        self._loop = loop
-        if self.mover[0]:
+        if loop is not None and self.mover[0]:
             loop.moving(*self.mover)
             self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
+        self._compiled.begin(self.workspace, self.x)
 
     def take_speeds(self) -> None:
         """See :class:`.Plant`."""

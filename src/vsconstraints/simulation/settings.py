@@ -13,7 +13,8 @@ class PlantSettings(Protocol):
     """Table ``plant`` of a scenario: what moves the robot instead of eq. (6)."""
 
     #: Class of the plant, a :class:`.Plant`, as ``module:Class``. It is called with the robot,
-    #: these settings, q (n,) and q̇ (n,) at the start, T_s [s], and the joint limits or None.
+    #: these settings, q (n,) and q̇ (n,) at the start, T_s [s], the joint limits or None, and the
+    #: :class:`.LowLevelLoop` that it follows or None.
     made_by: ClassVar[str]
 
 

@@ -174,12 +174,11 @@ class Setup:
                     "controller, friction and gears instead (plant.dead_time delays torques)"
                 )
         # a DynamicPlant, whose module the core does not import
-        make: Callable[..., Any] = load(self.dynamics.made_by)
-        plant = make(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
+        make: Callable[..., Plant] = load(self.dynamics.made_by)
+        loop = None
         if self.arm.streams:
-            plant.follow_loop(LowLevelLoop(self.arm, self.q0, self.qd0, self.Ts, actuators))
-        following: Plant = plant
-        return following
+            loop = LowLevelLoop(self.arm, self.q0, self.qd0, self.Ts, actuators)
+        return make(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits, loop)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
         """Return the control step that precedes the law, with the law's factors on the rows."""

@@ -101,7 +101,6 @@ def frames(
     A film also shows the detected tags.
     """
     from ..comparisons.runs.spec import ControllerSpec
-    from ..plugins.classes import beside
     from ..scenarios import Scenario
     from ..simulation import simulate
     from .frames import kind_of, write_frames
@@ -116,7 +115,7 @@ def frames(
     with progress() as show:
         show("simulating")
         # custom parts may import neighbouring modules at any time
-        with beside(loaded.folder, entry.folder_of_neighbours):
+        with entry.importing_beside(loaded.folder):
             run = simulate(setup, law)
         total = setup.photographer().settings.number(float(run.t[-1])) + 1
         written = count(1)

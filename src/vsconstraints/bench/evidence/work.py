@@ -310,7 +310,7 @@ class Bench:
         try:
             # custom parts may change the working directory, and import neighboring modules at any
             # time
-            with chdir("."), beside(scene.folder, entry.folder_of_neighbours):
+            with chdir("."), entry.importing_beside(scene.folder):
                 own_parts = bool(scene.scenario(self._condition).own_parts)
                 if self._ready is None:
                     setup = self._setup

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from ...comparisons import RunRecord
 from ...comparisons.runs.spec import BASELINE, ControllerSpec
 from ...errors import unknown_name
-from ...plugins.classes import beside, untrusted
+from ...plugins.classes import untrusted
 from ...reports.drawing import picture
 from ...reports.groups import required_information
 from ...reports.plots import PNG, Figure, Formats
@@ -263,5 +263,5 @@ def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
     if ":" in entry.law and not evidence.trusted:
         raise untrusted(f"controller {controller}", [entry.law])
     setup = entry.run.of(setup)
-    with beside(entry.folder_of_neighbours):  # custom laws may import neighbours at any time
+    with entry.importing_beside():  # custom laws may import neighbours at any time
         return RunRecord.of(setup, simulate(setup, entry.make()), "")

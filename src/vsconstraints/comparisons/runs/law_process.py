@@ -18,7 +18,6 @@ from multiprocessing.util import Finalize
 from typing import Any
 
 from ...errors import MAX_REASON_LENGTH, VsconstraintsError, described
-from ...plugins.classes import beside
 from ...plugins.provenance import Files, add_to_notes, own_parts_noted
 from ...scenarios import Scenario
 from ...simulation import RunWorkspace, Setup, Trajectory
@@ -153,7 +152,7 @@ def record(run: LawRun) -> dict[str, Any]:
     said: dict[str, Any] = {}
     with chdir("."), own_parts_noted() as files:
         try:
-            with beside(run.scenario.folder, run.law.folder_of_neighbours):
+            with run.law.importing_beside(run.scenario.folder):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
                 recorded = Recorded.of(
                     run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call

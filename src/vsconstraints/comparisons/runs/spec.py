@@ -7,6 +7,7 @@ import json
 import math
 import shlex
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from ...compiled import prepare
 from ...controllers import CONTROLLERS, controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, format_value
-from ...plugins.classes import folder_of_neighbours, module_files
+from ...plugins.classes import beside, folder_of_neighbours, module_files
 from ...plugins.registry import registered
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
@@ -189,6 +190,13 @@ class ControllerSpec:
     def folder_of_neighbours(self) -> Path | None:
         """Folder of the modules that a custom controller may import at any time."""
         return folder_of_neighbours(self.law, self.folder)
+
+    def importing_beside(self, folder: Path | None = None) -> AbstractContextManager[None]:
+        """Allow imports of modules in a folder and beside the controller within the block.
+
+        The folder is that of the scenario: its custom parts may import neighbours at any time, too.
+        """
+        return beside(folder, self.folder_of_neighbours)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -24,7 +24,7 @@ from importlib.metadata import version
 
 import numpy as np
 from cbfpy import CBF, CBFConfig
-from servoing import Scene, from_limits, inverse
+from servoing import Scene, axis_and_angle, from_limits, inverse
 from stack_io import serve
 
 
@@ -96,10 +96,8 @@ class CbfpyStack:
         """Return the twist (6,) along which the camera moves straight to the goal in 1 s."""
         goal = np.array(self.scene.goals[now["goal"]]["camera_in_target"])
         away = inverse(np.array(now["camera_in_target"])) @ goal
-        R = away[:3, :3]
-        axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+        axis, angle = axis_and_angle(away[:3, :3])
         size = np.linalg.norm(axis)
-        angle = np.arctan2(size, np.trace(R) - 1.0)
         turn = axis * (angle / size) if size > 1e-12 else 0.5 * axis
         return np.concatenate((away[:3, 3], turn))
 

@@ -21,7 +21,7 @@ from importlib.metadata import version
 import numpy as np
 import roboplan.core as core
 import roboplan.optimal_ik as oink
-from servoing import Scene, from_limits
+from servoing import Scene, acceleration_limits, from_limits
 from stack_io import NoAnswer, serve
 
 
@@ -36,8 +36,7 @@ class OinkStack:
         """Build scene, solver, task and limits."""
         own = setup["settings"]
         self.scene = Scene(setup)
-        if self.scene.feature != "camera-pose":
-            raise SystemExit("OInK has no task of image points")
+        self.scene.require_pose("OInK")
         self.period = period = setup["period"]
         self.tip = setup["tip"]
         description = core.loadUrdfSceneDescriptionFromXml(setup["urdf"])
@@ -55,10 +54,7 @@ class OinkStack:
         ]
         self.acceleration = None
         if own.get("acceleration_limit", False):
-            most = setup["limits"]["acceleration"]
-            if most is None:
-                raise SystemExit("acceleration_limit needs limits of acceleration in the scenario")
-            most = from_limits(most, 1e6)
+            most = acceleration_limits(setup)
             self.acceleration = oink.AccelerationLimit(self.solver, period, most)
             self.limits.append(self.acceleration)
         self.last = None  # last velocity that was commanded

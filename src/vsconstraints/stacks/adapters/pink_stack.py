@@ -27,7 +27,7 @@ import pinocchio as pin
 from pink.barriers import Barrier
 from pink.limits import AccelerationLimit, ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, Task
-from servoing import Scene, from_limits
+from servoing import Scene, acceleration_limits
 from stack_io import NoAnswer, serve
 
 
@@ -104,10 +104,7 @@ class PinkStack:
         ]
         self.acceleration = None
         if own.get("acceleration_limit", False):
-            most = setup["limits"]["acceleration"]
-            if most is None:
-                raise SystemExit("acceleration_limit needs limits of acceleration in the scenario")
-            self.acceleration = AccelerationLimit(self.model, from_limits(most, 1e6))
+            self.acceleration = AccelerationLimit(self.model, acceleration_limits(setup))
             self.limits.append(self.acceleration)
         self.last = None  # last velocity that was commanded, as Pink's examples take it
 

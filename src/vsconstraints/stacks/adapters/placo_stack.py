@@ -23,7 +23,7 @@ from importlib.metadata import version
 
 import numpy as np
 import placo
-from servoing import Scene, from_limits
+from servoing import Scene, axis_and_angle, from_limits
 from stack_io import NoAnswer, serve
 
 
@@ -33,8 +33,7 @@ def between(start, goal, share):
     The origin moves on a line, and the axes turn about one axis.
     """
     R = start[:3, :3].T @ goal[:3, :3]
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    angle = np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0)
+    axis, angle = axis_and_angle(R)
     out = start.copy()
     out[:3, 3] += share * (goal[:3, 3] - start[:3, 3])
     if np.linalg.norm(axis) > 1e-12:
@@ -61,8 +60,7 @@ class PlacoStack:
         """Build robot, solver and task."""
         own = setup["settings"]
         self.scene = Scene(setup)
-        if self.scene.feature != "camera-pose":
-            raise SystemExit("placo has no task of image points")
+        self.scene.require_pose("placo")
         self.period = setup["period"]
         self.gain = own.get("gain", 2.0)
         self.view_gain = own.get("view_gain", 5.0)

@@ -48,8 +48,7 @@ class RoboticsToolboxStack:
         """Build the robot."""
         own = setup["settings"]
         self.scene = Scene(setup)
-        if self.scene.feature != "camera-pose":
-            raise SystemExit("robotics-toolbox-python has no task of image points")
+        self.scene.require_pose("robotics-toolbox-python")
         self.gain = own.get("gain", 2.0)
         self.view_gain = own.get("view_gain", 5.0)
         self.manipulability = own.get("manipulability", True)

@@ -39,6 +39,11 @@ class Scene:
         # the image's centre, with the first pixel's centre at (0, 0)
         self.middle = 0.5 * np.array(camera["size"]) - 0.5
 
+    def require_pose(self, package):
+        """End an adapter whose package controls the camera's pose alone, for image points."""
+        if self.feature != "camera-pose":
+            raise SystemExit(f"{package} has no task of image points")
+
     def tip_goal(self, now, tip):
         """Return the tip's pose at the goal, from its present pose; both in the base frame.
 
@@ -90,6 +95,20 @@ def interaction_matrix(x, Z):
     return np.array(rows)
 
 
+def axis_and_angle(R):
+    """Return an axis (3,) of the length 2 sin θ, and the angle θ from 0 to π, of a rotation."""
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return axis, np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0)
+
+
 def from_limits(values, none):
     """Return limits (n,) of a setup message, with ``none`` where there is no limit."""
     return np.array([none if value is None else value for value in values])
+
+
+def acceleration_limits(setup):
+    """Return the limits (n,) of acceleration of a setup message; end an adapter without them."""
+    most = setup["limits"]["acceleration"]
+    if most is None:
+        raise SystemExit("acceleration_limit needs limits of acceleration in the scenario")
+    return from_limits(most, 1e6)

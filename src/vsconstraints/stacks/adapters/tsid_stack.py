@@ -33,8 +33,7 @@ class TsidStack:
         """Build robot, task, bounds and solver."""
         own = setup["settings"]
         self.scene = Scene(setup)
-        if self.scene.feature != "camera-pose":
-            raise SystemExit("TSID has no task of image points")
+        self.scene.require_pose("TSID")
         model = pin.buildModelFromXML(setup["urdf"])
         self.robot = robot = tsid.RobotWrapper(model, tsid.RootJointType.FIXED_BASE_SYSTEM, False)
         self.frame = model.getFrameId(setup["tip"])
