@@ -259,6 +259,7 @@ CHECKED = {
         "test_demands::test_super_twisting_holds_a_changing_drift_in_a_band_of_the_square_of_the_period"
     ),
     "implicit-super-twisting": "test_demands::test_the_implicit_form_solves_its_inclusion",
+    "velocity-form": "test_derivatives::test_constraints",
     "high-order-barrier": "test_demands::test_a_high_order_barrier_is_met_where_psi_decays",
     "prescribed-time-barrier": "test_demands::test_a_row_is_back_by_the_prescribed_time_from_any_start",
     "large-projection": "test_resolvers::test_the_operator_opens_as_visp_has_it",

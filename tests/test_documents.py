@@ -39,9 +39,13 @@ NOT_RUN: dict[tuple[str, str], str] = {
     ): "what a message says",
     (
         "structure.md",
-        " rows  errors  plugins          what all others use: rows φ ≤ 0, task, command; errors; "
+        " errors → rows   plugins        what all others use: errors; rows φ ≤ 0, task, command; "
         "registry of parts",
     ): "a drawing",
+    (
+        "structure.md",
+        '[project.entry-points."vsconstraints.parts"]',
+    ): "lines of another package's pyproject.toml",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they
 cannot.

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Hashable
 from itertools import pairwise
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -76,6 +77,15 @@ def test_a_call_that_fails_in_any_way_is_answered_by_its_reason() -> None:
 def process_and(what: str) -> tuple[int, str]:
     """Another function than :func:`do`."""
     return os.getpid(), what
+
+
+@pytest.mark.parametrize("key", [None, 0, "", ()])
+def test_a_call_is_answered_whatever_its_key_is(key: Hashable) -> None:
+    """Also if it is the last one that is answered."""
+    with Pool(do, 2) as pool:
+        found = dict(pool.run({key: ("wait",), "raise": ("raise",)}))
+    assert set(found) == {key, "raise"}
+    assert not isinstance(found[key], Failure)
 
 
 @needs_proc

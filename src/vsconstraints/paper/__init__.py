@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from ..plugins.lazy import exported
 
 if TYPE_CHECKING:
+    from .claims import CLAIMS, all_claims
     from .report import Reproduction
     from .runner import check, chosen_claims, chosen_figures, redraw, reproduce
-    from .verdicts import CLAIMS, Claim, Finding, Verdict, all_claims
+    from .verdicts import Claim, Finding, Verdict
 
 __all__ = [
     "CLAIMS",
@@ -31,10 +32,10 @@ __getattr__ = exported(
         "chosen_figures": "runner",
         "redraw": "runner",
         "reproduce": "runner",
-        "CLAIMS": "verdicts",
+        "CLAIMS": "claims",
         "Claim": "verdicts",
         "Finding": "verdicts",
         "Verdict": "verdicts",
-        "all_claims": "verdicts",
+        "all_claims": "claims",
     },
 )

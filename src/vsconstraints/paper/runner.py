@@ -16,11 +16,11 @@ from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
 from ..errors import ConfigurationError, format_value, unknown_name
 from ..reports.plots import PNG, Figure, Formats
-from . import claims as _claims  # noqa: F401 - registers every claim
+from .claims import CLAIMS, all_claims
 from .figures import FIGURES
 from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
-from .verdicts import CLAIMS, Claim, Finding, all_claims
+from .verdicts import Claim, Finding
 
 #: Called with the current activity, the number of its finished tasks, and their total.
 Progress = Callable[[str, int, int], None]

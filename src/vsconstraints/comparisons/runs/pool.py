@@ -112,9 +112,7 @@ class Pool(Generic[Answer]):
     def end(self, at_once: bool = False) -> None:
         """End the processes, with ``at_once`` even in the middle of a call."""
         idle = [
-            worker
-            for worker in self._workers
-            if worker.ready and worker.key is None and not at_once
+            worker for worker in self._workers if worker.ready and not worker.busy and not at_once
         ]
         if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
@@ -148,7 +146,7 @@ class Pool(Generic[Answer]):
                 self._workers.append(worker)
                 worker.serve(self._function)
             for worker in self._workers:
-                if waiting and worker.ready and worker.key is None:
+                if waiting and worker.ready and not worker.busy:
                     key = waiting.popleft()
                     try:
                         worker.begin(key, pickle.dumps(calls[key]), limits.get(key, math.inf))
@@ -163,16 +161,16 @@ class Pool(Generic[Answer]):
                 if message is not None:
                     was_ready = worker.ready
                     worker.ready = True
-                    worker.key = None
+                    worker.busy = False
                     if was_ready:
                         yield key, unpacked_plain(message) if self._plain else unpacked(message)
                     else:  # the first message reports that it is ready
                         self._failed_starts = 0
                 elif worker.dead:
                     self._dismiss(worker)
-                    if key in repeated:
+                    if worker.busy and key in repeated:
                         yield key, Failure(DIED)
-                    elif key is not None:
+                    elif worker.busy:
                         suspects.append(key)
                 elif worker.remaining() <= 0.0:
                     self._dismiss(worker)
@@ -184,7 +182,7 @@ class Pool(Generic[Answer]):
                     )
 
     def _busy(self) -> int:
-        return sum(worker.key is not None for worker in self._workers)
+        return sum(worker.busy for worker in self._workers)
 
     def _dismiss(self, worker: _Worker) -> None:
         self._workers.remove(worker)
@@ -312,7 +310,7 @@ class _Worker:
         self.key: Any = None
         self.limit = math.inf
         self._stopwatch = Stopwatch()
-        self.ready = self.dead = False
+        self.ready = self.busy = self.dead = False
 
     def serve(self, function: Callable[..., object]) -> None:
         """Let the worker answer calls of this function; start its process if necessary."""
@@ -328,6 +326,7 @@ class _Worker:
 
     def begin(self, key: Hashable, packed: bytes, limit: float) -> None:
         self.key = key
+        self.busy = True
         self.limit = limit
         self._stopwatch.restart()
         self._send(packed)
@@ -348,11 +347,11 @@ class _Worker:
 
     def tick(self) -> None:
         """Update the elapsed time of the current call."""
-        if self.key is not None:
+        if self.busy:
             self._stopwatch.tick(self.process.pid)
 
     def remaining(self) -> float:
-        return math.inf if self.key is None else self.limit - self._stopwatch.seconds
+        return self.limit - self._stopwatch.seconds if self.busy else math.inf
 
     def end(self, patience: float) -> None:
         if self.process.pid is not None:

@@ -1,5 +1,6 @@
 """Claims of the paper, one function for each sentence; importing registers them."""
 
+from ..verdicts import CLAIMS, all_claims
 from . import (
     appendices,
     section_3_invariance,
@@ -12,6 +13,8 @@ from . import (
 )
 
 __all__ = [
+    "CLAIMS",
+    "all_claims",
     "appendices",
     "section_3_invariance",
     "section_4_approach",

@@ -2,7 +2,7 @@
 # requires-python = ">=3.10"
 # dependencies = ["roboticstoolbox-python==1.5.0", "qpsolvers", "daqp", "numpy"]
 # ///
-"""robotics-toolbox-python: resolved-rate control as a QP with slack, as in its example ``neo.py``.
+"""robotics-toolbox-python: resolved-rate control as a QP with slack, as in its example NEO.
 
 The twist of the tip is that of ``p_servo`` in base axes; ranges act by ``joint_velocity_damper``,
 speeds as bounds. With the term of manipulability this is NEO without obstacles (Haviland and Corke,
