@@ -27,6 +27,7 @@ from distributed.security import Security
 from typer.testing import CliRunner
 
 from documents import DOCS, blocks
+from test_own_files import KINDS, campaign
 from vsconstraints.bench.evidence import Campaign, Evidence, Part, Plan, collect, scored
 from vsconstraints.bench.evidence import cluster as near
 from vsconstraints.bench.evidence.cluster import cluster
@@ -40,6 +41,8 @@ PAGE = list(blocks(DOCS / "suites.md"))
 (SETTINGS,) = (block.code for block in PAGE if block.language == "yaml")
 (KEYS,) = (block.code for block in PAGE if "openssl" in block.code)
 """Of the documentation's recipe: Dask's configuration, and how keys are made."""
+
+LAW, _ = KINDS["an imported helper"]
 
 
 def told() -> dict[str, Any]:
@@ -278,6 +281,33 @@ def test_workers_that_join_midway_with_other_code_are_given_nothing(
         other,
     )
     assert re.search(r"^worker \S+ ended when it was asked .*; it is not used$", nothing)
+
+
+def test_a_worker_with_another_helper_of_a_law_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The law is the same file on both, and imports a module of another content on the worker."""
+    folder = tmp_path / "campaign"
+    law = LAW.replace("import helper", "import cluster_helper")
+    for name, gain in (("here", 1), ("on the worker", 2)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cluster_helper.py").write_text(f"GAIN = {gain}\n")
+    monkeypatch.syspath_prepend(tmp_path / "here")
+    asked = campaign(folder, law).on_each_machine()
+    with LocalCluster(
+        n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1"
+    ) as local:
+        address = local.scheduler_address
+        for name in ("here", "on the worker"):
+            with joining(address, tmp_path, PYTHONPATH=str(tmp_path / name)) as worker:
+                wait_for(lambda: len(local.scheduler_info["workers"]) == 1)
+                with ExitStack() as stack:
+                    if name != "here":
+                        why = r"would give other results: own files\.import cluster_helper"
+                        stack.enter_context(pytest.raises(ConfigurationError, match=why))
+                    stack.enter_context(cluster(address, asked))
+                worker.kill()
+                wait_for(lambda: not local.scheduler_info["workers"])
 
 
 def test_calls_outlive_the_only_worker(tmp_path: Path) -> None:

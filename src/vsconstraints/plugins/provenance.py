@@ -34,6 +34,8 @@ COMPILED = (".nbi", ".nbc", ".nbi.sha256", ".nbc.sha256")
 _own_packages: set[str] = set()
 #: Packages of custom parts, and files read during their import, which happens once per process.
 read_by_imports: Files = {}
+#: Files that were opened during these imports, without those of modules imported earlier.
+opened_by_imports: set[str] = set()
 #: Files that running custom parts have read in this process, as they were at the last reading.
 read_by_runs: Files = {}
 written_by_runs: set[str] = set()  # results do not depend on files that custom parts write
@@ -113,6 +115,7 @@ def noted_import(module: str) -> Iterator[None]:
         sys.dont_write_bytecode = before
         for path, content in files.items():
             read_by_imports.setdefault(path, content)
+        opened_by_imports.update(files)
     # modules imported earlier, for example by the program that started the comparison
     for name, loaded in list(sys.modules.items()):
         file = getattr(loaded, "__dict__", {}).get("__file__")
@@ -128,6 +131,18 @@ def imported() -> Files:
     Each file has the hash that it had then.
     """
     return dict(read_by_imports)
+
+
+def modules_of_imports() -> dict[str, str]:
+    """Return the modules that custom modules have imported in this process, by source file."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__dict__", {}).get("__file__")
+        if isinstance(file, str):
+            path = os.path.realpath(file)
+            if path in opened_by_imports:
+                found[path] = name
+    return found
 
 
 @contextmanager

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...comparisons.experiment import Entries
 from ...errors import ConfigurationError
 from ...plugins.classes import code_named, module_of
-from ...plugins.provenance import Files, digest, own_parts_noted
+from ...plugins.provenance import Files, digest, modules_of_imports, own_parts_noted
 from ..families import Family
 
 WORKING_FOLDER = "."  #: Name of the working directory in file names.
+#: First word of the names of files that are found by importing a module.
+IMPORT = "import "
 
 Folders = Mapping[str, str]  #: Absolute paths of folders by name.
 
@@ -72,7 +75,9 @@ def contents(names: Iterable[str], folders: Folders) -> Files:
     now: Files = {}
     for name in names:
         folder, _, inside = name.partition("/")
-        if folder in folders:
+        if name.startswith(IMPORT):
+            now[name] = digest(_source_file(name.removeprefix(IMPORT)))
+        elif folder in folders:
             now[name] = digest(os.path.join(folders[folder], inside))
         elif os.path.isabs(name) and os.path.exists(name):
             now[name] = digest(name)
@@ -95,14 +100,32 @@ def require_unchanged_files(files: Files, earlier: Files) -> None:
 
 
 def files_of_laws(controllers: Entries, folders: Folders) -> Files:
-    """Return files in these folders that custom laws load and read when created."""
+    """Return files that custom laws load and read when created, with names for any machine.
+
+    These are files in the folders, and modules that the laws import from elsewhere, which are named
+    ``import MODULE``. Other files outside the folders are left out.
+    """
+    laws = [entry for entry in controllers if ":" in entry.law]
     with own_parts_noted() as files:
-        for entry in controllers:
-            if ":" in entry.law:
-                entry.make()
-    return {
-        name: content for name, content in named(files, folders).items() if not os.path.isabs(name)
-    }
+        for entry in laws:
+            entry.make()
+    modules = modules_of_imports()
+    found: Files = {}
+    for name, content in named(files, folders).items():
+        if not os.path.isabs(name):
+            found[name] = content
+        elif name in modules:
+            found[IMPORT + modules[name]] = content
+    return found
+
+
+def _source_file(module: str) -> str:
+    """Return the file that is imported as this module here, or an empty text if there is none."""
+    try:
+        spec = find_spec(module)
+    except (ImportError, ValueError):
+        return ""
+    return spec.origin or "" if spec else ""
 
 
 def _own_constraints(family: Family) -> bool:
