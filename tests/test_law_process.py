@@ -303,7 +303,7 @@ def test_what_is_no_recording_is_refused(change: dict[str, Any]) -> None:
     time = np.zeros(1).tobytes()
     values = {
         "qdd": np.zeros(2).tobytes(), "ended": "", "reason": "", "remarks": (), "rows_time": time, "step_time": time,
-        "fallbacks": 0, "compiled": False,
+        "fallbacks": 0, "compiled": False, "speeds": False,
     }  # fmt: skip
     assert len(Recorded.from_plain(values, 2).qdd) == 1
     with pytest.raises((ValueError, TypeError)):
@@ -398,5 +398,5 @@ def test_settings_of_a_law_share_its_process(folder: Path) -> None:
     end_law_processes()
     for name, alpha in (("slow", 2.0), ("fast", 40.0)):
         controller = ControllerSpec(name, "laws_apart:Honest", {"alpha": alpha}, folder)
-        perform(RunSpec("example-2d-fov", controller, {"duration": 0.02}), apart=True)
+        perform(RunSpec("example-2d-fov", controller, {"duration": 0.02}), in_own_process=True)
     assert len(law_process.law_processes) == 1

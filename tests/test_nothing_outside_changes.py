@@ -85,7 +85,11 @@ def settings():
         "locale": locale.setlocale(locale.LC_ALL),
         "environment": repr(sorted(os.environ.items())),
         "path": repr(sys.path),
-        "where modules are looked for": repr([*map(type, sys.meta_path), *map(repr, sys.path_hooks)]),
+        # the finder of setuptools' distutils goes when another package imports setuptools
+        "where modules are looked for": repr([
+            *(type(finder) for finder in sys.meta_path if "distutils" not in repr(finder)),
+            *map(repr, sys.path_hooks),
+        ]),
         "folder": os.getcwd(),
         "recursion": repr(sys.getrecursionlimit()),
         "hooks": repr([sys.excepthook, sys.displayhook, threading.excepthook, sys.gettrace(), sys.getprofile()]),

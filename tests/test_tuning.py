@@ -353,7 +353,7 @@ def test_the_report_tells_default_from_tuned(tmp_path: Path, run: Any) -> None:
     named = [(line[0], line[1].partition(" ")[0]) for line in cells[2:]]
     assert named[:3] == [
         ("sliding-mode", "default"),
-        ("", "nothing"),
+        ("", "no"),
         ("hierarchical-qp", "default"),
     ]
     default = cells[4]

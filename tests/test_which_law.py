@@ -289,7 +289,7 @@ def test_the_page_names_laws_that_can_be_run_and_says_how() -> None:
     assert named - {*CONTROLLERS}
     assert "comparisons/laws.toml --controller" in text
     with pytest.raises(
-        ConfigurationError, match=r"tracking; a suite can name others, as comparisons/laws.toml"
+        ConfigurationError, match=r"a suite can name others, as comparisons/laws\.toml"
     ):
         Suite.load().select(controllers=["saturation"])
 

@@ -109,11 +109,15 @@ def _compiled_files(folder: Path, beginning: str) -> list[Path]:
 def is_compiled(folder: Path, state: str) -> bool:
     """True if a function without formulas is compiled in this state of the code.
 
-    Numba writes to a folder for each folder of sources, like this one.
+    Numba writes to a folder for each folder of sources, like this one: a ``__pycache__`` in it, or
+    a folder in ``NUMBA_CACHE_DIR``.
     """
     name = f"*_{state}-*.nbi"
-    parent = folder.parent
-    return any((*parent.glob(f"*/{name}"), *parent.parent.glob(f"*/{folder.name}/{name}")))
+    if folder.name == "__pycache__":
+        found = folder.parent.parent.glob(f"*/__pycache__/{name}")
+    else:
+        found = folder.parent.glob(f"*/{name}")
+    return any(found)
 
 
 class CachedFunction:
