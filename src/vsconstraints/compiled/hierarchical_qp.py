@@ -44,7 +44,9 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     """
     kappa = 1.0
     for j in range(qdd.size):
-        kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
+        kappa_up = share(box[GREATEST, j], qdd[j])
+        kappa_down = share(-box[LEAST, j], -qdd[j])
+        kappa = min(kappa, kappa_up, kappa_down)
     for i in range(rows.phi.size):
         influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
         law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0

@@ -301,8 +301,7 @@ def predict(cost: Cost, factor: Factor, limits: Limits, space: Space) -> None:
 @in_place
 def is_constraint(limits: Limits, row: int) -> bool:
     """True if a row is one of the constraints, not a bound of the box or of a slack."""
-    is_one: bool = row < limits.left.size
-    return is_one
+    return bool(row < limits.left.size)
 
 
 @in_place
@@ -324,8 +323,9 @@ def at(limits: Limits, moved: Array, t: int, i: int) -> float:
 @in_place
 def constraint_excess(limits: Limits, t: int, i: int, value: float, next_value: float) -> float:
     """Return the excess of constraint i, which has these values at instant t and the next."""
-    over: float = next_value - limits.falls[t] * value - limits.left[t, i]
-    return limits.share[t, i] * over
+    over = next_value - limits.falls[t] * value - limits.left[t, i]
+    multiplied: float = limits.share[t, i] * over
+    return multiplied
 
 
 @in_place
@@ -645,8 +645,8 @@ def is_predicted(limits: Limits, row: int) -> bool:
     """True if a row is a bound of the box, or a constraint at instants that can be predicted."""
     if is_constraint(limits, row):
         t = row // limits.gradient.shape[1]
-        return t < limits.instants - 1
-    return row < first_slack_row(limits)
+        return bool(t < limits.instants - 1)
+    return bool(row < first_slack_row(limits))
 
 
 @in_place

@@ -15,7 +15,7 @@ import numpy as np
 from ..compiled import load
 from ..errors import ConfigurationError
 from ..formulas.polylines import prepared
-from ..rows import Array
+from ..rows import Array, BoolArray
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, require_numbers, require_positive
 from .by_formula import CompiledRowSpec, Keyed
@@ -183,11 +183,11 @@ def zero_lines(
     u = np.linspace(low[0], high[0], counts[0])
     v = np.linspace(low[1], high[1], counts[1])
     values = grid(u, v)
-    outside = values > 0.0
+    outside: BoolArray = values > 0.0
     if outside.any():
         # a smaller part is faster to follow
-        across = _range_with_neighbours(outside.any(axis=0))
-        down = _range_with_neighbours(outside.any(axis=1))
+        across = _range_with_neighbours(np.any(outside, axis=0))
+        down = _range_with_neighbours(np.any(outside, axis=1))
         u = u[across]
         v = v[down]
         values = values[down, across]
@@ -198,7 +198,7 @@ def zero_lines(
     return lines
 
 
-def _range_with_neighbours(chosen: Array) -> slice:
+def _range_with_neighbours(chosen: BoolArray) -> slice:
     """Return the range from one before the first to one behind the last that is true."""
     numbers = np.flatnonzero(chosen)
     return slice(max(numbers[0] - 1, 0), numbers[-1] + 2)

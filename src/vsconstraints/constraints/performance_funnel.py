@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..formulas.features import pose_error
 from ..formulas.tracking import funnel, goal_at
-from ..rows import Array
+from ..rows import Array, IntArray
 from ..vision.features import Goal
 from ..vision.scene import Scene
 from .base import Constraint, Trace, require_numbers, require_positive
@@ -151,7 +151,7 @@ class PerformanceFunnel(Constraint):
         clearance: Array = self.start * (width[:, None] - self._side * error[:, self._both])
         return clearance
 
-    def _pose_errors(self, trace: Trace, goals: Array) -> Array:
+    def _pose_errors(self, trace: Trace, goals: IntArray) -> Array:
         """Return the errors (t, θu) (T, 6) of the camera's pose, for the goal of each sample."""
         if trace.scene is None:
             raise ConfigurationError(
