@@ -291,7 +291,8 @@ def _along_segments(
         parts = np.arange(1 if covered else 0, count + 1) / count
         covered = links is None or segment.link in links
         inverse = robot.model.frames[robot.model.getFrameId(segment.link)].placement.inverse()
-        start, end = (np.asarray(inverse.act(point)) for point in (segment.start, segment.end))
+        start = np.asarray(inverse.act(segment.start))
+        end = np.asarray(inverse.act(segment.end))
         reach = float(np.hypot(radius, 0.5 * (segment.length / count)))
         along[segment.link] = (start + parts[:, None] * (end - start), reach)
     return along
@@ -307,11 +308,8 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
         R = np.array(placement.rotation)
         t = np.array(placement.translation)
         body.geometry.computeLocalAABB()
-        _require_few(
-            frame.name,
-            float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)),
-            spacing,
-        )
+        box = body.geometry.aabb_local
+        _require_few(frame.name, float(np.max(box.max_ - box.min_)), spacing)
         corners, slack = surface(body.geometry, 0.5 * spacing)
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
     along: Points = {}

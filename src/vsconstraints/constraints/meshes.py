@@ -59,13 +59,16 @@ def _corners(triangle: Sequence[int]) -> tuple[int, int, int]:
 def _square(plane: coal.Halfspace, reach: float) -> Mesh:
     """Return a square of half side ``reach`` [m] of a half-space's boundary."""
     normal = np.array(plane.n)
-    least_aligned = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = np.cross(normal, least_aligned)
+    least_aligned = int(np.argmin(np.abs(normal)))
+    x = np.cross(normal, np.eye(3)[least_aligned])
     x /= np.linalg.norm(x)
     y = np.cross(normal, x)
     centre = plane.d * normal
-    corners = [centre + reach * (a * x + b * y) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+    corners = []
+    for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        corners.append(centre + reach * (a * x + b * y))
+    triangles = [[0, 1, 2], [0, 2, 3]]
+    return Mesh(np.array(corners), np.array(triangles))
 
 
 def hull_points(solid: coal.CollisionGeometry) -> Array | None:
@@ -81,10 +84,12 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
     if isinstance(solid, coal.Cylinder):
         return np.asarray(convex(solid, "cylinder").points())
     solid.computeLocalAABB()
-    ends = np.array([solid.aabb_local.min_, solid.aabb_local.max_])
+    box = solid.aabb_local
+    ends = np.array([box.min_, box.max_])
     if not (np.abs(ends) < ENDLESS).all():
         return None
-    return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = np.meshgrid(*ends.T, indexing="ij")
+    return np.stack(corners, axis=-1).reshape(-1, 3)
 
 
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
@@ -101,7 +106,9 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
         half = np.full(SIDES, geometry.halfLength)
         x = radius * np.cos(angle)
         y = radius * np.sin(angle)
-        corners = np.concatenate((np.stack((x, y, half), axis=1), np.stack((x, y, -half), axis=1)))
+        upper = np.stack((x, y, half), axis=1)
+        lower = np.stack((x, y, -half), axis=1)
+        corners = np.concatenate((upper, lower))
     elif isinstance(geometry, coal.BVHModelBase):
         corners = np.asarray(geometry.vertices())
     else:
