@@ -161,8 +161,9 @@ def point_rows(
             drift = bent + g[0] * p_ddot[0] + g[1] * p_ddot[1] + g[2] * p_ddot[2]
             write_row(step, row, K, value + part.margin, dot(g, p_dot), drift)
             point_jacobian(step, step.robot_points[which].body, vector(place.position), J)
+            K_g = (K * g[0], K * g[1], K * g[2])
             for j in range(len(step.qd)):
-                step.rows.Lg[row, j] = K * g[0] * J[0, j] + K * g[1] * J[1, j] + K * g[2] * J[2, j]
+                step.rows.Lg[row, j] = K_g[0] * J[0, j] + K_g[1] * J[1, j] + K_g[2] * J[2, j]
 
     return rows
 
@@ -203,15 +204,18 @@ def image_rows(
             else:
                 bent = curvature(*(y + parameters + y_dot))
             g = rotate_in_image(R, (along_u, along_v))
+            sigma_dot = g[0] * u_dot + g[1] * v_dot
             drift = bent + g[0] * u_ddot + g[1] * v_ddot
-            write_row(step, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
-            a, b = interaction(
-                K * g[0] * focal[0], K * g[1] * focal[1], marker.xy[0], marker.xy[1], marker.depth
-            )
+            write_row(step, row, K, value + part.margin, sigma_dot, drift)
+            # factors of the camera's v and ω in K ∇σ ṡ
+            per_x = K * g[0] * focal[0]
+            per_y = K * g[1] * focal[1]
+            linear, angular = interaction(per_x, per_y, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(len(step.qd)):
-                first = a[0] * Jc[0, j] + b[0] * Jc[3, j]
-                second = a[1] * Jc[1, j] + b[1] * Jc[4, j]
-                step.rows.Lg[row, j] = first + second + (a[2] * Jc[2, j] + b[2] * Jc[5, j])
+                first = linear[0] * Jc[0, j] + angular[0] * Jc[3, j]
+                second = linear[1] * Jc[1, j] + angular[1] * Jc[4, j]
+                third = linear[2] * Jc[2, j] + angular[2] * Jc[5, j]
+                step.rows.Lg[row, j] = first + second + third
 
     return rows
 
@@ -234,14 +238,11 @@ def image_funnel_rows() -> WriteRows:
             marker = step.seen[entry // 2]
             c = entry % 2
             slope = side * step.camera[0].focal[c]
-            write_row(
-                step,
-                row,
-                part.K,
-                side * (step.pixels[entry // 2, c] - wanted[at + entry]) - width,
-                slope * marker.velocity[c] - rate,
-                slope * marker.drift[c] - bend,
-            )
+            error = step.pixels[entry // 2, c] - wanted[at + entry]
+            sigma = side * error - width
+            sigma_dot = slope * marker.velocity[c] - rate
+            drift = slope * marker.drift[c] - bend
+            write_row(step, row, part.K, sigma, sigma_dot, drift)
             now = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(J.shape[1]):
                 along = 0.0
@@ -270,10 +271,10 @@ def pose_funnel_rows() -> WriteRows:
         v_dot = vector(eye.acceleration)
         omega_dot = vector(eye.angular_acceleration)
         wanted_R = vector(wanted[at:]), vector(wanted[at + 3 :]), vector(wanted[at + 6 :])
-        place = matrix(step.camera_R), vector(step.camera_t)
-        E, t, w = pose_error(
-            wanted_R, vector(wanted[at + 9 :]), place[0], place[1], (0.0, 0.0, 0.0), False
-        )
+        wanted_t = vector(wanted[at + 9 :])
+        R = matrix(step.camera_R)
+        origin = vector(step.camera_t)
+        E, t, w = pose_error(wanted_R, wanted_t, R, origin, (0.0, 0.0, 0.0), False)
         w_dot, L, L_dot = rotation_vector_rate(w, omega)
         t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
         for row in range(part.first, part.first + part.count):

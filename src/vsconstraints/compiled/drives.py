@@ -13,12 +13,13 @@ takes 120 µs.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
+    Matrix,
     Vector,
     add_scaled,
     cross,
@@ -45,6 +46,9 @@ BOUND = 1e4  #: Joint speed beyond which the motion counts as unbounded [rad/s o
 #: end, relative to the greatest speed.
 SWEEPS = 200
 SETTLED = 1e-12
+#: Stages of the Runge–Kutta method after the first: share of the substep h, and factor of h² times
+#: the acceleration of the stage before the last.
+STAGES = ((0.5, 0.0), (0.5, 0.25), (1.0, 0.5))
 
 
 @in_place
@@ -130,89 +134,133 @@ def add_link(link: Any, behind: Any) -> None:
         link.inertia[k] += behind.inertia[k]
 
 
+class Frame(NamedTuple):
+    """Motion of a body's frame, in the base frame.
+
+    Rotation R and origin o, angular velocity ω and acceleration α = ω̇, and acceleration a of the
+    origin, each for q̈ = 0. The acceleration includes that of the base, which stands for gravity.
+    """
+
+    R: Matrix
+    o: Vector
+    omega: Vector
+    alpha: Vector
+    a: Vector
+
+
 @in_place
-def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
-    """Write M(q) (its lower half), h(q, q̇) and the factor of M."""
-    n = len(q)
+def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, link: Any) -> Frame:
+    """Return the frame of body i behind its joint, from that of the body before.
+
+    Write the twist of the body about the base's origin, for q̇ = 1 of this joint alone, to the link.
+    """
+    R, o, omega, alpha, a = frame
+    axis = vector(bodies.axis[i])
+    placement = matrix(bodies.R[i])
+    displacement = 0.0
+    r = rotate(R, vector(bodies.t[i]))
+    if bodies.prismatic[i]:
+        displacement = q
+    else:
+        placement = product(placement, turn_about(axis, np.sin(q), np.cos(q)))
+    R = product(R, placement)
+    z = rotate(R, axis)
+    r = add_scaled(r, displacement, z)
+    o = plus(o, r)
+    # the previous body carries the frame's origin
+    centripetal = cross(omega, cross(omega, r))
+    a = plus(a, plus(cross(alpha, r), centripetal))
+    if bodies.prismatic[i]:
+        a = add_scaled(a, 2.0 * qd, cross(omega, z))
+        velocity = z
+        turn = (0.0, 0.0, 0.0)
+    else:
+        alpha = add_scaled(alpha, qd, cross(omega, z))
+        omega = add_scaled(omega, qd, z)
+        velocity = cross(o, z)
+        turn = z
+    put(velocity, link.velocity)
+    put(turn, link.turn)
+    return Frame(R, o, omega, alpha, a)
+
+
+@in_place
+def write_momenta(bodies: BodyArrays, i: int, frame: Frame, link: Any) -> None:
+    """Write force and moment that move body i, its mass, first moment and inertia, to the link.
+
+    All but the mass are about the base's origin.
+    """
+    R, o, omega, alpha, a = frame
+    m = bodies.mass[i]
+    to_centre = rotate(R, vector(bodies.centre[i]))
+    c = plus(o, to_centre)
+    centripetal = cross(omega, cross(omega, to_centre))
+    force = times(m, plus(a, plus(cross(alpha, to_centre), centripetal)))
+    # inertia about the centre, R I Rᵀ
+    half = product(R, matrix(bodies.inertia[i]))
+    xx = dot(half[0], R[0])
+    xy = dot(half[0], R[1])
+    xz = dot(half[0], R[2])
+    yy = dot(half[1], R[1])
+    yz = dot(half[1], R[2])
+    zz = dot(half[2], R[2])
+    write_symmetric(xx, xy, xz, yy, yz, zz, link.inertia)
+    spin = cross(omega, symmetric(link.inertia, omega))
+    moment = plus(plus(symmetric(link.inertia, alpha), spin), cross(c, force))
+    put(force, link.force)
+    put(moment, link.moment)
+    link.mass = m
+    put(times(m, c), link.first_moment)
+    # about the base's origin, by Steiner's theorem
+    write_symmetric(
+        xx + m * (c[1] * c[1] + c[2] * c[2]),
+        xy - m * c[0] * c[1],
+        xz - m * c[0] * c[2],
+        yy + m * (c[0] * c[0] + c[2] * c[2]),
+        yz - m * c[1] * c[2],
+        zz + m * (c[0] * c[0] + c[1] * c[1]),
+        link.inertia,
+    )
+
+
+@in_place
+def project_momenta(bodies: BodyArrays, motion: Motion) -> None:
+    """Write bias and inertia (its lower half) from the momenta of the bodies behind each joint."""
     links = motion.links
-    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    o = (0.0, 0.0, 0.0)
-    omega = (0.0, 0.0, 0.0)
-    alpha = (0.0, 0.0, 0.0)
-    # acceleration of the body's frame; gravity is an upward acceleration of the base
-    a = times(-1.0, vector(bodies.gravity))
-    for i in range(n):
-        axis = vector(bodies.axis[i])
-        placement = matrix(bodies.R[i])
-        along = 0.0
-        r = rotate(R, vector(bodies.t[i]))
-        if bodies.prismatic[i]:
-            along = q[i]
-        else:
-            placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
-        R = product(R, placement)
-        z = rotate(R, axis)
-        r = add_scaled(r, along, z)
-        o = plus(o, r)
-        # the previous body carries the frame's origin
-        a = plus(a, plus(cross(alpha, r), cross(omega, cross(omega, r))))
-        if bodies.prismatic[i]:
-            a = add_scaled(a, 2.0 * qd[i], cross(omega, z))
-            S = z
-            turn = (0.0, 0.0, 0.0)
-        else:
-            alpha = add_scaled(alpha, qd[i], cross(omega, z))
-            omega = add_scaled(omega, qd[i], z)
-            S = cross(o, z)
-            turn = z
-        m = bodies.mass[i]
-        arm_c = rotate(R, vector(bodies.centre[i]))
-        c = plus(o, arm_c)
-        force = times(m, plus(a, plus(cross(alpha, arm_c), cross(omega, cross(omega, arm_c)))))
-        # inertia in the base's axes
-        local = matrix(bodies.inertia[i])
-        half = product(R, local)
-        link = links[i]
-        xx = dot(half[0], R[0])
-        xy = dot(half[0], R[1])
-        xz = dot(half[0], R[2])
-        yy = dot(half[1], R[1])
-        yz = dot(half[1], R[2])
-        zz = dot(half[2], R[2])
-        write_symmetric(xx, xy, xz, yy, yz, zz, link.inertia)
-        spin = cross(omega, symmetric(link.inertia, omega))
-        moment = plus(plus(symmetric(link.inertia, alpha), spin), cross(c, force))
-        put(S, link.velocity)
-        put(turn, link.turn)
-        put(force, link.force)
-        put(moment, link.moment)
-        link.mass = m
-        put(times(m, c), link.first_moment)
-        # about the base's origin, by Steiner's theorem
-        write_symmetric(
-            xx + m * (c[1] * c[1] + c[2] * c[2]),
-            xy - m * c[0] * c[1],
-            xz - m * c[0] * c[2],
-            yy + m * (c[0] * c[0] + c[2] * c[2]),
-            yz - m * c[1] * c[2],
-            zz + m * (c[0] * c[0] + c[1] * c[1]),
-            link.inertia,
-        )
+    n = len(motion.bias)
     for i in range(n - 1, -1, -1):
         link = links[i]
         if i + 1 < n:
             add_link(link, links[i + 1])
-        S = vector(link.velocity)
+        velocity = vector(link.velocity)
         turn = vector(link.turn)
-        motion.bias[i] = dot(S, vector(link.force)) + dot(turn, vector(link.moment))
-        p = vector(link.first_moment)
-        # momentum of all bodies behind the joint if it alone moves, with speed 1
-        P = plus(times(link.mass, S), cross(turn, p))
-        L = plus(symmetric(link.inertia, turn), cross(p, S))
+        motion.bias[i] = dot(velocity, vector(link.force)) + dot(turn, vector(link.moment))
+        # momenta of all bodies behind the joint if it alone moves, with speed 1
+        first_moment = vector(link.first_moment)
+        linear = plus(times(link.mass, velocity), cross(turn, first_moment))
+        angular = plus(symmetric(link.inertia, turn), cross(first_moment, velocity))
         for j in range(i + 1):
             other = links[j]
-            motion.M[i, j] = dot(vector(other.velocity), P) + dot(vector(other.turn), L)
+            along = dot(vector(other.velocity), linear)
+            motion.M[i, j] = along + dot(vector(other.turn), angular)
         motion.M[i, i] += bodies.rotor[i]
+
+
+@in_place
+def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
+    """Write M(q) (its lower half), h(q, q̇) and the factor of M."""
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    o = (0.0, 0.0, 0.0)
+    omega = (0.0, 0.0, 0.0)
+    alpha = (0.0, 0.0, 0.0)
+    # gravity is an upward acceleration of the base
+    a = times(-1.0, vector(bodies.gravity))
+    frame = Frame(R, o, omega, alpha, a)
+    for i in range(len(q)):
+        link = motion.links[i]
+        frame = next_frame(bodies, i, q[i], qd[i], frame, link)
+        write_momenta(bodies, i, frame, link)
+    project_momenta(bodies, motion)
     factor(motion.M, motion.L)
 
 
@@ -286,7 +334,8 @@ def transmit_torque(arm: Arm) -> None:
     at = memory.at[0]
     for j in range(len(arm.commanded)):
         memory.under_way[at, j] = min(max(arm.commanded[j], -drive.effort[j]), drive.effort[j])
-    memory.at[0] = at = (at + 1) % slots
+    at = (at + 1) % slots
+    memory.at[0] = at
     for j in range(len(arm.commanded)):
         memory.torque[j] += drive.share * (memory.under_way[at, j] - memory.torque[j])
 
@@ -400,10 +449,11 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
     for j in range(n):
         a[0, j] = arm.acceleration[j]
     for i in range(3):
-        way, bend = (0.5, 0.25 * (i == 1)) if i < 2 else (1.0, 0.5)
+        share, bend = STAGES[i]
+        earlier = max(i - 1, 0)
         for j in range(n):
-            arm.commanded[j] = q[j] + way * h * qd[j] + bend * h * h * a[max(i - 1, 0), j]
-            arm.speed[j] = qd[j] + way * h * a[i, j]
+            arm.commanded[j] = q[j] + share * h * qd[j] + bend * h * h * a[earlier, j]
+            arm.speed[j] = qd[j] + share * h * a[i, j]
         evaluate(arm.true, arm.commanded, arm.speed, arm.motion)
         accelerate(arm.motion, arm.memory.torque, arm.friction, a[i + 1])
     for j in range(n):

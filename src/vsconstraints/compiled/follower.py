@@ -30,6 +30,8 @@ from .workspace import F8, I8, zeros
 #: for every command that may still be taken, the newest first: its position and its speed. The
 #: last two rows are q̈_c and d_c of the period.
 Q, QD, A, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
+COMMAND = -2
+PUSH = -1
 #: Most parts of the motion between two instants at which the arm takes commands.
 MOST_PARTS = 64
 SAME = 1e-12  #: Relative difference below which two accelerations are the same.
@@ -130,9 +132,10 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
 
 
 @in_place
-def saturated(f: Follower, x: Array, j: int, left: float, asked: float) -> float:
+def follow_at_limit(f: Follower, x: Array, j: int, left: float, asked: float) -> float:
     """Move joint j with a at its limit until the loop asks for less; return the time left."""
-    push = x[-1, j]
+    push = x[PUSH, j]
+    # speed by which the wanted one exceeds that at which the loop asks for the limit, and its rate
     away = (abs(asked) - f.acceleration[j]) * f.lag
     rate = np.copysign(1.0, asked) * (x[A, j] + push)
     until = away / rate if rate > 0.0 else math.inf
@@ -160,7 +163,7 @@ def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> 
     """
     most = f.acceleration[j]
     lag = f.lag
-    push = x[-1, j]
+    push = x[PUSH, j]
     a = x[A, j]
     # the root of a − (u − q̇)/τ
     away = 0.0 if met else a - (x[WANTED, j] - x[QD, j]) / lag
@@ -182,7 +185,7 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
     """Move joint j for ``left`` [s] by a loop with lag and limits of a and ȧ."""
     most = f.acceleration[j]
     jerk = f.jerk[j]
-    push = x[-1, j]
+    push = x[PUSH, j]
     lag = f.lag
     met = False  # True if a is what the loop asks for
     for _ in range(MOST_PARTS):
@@ -194,11 +197,14 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
         x[A, j] = aim if jerk == math.inf else min(max(x[A, j], -most), most)
         met = met or x[A, j] == aim
         total = x[A, j] + push
+        # what the loop asks for is at the limit, or beyond, and does not return at once
         grows = asked * total < 0.0
+        is_beyond = abs(asked) > most * (1.0 + SAME)
+        is_at_limit = abs(asked) >= most * (1.0 - SAME)
         if not met:
             left, met = ramp(f, x, j, left, np.copysign(jerk, aim - x[A, j]), False)
-        elif abs(asked) > most * (1.0 + SAME) or (abs(asked) >= most * (1.0 - SAME) and grows):
-            left = saturated(f, x, j, left, asked)
+        elif is_beyond or (is_at_limit and grows):
+            left = follow_at_limit(f, x, j, left, asked)
         elif abs(total) <= jerk * lag * (1.0 + SAME):
             until = exceeding(x[A, j], most, push, lag)
             lag_behind(x, j, min(left, until), lag, push)
@@ -223,13 +229,14 @@ def approach(error: float, feedback: float, most: float) -> float:
 @in_place
 def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
     """Let all joints take the command of an instant, which they follow for ``duration`` [s]."""
-    row = COMMANDS + 2 * f.ages[instant]
+    position = COMMANDS + 2 * f.ages[instant]
+    speed = position + 1
     for j in range(x.shape[1]):
         if f.positions == 0:
-            x[WANTED, j] = x[row + 1, j]
+            x[WANTED, j] = x[speed, j]
             continue
         if f.fresh[instant]:
-            x[RATE, j] = (x[row, j] - x[REFERENCE, j]) / max(f.Ts, duration)
+            x[RATE, j] = (x[position, j] - x[REFERENCE, j]) / max(f.Ts, duration)
         error = x[REFERENCE, j] - x[Q, j]
         x[WANTED, j] = x[RATE, j] + approach(error, f.feedback, f.acceleration[j])
         x[REFERENCE, j] += duration * x[RATE, j]
@@ -247,7 +254,7 @@ def advance(f: Follower, x: Array, span: float) -> None:
             take_command(f, x, instant, f.tick)
         for j in range(x.shape[1]):
             if f.lag == 0.0:
-                follow_at_once(x, j, t, f.acceleration[j], x[-1, j])
+                follow_at_once(x, j, t, f.acceleration[j], x[PUSH, j])
             else:
                 follow_limited(f, x, j, t)
         done += t
@@ -256,14 +263,17 @@ def advance(f: Follower, x: Array, span: float) -> None:
 @in_place
 def integrate_command(f: Follower, x: Array) -> None:
     """Append the command of a period: q̈_c, integrated to a speed and a position."""
-    for i in range(len(x) - 5, COMMANDS - 1, -1):
+    # commands become older by one: the oldest, before q̈_c and d_c, is overwritten
+    oldest = len(x) - 4
+    for i in range(oldest - 1, COMMANDS - 1, -1):
         for j in range(x.shape[1]):
             x[i + 2, j] = x[i, j]
     share = 1.0 if f.implicit[0] else 0.5
     for j in range(x.shape[1]):
+        qdd = x[COMMAND, j]
         qd = x[COMMANDS + 1, j]
-        x[COMMANDS, j] += f.Ts * (qd + share * f.Ts * x[-2, j])
-        x[COMMANDS + 1, j] = qd + f.Ts * x[-2, j]
+        x[COMMANDS, j] += f.Ts * (qd + share * f.Ts * qdd)
+        x[COMMANDS + 1, j] = qd + f.Ts * qdd
 
 
 load_follower = struct_loader(zeros(Follower))
@@ -294,13 +304,14 @@ def write_reference(f: Follower, x: Array) -> None:
     """Move the loop through a period, and replace the command x[-2] by its mean acceleration."""
     own = f.reference
     for j in range(x.shape[1]):
-        own[-2, j] = x[-2, j]
-        x[-2, j] = -own[QD, j]  # the speed at the beginning, until that at the end is known
+        own[COMMAND, j] = x[COMMAND, j]
+        # the speed at the beginning, until that at the end is known
+        x[COMMAND, j] = -own[QD, j]
     integrate_command(f, own)
     advance(f, own, f.Ts)
     for j in range(x.shape[1]):
         own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
-        x[-2, j] = (x[-2, j] + own[QD, j]) / f.Ts
+        x[COMMAND, j] = (x[COMMAND, j] + own[QD, j]) / f.Ts
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)

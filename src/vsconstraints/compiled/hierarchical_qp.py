@@ -17,7 +17,7 @@ from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, filled, flags, matrix
-from .walls import Demands, Resolved, count_resisting
+from .walls import ALL_MET, Demands, Resolved, count_resisting
 from .workspace import (
     DAMPING,
     FAILED,
@@ -44,7 +44,9 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     """
     kappa = 1.0
     for j in range(qdd.size):
-        kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
+        kappa_up = share(box[GREATEST, j], qdd[j])
+        kappa_down = share(-box[LEAST, j], -qdd[j])
+        kappa = min(kappa, kappa_up, kappa_down)
     for i in range(rows.phi.size):
         influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
         law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
@@ -89,7 +91,7 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     nearest = aim_at(qdd, scratch)
     code = SOLVED
     answer.iterations[0] = 0
-    if count_resisting(demands, box, nearest.X, flags(scratch, m), resolved) >= 0:
+    if count_resisting(demands, box, nearest.X, flags(scratch, m), resolved) != ALL_MET:
         by_joints = aim in (NEAREST, SCALED)
         wanted = (
             nearest if by_joints else aim_at_task(task.J, task.b, task.rest, tolerance, scratch)

@@ -32,6 +32,7 @@ from .linear import (
 )
 from .scratch import blank, flags, matrix
 from .walls import (
+    ALL_MET,
     Demands,
     Inequalities,
     Resolved,
@@ -43,10 +44,8 @@ from .walls import (
 )
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
-#: Stages: all rows are met; violations are at their minimum; level 2 is solved separately.
-HARD = constant(0)
-RELAXING = constant(1)
-STRICT_TASK = constant(2)
+#: Code of a stage in which the side of a row is not a number.
+NOT_A_NUMBER = constant(-1)
 
 
 class Priorities(NamedTuple):
@@ -127,26 +126,29 @@ def solve_stage(
 ) -> tuple[int, int]:
     """Find the point origin + Z y of levels 2 and 3 within the rows, and mark the active rows.
 
-    Return ``SOLVED``, another code if the point fails the check, or −1 if a side is not a number;
-    and the number of rows that were added.
+    Return ``SOLVED``, ``FAILED`` if the point fails the check, or ``NOT_A_NUMBER`` if a side is not
+    a number; and the number of rows that were added.
     """
     w = walls.sides.size
     H = matrix(scratch, p, w)
     R = matrix(scratch, p + 1, p)
     T = matrix(scratch, S_ROWS, p)
     if not restate(walls, Z, X, H):
-        return -1, 0
+        return NOT_A_NUMBER, 0
     levels.metric(G, priorities.damping, Z, X, R, T, scratch)
     code, steps = nearest(H, walls.rows, R, T, X, scratch)
-    if code == SOLVED:
-        levels.place(Z, p, priorities.box, X, point)
-        good = levels.meets(walls.normals, walls.sides, walls.violation, point)
-        if good and levels.optimal(
-            G, priorities.damping, Z, walls.normals, walls.limits, walls.rows, X, point
-        ):
-            hold(walls)
-            return SOLVED, steps
-    return FAILED, steps
+    if code != SOLVED:
+        return FAILED, steps
+    levels.place(Z, p, priorities.box, X, point)
+    if not levels.meets(walls.normals, walls.sides, walls.violation, point):
+        return FAILED, steps
+    is_optimal = levels.optimal(
+        G, priorities.damping, Z, walls.normals, walls.limits, walls.rows, X, point
+    )
+    if not is_optimal:
+        return FAILED, steps
+    hold(walls)
+    return SOLVED, steps
 
 
 @inner
@@ -181,9 +183,8 @@ def solve_in_span(
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):
-        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(
-            walls.normals, i, aim, row
-        ):
+        is_violated = dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i]
+        if is_violated and moves(walls.normals, i, aim, row):
             return False, 0
     Q = levels.columns(F, T, rank, START, rank, scratch)
     undamped = Priorities(box, 0.0, tolerance, True)
@@ -191,10 +192,94 @@ def solve_in_span(
     found = code == SOLVED
     for i in range(w):
         found = found and not (walls.held[i] and moves(walls.normals, i, aim, row))
-    for i in range(0 if found else w):
-        walls.limits[i] = walls.sides[i]
-        walls.held[i] = False
+    if not found:
+        copy_vector(walls.limits, walls.sides)
+        for i in range(w):
+            walls.held[i] = False
     return found, steps
+
+
+@inner
+def accept(code: int, point: Array, qdd: Array) -> bool:
+    """Copy the point to the command q̈ if it has passed its check, and return True then."""
+    accepted = code == SOLVED
+    if accepted:
+        copy_vector(qdd, point[0])
+    return accepted
+
+
+@inner
+def relax(
+    walls: Inequalities,
+    aim: Aim,
+    priorities: Priorities,
+    point: Array,
+    qdd: Array,
+    scratch: Scratch,
+) -> tuple[int, Array]:
+    """Minimise the violations of level 1, and settle the rows that they determine.
+
+    The point of least violation becomes the command q̈ and the origin of x = origin + Z y. Return
+    the code, and the equalities [A | 0] that all points of least violation share.
+    """
+    count = walls.violation.size
+    box = priorities.box
+    demanded = walls.normals[:count]
+    bounds = walls.sides[:count]
+    equal: Array = matrix(scratch, START, qdd.size)
+    code = least_violation(demanded, bounds, walls.weights, box, qdd, scratch)
+    if code == SOLVED:
+        copy_vector(point[0], qdd)
+        levels.start_from(aim.X, point, box, qdd)
+        equal = levels.settle(
+            walls.normals,
+            walls.sides,
+            walls.weights,
+            box,
+            aim.X,
+            walls.limits,
+            walls.violation,
+            scratch,
+        )
+    return code, equal
+
+
+@inner
+def solve_task_separately(
+    walls: Inequalities,
+    aim: Aim,
+    priorities: Priorities,
+    equal: Array,
+    point: Array,
+    qdd: Array,
+    scratch: Scratch,
+) -> tuple[int, bool, int]:
+    """Solve level 2 without damping, then level 3 among its minimisers.
+
+    The search begins at the command q̈ and keeps the equalities [A | 0] of level 1. Return the
+    same as :func:`descend_levels`.
+    """
+    G = aim.G
+    X = aim.X
+    n = qdd.size
+    copy_vector(point[0], qdd)
+    levels.with_room(walls.normals, walls.limits, point)
+    cutoff = cut(G, n, priorities.damping, priorities.tolerance, scratch)
+    proved = least_residual(
+        G, equal, walls.normals, walls.limits, point, walls.held, cutoff, scratch
+    )
+    levels.start_from(X, point, priorities.box, qdd)
+    if not proved:
+        return SOLVED, True, 0
+    equal = levels.join(equal, walls.normals, walls.held, G, scratch)
+    Z, p = levels.find_freedom(equal, X, False, scratch)
+    if p == 0:
+        return SOLVED, False, 0
+    code, steps = solve_stage(walls, G, Z, p, priorities, X, point, scratch)
+    if code == NOT_A_NUMBER:
+        return FAILED, False, 0
+    accepted = accept(code, point, qdd)
+    return SOLVED, not accepted, steps
 
 
 @inner
@@ -205,79 +290,51 @@ def descend_levels(
 
     Return the code, True if levels 2 and 3 may be improved, and the number of iterations.
 
-    In x = origin + Z y, Z first spans all directions, or those of the task of a redundant arm. If
-    this fails, Z spans the directions that keep the violations at their minimum. If the damping has
-    increased the residual of level 2, or no answer has passed the check, Z finally spans the
-    directions that keep level 2 at its minimum.
+    In x = origin + Z y, Z first spans the directions of the task of a redundant arm, then all
+    directions. If these fail, some rows cannot be met: Z spans the directions that keep the
+    violations at their minimum. If the damping has increased the residual of level 2, or no answer
+    has passed the check, Z finally spans the directions that keep level 2 at its minimum.
     """
-    G, X, _, _, rank, _ = aim
-    box, damping, tolerance, strict = priorities
     n = qdd.size
-    steps = 0
-    stage = HARD
-    point = matrix(scratch, ROWS_OF_POINT, qdd.size)
+    G = aim.G
+    X = aim.X
+    is_redundant = priorities.strict and aim.rank < n
+    point = matrix(scratch, ROWS_OF_POINT, n)
     copy(point, AIM, X, levels.CENTER, n)
-    if strict and rank < n:
+    if is_redundant:
         found, steps = solve_in_span(walls, aim, priorities, point, scratch)
         if found:
             copy_vector(qdd, point[0])
             return SOLVED, False, steps
-    Z = matrix(scratch, START, n)
-    p = n
-    equal: Array = Z
-    E = equal
-    while True:
-        if stage == RELAXING:
-            f = walls.violation.size
-            code = least_violation(
-                walls.normals[:f], walls.sides[:f], walls.weights, box, qdd, scratch
-            )
-            if code != SOLVED:
-                return code, False, steps
-        if stage != HARD:
-            for j in range(n):
-                point[0, j] = qdd[j]
-        if stage == RELAXING:
-            levels.start_from(X, point, box, qdd)
-            equal = levels.settle(
-                walls.normals,
-                walls.sides,
-                walls.weights,
-                box,
-                X,
-                walls.limits,
-                walls.violation,
-                scratch,
-            )
-            E = matrix(scratch, equal.shape[0], n)
-            for i in range(equal.shape[0]):
-                copy(E, i, equal, i, n)
-        elif stage == STRICT_TASK:
-            levels.with_room(walls.normals, walls.limits, point)
-            cutoff = cut(G, n, damping, tolerance, scratch)
-            proved = least_residual(
-                G, E, walls.normals, walls.limits, point, walls.held, cutoff, scratch
-            )
-            levels.start_from(X, point, box, qdd)
-            if not proved:
-                return SOLVED, True, steps
-            equal = levels.join(E, walls.normals, walls.held, G, scratch)
-        if stage != HARD:
-            Z, p = levels.find_freedom(equal, X, stage == RELAXING, scratch)
-            if p == 0:
-                return SOLVED, False, steps if stage == STRICT_TASK else 0
-        code, more = solve_stage(walls, G, Z, p, priorities, X, point, scratch)
-        if code < 0:
+    all_directions = matrix(scratch, START, n)
+    kept: Array = matrix(scratch, START, n)
+    code, steps = solve_stage(walls, G, all_directions, n, priorities, X, point, scratch)
+    if code == NOT_A_NUMBER:
+        return FAILED, False, 0
+    accepted = accept(code, point, qdd)
+    if not accepted:
+        code, equal = relax(walls, aim, priorities, point, qdd, scratch)
+        if code != SOLVED:
+            return code, False, steps
+        # find_freedom overwrites the equalities
+        kept = matrix(scratch, equal.shape[0], n)
+        for i in range(equal.shape[0]):
+            copy(kept, i, equal, i, n)
+        Z, p = levels.find_freedom(equal, X, True, scratch)
+        if p == 0:
+            return SOLVED, False, 0
+        code, steps = solve_stage(walls, G, Z, p, priorities, X, point, scratch)
+        if code == NOT_A_NUMBER:
             return FAILED, False, 0
-        steps = steps + more if stage == STRICT_TASK else more
-        if code == SOLVED:
-            for j in range(n):
-                qdd[j] = point[0, j]
-        if stage == STRICT_TASK:
-            return SOLVED, code != SOLVED, steps
-        if code == SOLVED and not (strict and rank < n and levels.damped(G, X, point)):
-            return SOLVED, False, steps
-        stage = STRICT_TASK if code == SOLVED or stage == RELAXING else RELAXING
+        accepted = accept(code, point, qdd)
+    if accepted and not (is_redundant and levels.damped(G, X, point)):
+        return SOLVED, False, steps
+    code, may_improve, more = solve_task_separately(
+        walls, aim, priorities, kept, point, qdd, scratch
+    )
+    if code == FAILED:
+        return FAILED, False, 0
+    return code, may_improve, steps + more
 
 
 @inner
@@ -296,7 +353,7 @@ def hierarchy(
     """
     fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)
-    if free < 0:
+    if free == ALL_MET:
         return SOLVED, 0
     walls = gather_walls(demands, priorities.box, fixed, free, resolved, scratch)
     code, short, steps = descend_levels(walls, aim, priorities, resolved.qdd, scratch)

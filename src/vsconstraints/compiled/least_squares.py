@@ -43,13 +43,15 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
     # the direction of a row of rounding errors does not matter
     if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * np.sqrt(a) * np.sqrt(b):
         return False
+    # tangent t and cosine c of the angle, the smaller root of t² + 2 z t = 1
     z = (b - a) / (2.0 * d)
     t = np.copysign(1.0, z) / (abs(z) + np.sqrt(1.0 + z * z))
     c = 1.0 / np.sqrt(1.0 + t * t)
     for i in range(first, X.shape[1]):
-        u = X[p, i]
-        X[p, i] = c * (u - t * X[q, i])
-        X[q, i] = c * (t * u + X[q, i])
+        x_p = X[p, i]
+        x_q = X[q, i]
+        X[p, i] = c * (x_p - t * x_q)
+        X[q, i] = c * (t * x_p + x_q)
     return True
 
 
@@ -92,9 +94,9 @@ def largest_of_whole(
             size += (whole[i, j] / scale) ** 2
     for i in range(rows):
         # the squared largest singular value is between ‖whole‖_F² / n and ‖whole‖_F²; its value
-        # seldom matters
-        gain = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
-        if 0.99 * size <= n * gain and gain <= 1.01 * size:
+        # matters only if the squared limit of a row is in that range
+        limit = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
+        if 0.99 * size <= n * limit and limit <= 1.01 * size:
             # it is the largest singular value of wholeᵀ whole, which this matrix represents with
             # all digits
             for a in range(whole.shape[0]):
@@ -214,6 +216,15 @@ def pseudoinverse(
     return F, S, c, least if tall else -least
 
 
+@in_place
+def subtract_product(A: Array, x: Array) -> None:
+    """Set b ← b − A x in [A | b] (k, n + 1), with x (n,), or (0,) for zero."""
+    n = A.shape[1] - 1
+    for i in range(A.shape[0]):
+        for j in range(x.size):
+            A[i, n] -= A[i, j] * x[j]
+
+
 @inner
 def resolve(
     A1: Array, A2: Array, b2: Array, tolerance: float, rest: Array, qdd: Array, scratch: Scratch
@@ -222,48 +233,49 @@ def resolve(
 
     With q̈₀, the equation holds for q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
 
+    The method is a rotation of the joint space. The QR of A₁ᵀ gives an orthogonal Q whose first
+    ``rank`` columns span the rows of A₁ and whose others span its null space. In the coordinates
+    z = Qᵀq̈ the projector I − A₁†A₁ sets the first ``rank`` entries to zero. Therefore the second
+    term is Q (0, M†(b₂ − A₂A₁†b₁)) with A₂Q = [· | M], i.e. M begins with the column ``rank``.
+
     ``A1`` (b, n + 1) is [A₁ | b₁], b ≥ 0, and is overwritten. ``A2`` and ``b2`` are (k, n) and
     (k,); ``rest`` is q̈₀ (n,) or (0,). Singular values below the tolerance times the largest one
-    count as zero. Return the rank of A₁; and F, S and the bound of :func:`pseudoinverse` for the
-    part of A₂ that A₁ leaves, which is all of A₂ without A₁.
+    count as zero. Return the rank of A₁; and F, S and the bound of :func:`pseudoinverse` for M,
+    which is A₂ itself without A₁.
     """
     n = qdd.size
     k = A2.shape[0]
-    W: Array = matrix(scratch, k, n + 1)
-    Y = blank(scratch, WORK, n)
+    certain = CERTAIN * tolerance
+    # the two terms of the sum, as rows
+    terms = blank(scratch, WORK, n)
+    W: Array = matrix(scratch, k, n + 1)  # [A₂Q | b₂ − A₂A₁†b₁]
     F = W
     S = W
     rank = START
-    G = W
-    T = W
+    M_F = W
+    M_S = W
     least = 0.0
-    for i in range(A1.shape[0] if rest.size > 0 else 0):
-        for j in range(n):
-            A1[i, n] -= A1[i, j] * rest[j]
     if A1.shape[0] > 0:
-        F, S, rank, _ = pseudoinverse(
-            A1, START, CERTAIN * tolerance, tolerance, A1, Y, START, scratch
-        )
+        subtract_product(A1, rest)
+        F, S, rank, _ = pseudoinverse(A1, START, certain, tolerance, A1, terms, START, scratch)
     if rank < n:
         for i in range(k):
             W[i, n] = b2[i]
             for j in range(n):
                 W[i, j] = A2[i, j]
-                W[i, n] -= A2[i, j] * Y[0, j]
+                W[i, n] -= A2[i, j] * terms[0, j]
             for j in range(rest.size):
                 W[i, n] -= A2[i, j] * rest[j]
             if rank > 0:
                 la.apply_transposed(F, S, rank, W, i)
         whole = A2 if rank > 0 else W
-        G, T, _, least = pseudoinverse(
-            W, rank, CERTAIN * tolerance, tolerance, whole, Y, ONE, scratch
-        )
-        la.apply(F, S, rank, Y, ONE)
+        M_F, M_S, _, least = pseudoinverse(W, rank, certain, tolerance, whole, terms, ONE, scratch)
+        la.apply(F, S, rank, terms, ONE)
     for j in range(n):
-        qdd[j] = Y[0, j] + Y[1, j]
+        qdd[j] = terms[0, j] + terms[1, j]
     for j in range(rest.size):
         qdd[j] += rest[j]
-    return rank, G, T, least
+    return rank, M_F, M_S, least
 
 
 @inner

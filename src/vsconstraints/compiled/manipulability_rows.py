@@ -16,7 +16,7 @@ from .compiler import inner
 from .constraint_rows import WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
-from .linear import START, add, dot
+from .linear import START, add, constant, dot
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
@@ -24,6 +24,10 @@ from .workspace import Step
 SINGULAR = 1e-9
 #: Below this singular value, relative to the largest, its singular vector is only rounding.
 GONE = 1e-14
+#: Parts of the twists (3, n, 6): the columns of J, J̇ and J̈ for q̈ = 0.
+JACOBIAN = constant(0)
+FIRST = constant(1)
+SECOND = constant(2)
 
 
 @inner
@@ -32,7 +36,8 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
     for i in range(3):
         j = (i + 1) % 3
         k = (i + 2) % 3
-        out[i] += a[3 + j] * b[k] - a[3 + k] * b[j] + a[j] * b[3 + k] - a[k] * b[3 + j]
+        omega_a_v_b = a[3 + j] * b[k] - a[3 + k] * b[j]
+        out[i] += omega_a_v_b + a[j] * b[3 + k] - a[k] * b[3 + j]
         out[3 + i] += a[3 + j] * b[3 + k] - a[3 + k] * b[3 + j]
 
 
@@ -41,13 +46,15 @@ def tip_twists(step: Step, T: Array) -> None:
     """Write J, J̇ and J̈ of the tip for q̈ = 0, by columns (3, n, 6)."""
     n = len(step.joints)
     J = step.J_point
-    body = step.bodies[len(step.joints)]
+    body = step.bodies[n]
     tip = plus(rotate(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
     point_jacobian(step, n, tip, J)
     for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else 1.0
+        axis = step.bodies[j + 1].axis
         for i in range(3):
-            T[0, j, i], T[0, j, 3 + i] = J[i, j], turns * step.bodies[j + 1].axis[i]
+            T[JACOBIAN, j, i] = J[i, j]
+            T[JACOBIAN, j, 3 + i] = turns * axis[i]
     write_rates(T, step.qd)
 
 
@@ -55,20 +62,52 @@ def tip_twists(step: Step, T: Array) -> None:
 def write_rates(T: Array, qd: Array) -> None:
     """Write J̇ and J̈ for q̈ = 0 behind the columns of J (3, n, 6).
 
-    The columns are in the base's axes or in the tip's.
+    Seen from the tip, a joint moves the columns of those before it: with the bracket [·, ·] of
+    twists, J̇_j = [J_j, V_j] with V_j = Σ J_k q̇_k of the joints k > j, and J̈_j = [J_j, V̇_j] +
+    [J̇_j, V_j]. The columns are in the base's axes or in the tip's.
     """
+    # V_j and its derivative
     after = np.zeros((2, 6))
     for j in range(T.shape[1] - 1, -1, -1):
         for i in range(6):
-            T[1, j, i] = T[2, j, i] = 0.0
-        # seen from the tip, a joint moves the columns of those before it: J̇_j = [J_j, sum of J_k
-        # q̇_k after it]
-        add_bracket(T[0, j], after[0], T[1, j])
-        add_bracket(T[0, j], after[1], T[2, j])
-        add_bracket(T[1, j], after[0], T[2, j])
+            T[FIRST, j, i] = 0.0
+            T[SECOND, j, i] = 0.0
+        add_bracket(T[JACOBIAN, j], after[0], T[FIRST, j])
+        add_bracket(T[JACOBIAN, j], after[1], T[SECOND, j])
+        add_bracket(T[FIRST, j], after[0], T[SECOND, j])
         for i in range(6):
-            after[0, i] += T[0, j, i] * qd[j]
-            after[1, i] += T[1, j, i] * qd[j]
+            after[0, i] += T[JACOBIAN, j, i] * qd[j]
+            after[1, i] += T[FIRST, j, i] * qd[j]
+
+
+@inner
+def sort_descending(X: Array, count: int, s: Array) -> None:
+    """Write the lengths of the rows of X, in their first ``count`` entries, to s, and sort both."""
+    c = len(s)
+    for m in range(c):
+        best = m
+        for o in range(m, c):
+            s[o] = np.sqrt(dot(X, o, X, o, START, count))
+            if s[o] > s[best]:
+                best = o
+        s[m], s[best] = s[best], s[m]
+        for i in range(X.shape[1]):
+            X[m, i], X[best, i] = X[best, i], X[m, i]
+
+
+@inner
+def freest_axis(U: Array, count: int) -> int:
+    """Return the coordinate axis that the first ``count`` unit vectors u (rows) cover least."""
+    best = 0
+    least = math.inf
+    for i in range(U.shape[1]):
+        taken = 0.0
+        for m in range(count):
+            taken += U[m, i] * U[m, i]
+        if taken < least:
+            best = i
+            least = taken
+    return best
 
 
 @inner
@@ -87,30 +126,18 @@ def singular(M: Array, s: Array, U: Array) -> Array:
         for i in range(l):
             X[m, i] = M[i, m]
     orthogonalise(X, c, START, l)
-    for m in range(c):
-        best = m
-        for o in range(m, c):
-            s[o] = np.sqrt(dot(X, o, X, o, START, l))
-            best = o if s[o] > s[best] else best
-        s[m], s[best] = s[best], s[m]
-        for i in range(l + c):
-            X[m, i], X[best, i] = X[best, i], X[m, i]
+    sort_descending(X, l, s)
     for m in range(last):
         for i in range(l):
             U[m, i] = X[m, i] / s[m] if s[m] > 0.0 else 0.0
-    best = 0
-    least = math.inf
-    for i in range(l):
-        U[last, i] = X[last, i]
-        taken = 0.0
-        for m in range(last):
-            taken += U[m, i] * U[m, i]
-        if taken < least:
-            best = i
-            least = taken
     if s[last] <= GONE * s[0]:
+        axis = freest_axis(U, last)
         for i in range(l):
-            U[last, i] = 1.0 if i == best else 0.0
+            U[last, i] = 1.0 if i == axis else 0.0
+    else:
+        for i in range(l):
+            U[last, i] = X[last, i]
+    # Gram-Schmidt, repeated because of cancellation
     for _ in range(2):
         for m in range(last):
             add(U, last, -dot(U, m, U, last, START, l), U, m, START, l)
@@ -121,65 +148,94 @@ def singular(M: Array, s: Array, U: Array) -> Array:
 
 
 @inner
+def write_long_matrix(T: Array, first: int, count: int, M: Array) -> None:
+    """Write ``count`` rows of J, from ``first`` on, to M, transposed if M is longer then."""
+    n = T.shape[1]
+    for i in range(count):
+        for j in range(n):
+            if count <= n:
+                M[j, i] = T[JACOBIAN, j, first + i]
+            else:
+                M[i, j] = T[JACOBIAN, j, first + i]
+
+
+@inner
+def product_of_others(s: Array, m: int) -> float:
+    """Return the product of all singular values but s[m]."""
+    product = 1.0
+    for o in range(len(s)):
+        product *= 1.0 if o == m else s[o]
+    return product
+
+
+@inner
+def log_determinant_rates(s: Array, PV: Array, D: Array, D2: Array) -> tuple[float, float]:
+    """Return half the first derivative of log det G along q̇, with G = P Pᵀ, and the second.
+
+    In the basis of v, G is diagonal, with the entries s². The rows of ``PV``, ``D`` and ``D2`` are
+    those of P, Ṗ and P̈ in this basis. Then (log det G)˙ = tr G⁻¹Ġ, and (log det G)¨ = tr G⁻¹G̈ −
+    tr (G⁻¹Ġ)².
+    """
+    l = D.shape[1]  # noqa: E741
+    rate = second = squared = 0.0
+    for m in range(len(s)):
+        gain = max(s[m], SINGULAR) ** 2
+        rate += dot(D, m, PV, m, START, l) / gain
+        second += 2.0 * (dot(D2, m, PV, m, START, l) + dot(D, m, D, m, START, l)) / gain
+        for o in range(len(s)):
+            G_dot = dot(D, m, PV, o, START, l) + dot(PV, m, D, o, START, l)
+            squared += G_dot * G_dot / (gain * max(s[o], SINGULAR) ** 2)
+    return rate, second - squared
+
+
+@inner
 def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, float]:
     """Return w and q̇ᵀ (∂²w/∂q²) q̇ of ``count`` rows of J, and write ∂w/∂q (n,).
 
     The rows begin with ``first``. T (3, n, 6) is written by :func:`tip_twists`.
+
+    P = Σ s v uᵀ is J, or Jᵀ if there are fewer joints than directions, and w = Π s. Each singular
+    value has the derivative vᵀ (∂P/∂q_k) u. From w = √det G with G = P Pᵀ follow r = ẇ/w =
+    ½ (log det G)˙ and ẅ = w (r² + ½ (log det G)¨).
     """
     n = T.shape[1]
-    wide = count <= n
+    is_wide = count <= n
     c = min(count, n)
     l = max(count, n)  # noqa: E741
-    # P = Σ s v uᵀ is J, or Jᵀ if there are fewer joints than directions; its derivatives, in the
-    # basis of v
     M = np.empty((l, c))
+    s = np.zeros(c)
     U = np.empty((c, l))
+    # rows vᵀ Ṗ and vᵀ P̈
     D = np.zeros((c, l))
     D2 = np.zeros((c, l))
-    s = np.zeros(c)
     change = np.zeros(6)
-    for i in range(count):
-        for j in range(n):
-            if wide:
-                M[j, i] = T[0, j, first + i]
-            else:
-                M[i, j] = T[0, j, first + i]
-    W = singular(M, s, U)
+    write_long_matrix(T, first, count, M)
+    W = singular(M, s, U)  # [vᵀ P | vᵀ]
     for k in range(n):
         slope[k] = 0.0
-    whole = 1.0
+    bounded_product = 1.0
     for m in range(c):
-        others = 1.0
-        for o in range(c):
-            others *= 1.0 if o == m else s[o]
-        whole *= max(s[m], SINGULAR)
+        others = product_of_others(s, m)
+        bounded_product *= max(s[m], SINGULAR)
         for j in range(n):
             for i in range(count):
-                x, y = (i, j) if wide else (j, i)
-                D[m, y] += W[m, l + x] * T[1, j, first + i]
-                D2[m, y] += W[m, l + x] * T[2, j, first + i]
+                x, y = (i, j) if is_wide else (j, i)
+                v = W[m, l + x]
+                D[m, y] += v * T[FIRST, j, first + i]
+                D2[m, y] += v * T[SECOND, j, first + i]
             for k in range(j + 1, n):
                 for i in range(6):
                     change[i] = 0.0
                 # ∂J_j/∂q_k = −[J_k, J_j]
-                add_bracket(T[0, j], T[0, k], change)
+                add_bracket(T[JACOBIAN, j], T[JACOBIAN, k], change)
                 for i in range(count):
-                    x, y = (i, j) if wide else (j, i)
+                    x, y = (i, j) if is_wide else (j, i)
                     slope[k] += others * W[m, l + x] * U[m, y] * change[first + i]
-    # the first two derivatives of log det of G = P Pᵀ along q̇, in the basis of v, where G is
-    # diagonal
-    rate = second = squared = 0.0
-    for m in range(c):
-        gain = max(s[m], SINGULAR) ** 2
-        rate += dot(D, m, W, m, START, l) / gain
-        second += 2.0 * (dot(D2, m, W, m, START, l) + dot(D, m, D, m, START, l)) / gain
-        for o in range(c):
-            G_dot = dot(D, m, W, o, START, l) + dot(W, m, D, o, START, l)
-            squared += G_dot * G_dot / (gain * max(s[o], SINGULAR) ** 2)
+    rate, bend = log_determinant_rates(s, W, D, D2)
     product = 1.0
     for m in range(c):
         product *= s[m]
-    return product, whole * (rate * rate + 0.5 * (second - squared))
+    return product, bounded_product * (rate * rate + 0.5 * bend)
 
 
 def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
@@ -189,7 +245,7 @@ def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Arr
     """
     T = np.zeros((3, J.shape[1], 6))
     slope = np.empty(J.shape[1])
-    T[0] = J.T
+    T[JACOBIAN] = J.T
     write_rates(T, qd)
     w, bent = measure(T, first, count, slope)
     return float(w), slope, float(bent)

@@ -15,6 +15,10 @@ If rows contradict each other, each has a slack zᵢ ≥ 0, common to all instan
 π zᵢ = ½(zᵢ + π)² − ½π². Therefore zᵢ + π is stored, as one more coordinate behind those of w: the
 plan is still the point nearest to the origin, a slack is zero where its coordinate is π, and the
 side of a row that it relaxes increases by π times its coefficient.
+
+Rows are numbered: first those of the constraints, t m + i for constraint i from instant t to the
+next; then the upper bounds of the box, k n + j for joint j in block k, and its lower bounds; then
+the bounds zᵢ ≥ 0 of the slacks.
 """
 
 from __future__ import annotations
@@ -52,6 +56,8 @@ ROW_SCALE_DISTANCE = 1e-2
 TURNED = constant(5)
 SIDE = constant(6)
 VECTORS = 7
+NO_ROW = constant(-1)  #: Number of a row that does not exist.
+NO_POINT = constant(-1)  #: Answer of :func:`reach` if no point meets a row.
 
 
 class Cost(NamedTuple):
@@ -113,7 +119,8 @@ class Space(NamedTuple):
 
     x is (H + 1, 2n), moved (2, N, n), work (VECTORS, p), normals and F are (p, p), and T is (2, p).
     ``active`` (p,) are the active rows, ``held`` (1,) is their number in the previous sample.
-    ``slack`` (m,) contains the slacks and ``gives`` (m,) their units.
+    ``slack`` (m,) contains the slacks, in the units of the rows, and ``slack_unit`` (m,) the excess
+    that a slack z = 1 allows.
     """
 
     p: int
@@ -127,19 +134,28 @@ class Space(NamedTuple):
     active: IntArray
     held: IntArray
     slack: Array
-    gives: Array
+    slack_unit: Array
     adjoint: Array
 
     @classmethod
     def of(cls, H: int, N: int, n: int, m: int) -> Self:
         """Return a workspace for H blocks, up to N instants, n joints and m rows."""
         p = H * n + m
-        zeros = np.zeros
-        states = (zeros((H, n)), zeros((H + 1, 2 * n)), zeros((2, N, n)))
-        square = (p, p)
-        search = zeros((VECTORS, p)), zeros(square), zeros(square), zeros((2, p))
-        counts = np.zeros(p, dtype=np.int64), np.zeros(1, dtype=np.int64)
-        return cls(p, *states, *search, *counts, zeros(m), zeros(m), zeros((3, n)))
+        return cls(
+            p,
+            u=np.zeros((H, n)),
+            x=np.zeros((H + 1, 2 * n)),
+            moved=np.zeros((2, N, n)),
+            work=np.zeros((VECTORS, p)),
+            normals=np.zeros((p, p)),
+            F=np.zeros((p, p)),
+            T=np.zeros((2, p)),
+            active=np.zeros(p, dtype=np.int64),
+            held=np.zeros(1, dtype=np.int64),
+            slack=np.zeros(m),
+            slack_unit=np.zeros(m),
+            adjoint=np.zeros((3, n)),
+        )
 
 
 @in_place
@@ -240,12 +256,11 @@ def roll_out(cost: Cost, factor: Factor, space: Space) -> None:
     u = space.u
     x = space.x
     for k in range(H):
+        # Lᵀ u = w + y − Y x
         for i in range(n):
-            u[k, i] = (
-                space.work[POINT, k * n + i]
-                + factor.y[k, i]
-                - dot(factor.Y[k], i, x, k, START, 2 * n)
-            )
+            w = space.work[POINT, k * n + i]
+            feedback = dot(factor.Y[k], i, x, k, START, 2 * n)
+            u[k, i] = w + factor.y[k, i] - feedback
         for i in range(n - 1, -1, -1):
             u[k, i] *= factor.inverse[k, i]
             add(u, k, -u[k, i], factor.L[k], i, START, i)
@@ -277,66 +292,85 @@ def move(limits: Limits, u: Array, x: Array, moved: Array) -> None:
 
 
 @in_place
+def predict(cost: Cost, factor: Factor, limits: Limits, space: Space) -> None:
+    """Write the plan that follows from w, and the motion of the joints by it."""
+    roll_out(cost, factor, space)
+    move(limits, space.u, space.x, space.moved)
+
+
+@in_place
+def is_constraint(limits: Limits, row: int) -> bool:
+    """True if a row is one of the constraints, not a bound of the box or of a slack."""
+    return bool(row < limits.left.size)
+
+
+@in_place
+def first_slack_row(limits: Limits) -> int:
+    """Return the number of the row z₀ ≥ 0."""
+    first: int = limits.left.size + 2 * limits.low.size
+    return first
+
+
+@in_place
 def at(limits: Limits, moved: Array, t: int, i: int) -> float:
-    """Return the value of a row at an instant."""
+    """Return the value of constraint i at an instant."""
     order = 1 if limits.by_speed[i] else 0
-    value: float = limits.value[t, i] + dot(
-        limits.gradient[t], i, moved[order], t, START, moved.shape[2]
-    )
+    change = dot(limits.gradient[t], i, moved[order], t, START, moved.shape[2])
+    value: float = limits.value[t, i] + change
     return value
 
 
 @in_place
-def excess(limits: Limits, space: Space, row: int) -> float:
-    """Return the excess of a row.
+def constraint_excess(limits: Limits, t: int, i: int, value: float, next_value: float) -> float:
+    """Return the excess of constraint i, which has these values at instant t and the next."""
+    over = next_value - limits.falls[t] * value - limits.left[t, i]
+    multiplied: float = limits.share[t, i] * over
+    return multiplied
 
-    The rows are those of all instants, then the upper and the lower bounds of the box.
-    """
+
+@in_place
+def excess(limits: Limits, space: Space, row: int) -> float:
+    """Return the excess of a row of the constraints or of the box."""
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
-    rows = limits.left.size
-    over: float
-    if row < rows:
+    if is_constraint(limits, row):
         t = row // m
         i = row % m
-        over = (
-            at(limits, space.moved, t + 1, i)
-            - limits.falls[t] * at(limits, space.moved, t, i)
-            - limits.left[t, i]
-        )
-        over *= limits.share[t, i]
+        value = at(limits, space.moved, t, i)
+        next_value = at(limits, space.moved, t + 1, i)
+        return constraint_excess(limits, t, i, value, next_value)
+    entry = row - limits.left.size
+    k = (entry % limits.low.size) // n
+    j = entry % n
+    over: float
+    if entry < limits.low.size:
+        over = space.u[k, j] - limits.high[k, j]
     else:
-        entry = row - rows
-        size = limits.low.size
-        k = (entry % size) // n
-        j = entry % n
-        over = (
-            space.u[k, j] - limits.high[k, j] if entry < size else limits.low[k, j] - space.u[k, j]
-        )
+        over = limits.low[k, j] - space.u[k, j]
     return over
 
 
 @in_place
 def most_exceeded(limits: Limits, space: Space, met: float) -> int:
-    """Return the row with the greatest excess relative to its scale, or −1 if all rows are met.
+    """Return the row with the greatest excess relative to its scale; ``NO_ROW`` if all are met.
 
     The scale of a bound is the width of the box.
     """
     N = limits.instants
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
-    chosen = -1
+    chosen = NO_ROW
     most = met
     for i in range(m):
-        before = at(limits, space.moved, 0, i)
+        value = at(limits, space.moved, 0, i)
         for t in range(N - 1):
-            after = at(limits, space.moved, t + 1, i)
-            over = limits.share[t, i] * (after - limits.falls[t] * before - limits.left[t, i])
+            next_value = at(limits, space.moved, t + 1, i)
+            over = constraint_excess(limits, t, i, value, next_value)
             over = (over - space.slack[i]) / limits.scale[i]
             if over > most:
                 chosen = t * m + i
                 most = over
-            before = after
+            value = next_value
     size = limits.low.size
     for k in range(len(limits.low)):
         for j in range(n):
@@ -376,12 +410,11 @@ def differentiate(
     """Write the gradient of a row with respect to w to X[NEW], block after block backwards."""
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
-    rows = limits.left.size
     H = len(limits.low)
     T = cost.length
     X[NEW] = 0.0
     adjoint[:] = 0.0
-    if row < rows:
+    if is_constraint(limits, row):
         t = row // m
         i = row % m
         k = limits.block[t + 1]
@@ -395,12 +428,14 @@ def differentiate(
         if t > 0:
             pull_on(limits, adjoint, t, i, -share * limits.falls[t], limits.block[t] == k)
     else:
-        entry = row - rows
+        entry = row - limits.left.size
         k = (entry % limits.low.size) // n
         adjoint[0, entry % n] = 1.0 if entry < limits.low.size else -1.0
     if k == H:
         k -= 1
         step_back(T, adjoint)
+    # from Lᵀ u = w + y − Y x: the gradient g with respect to w is L⁻¹ times that with respect to u,
+    # and −Yᵀ g is added to that with respect to x
     while k >= 0:
         for i in range(n):
             g = adjoint[0, i]
@@ -448,7 +483,7 @@ def reach(space: Space, side: float, q: int) -> int:
     """Move the point until the row with the normal X[NEW] is met.
 
     Active rows whose multiplier would become negative are removed. Return how many of the q active
-    rows are left, or −1 if no point meets the row together with them.
+    rows are left, or ``NO_POINT`` if no point meets the row together with them.
     """
     X = space.work
     F = space.F
@@ -460,7 +495,7 @@ def reach(space: Space, side: float, q: int) -> int:
         apply_transposed(F, T, q, X, TURNED)
         leaving = advance(F, T, X, TURNED, over, q, p)
         if leaving < 0:
-            return q if leaving == NONE else -1
+            return q if leaving == NONE else NO_POINT
         q -= 1
         drop(space, leaving, q)
 
@@ -489,33 +524,27 @@ def minimise(space: Space, q: int) -> None:
 
 
 @in_place
-def state_row(
+def write_normal(
     cost: Cost, factor: Factor, limits: Limits, space: Space, row: int, penalty: float
 ) -> float:
-    """Write the unit normal of a row to X[NEW], and return its side.
+    """Write the unit normal of a row of the constraints or of the box to X[NEW]; return its side.
 
-    Return NaN if no plan has any influence on the row. The rows behind those of the box are the
-    bounds of the slacks, z ≥ 0, in units of the size of the problem.
+    Return NaN if no plan has any influence on the row.
     """
     X = space.work
     m = limits.gradient.shape[1]
-    first = limits.low.size
-    bounds = limits.left.size + 2 * first
-    if row >= bounds:
-        # z ≥ 0, i.e. −(z + π) ≤ −π
-        X[NEW] = 0.0
-        X[NEW, first + row - bounds] = -1.0
-        return -penalty
+    first_slack = limits.low.size
     differentiate(cost, factor, limits, row, space.adjoint, X)
-    side = dot(X, NEW, X, POINT, START, first) - excess(limits, space, row)
-    if space.p > first and row < limits.left.size:
-        # a slack z allows an excess of gives z = gives (z + π) − gives π
+    side = dot(X, NEW, X, POINT, START, first_slack) - excess(limits, space, row)
+    has_slack = space.p > first_slack and is_constraint(limits, row)
+    if has_slack:
+        # the slack allows an excess of unit z = unit (z + π) − unit π; z + π is the coordinate
         i = row % m
-        X[NEW, first + i] = -space.gives[i]
-        side -= space.gives[i] * penalty
+        X[NEW, first_slack + i] = -space.slack_unit[i]
+        side -= space.slack_unit[i] * penalty
     length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
     # the gradient of a bound of the box cannot vanish, and there may be no other rows
-    if row < limits.left.size and length <= ZERO_GRADIENT * limits.scale[row % m]:
+    if is_constraint(limits, row) and length <= ZERO_GRADIENT * limits.scale[row % m]:
         return math.nan
     for j in range(space.p):
         X[NEW, j] /= length
@@ -524,21 +553,33 @@ def state_row(
 
 
 @in_place
-def deepest_slack(space: Space, penalty: float, first: int) -> int:
-    """Write the slacks, and return the index of the most negative one, or −1.
+def write_slack_normal(space: Space, coordinate: int, penalty: float) -> float:
+    """Write the normal of z ≥ 0, i.e. −(z + π) ≤ −π, to X[NEW]; return its side.
 
-    Negligible slacks are set to zero.
+    ``coordinate`` is that of z + π.
     """
     X = space.work
-    sunk = -1
-    deep = -NEGLIGIBLE * penalty
+    X[NEW] = 0.0
+    X[NEW, coordinate] = -1.0
+    return -penalty
+
+
+@in_place
+def most_negative_slack(space: Space, penalty: float, first: int) -> int:
+    """Write the slacks, and return the index of the most negative one, or ``NO_ROW``.
+
+    Negligible slacks are set to zero. ``first`` is the coordinate of the first slack.
+    """
+    X = space.work
+    chosen = NO_ROW
+    least = -NEGLIGIBLE * penalty
     for i in range(space.p - first):
         z = X[POINT, first + i] - penalty
-        if z < deep:
-            sunk = i
-            deep = z
-        space.slack[i] = space.gives[i] * z if z > NEGLIGIBLE * penalty else 0.0
-    return sunk
+        if z < least:
+            chosen = i
+            least = z
+        space.slack[i] = space.slack_unit[i] * z if z > NEGLIGIBLE * penalty else 0.0
+    return chosen
 
 
 @in_place
@@ -559,40 +600,53 @@ def cost_of(space: Space, penalty: float, first: int) -> float:
 def search(
     cost: Cost, factor: Factor, limits: Limits, space: Space, q: int, penalty: float, met: float
 ) -> tuple[int, int]:
-    """Add rows until all are met; return the code and the number of active rows."""
+    """Add rows to the q active ones until all are met.
+
+    Return the code and the number of active rows. Every added row increases the cost. If one does
+    not, rounding errors prevail, and the search fails.
+    """
     m = limits.gradient.shape[1]
-    plan = limits.low.size
-    bounds = limits.left.size + 2 * plan
-    before = -1.0
+    first_slack = limits.low.size
+    last_cost = -1.0
     now = 0.0
     for _ in range(20 * space.p):
-        row = deepest_slack(space, penalty, plan)
-        row = row if row < 0 else bounds + row
-        roll_out(cost, factor, space)
-        move(limits, space.u, space.x, space.moved)
-        if row < 0:
+        slack = most_negative_slack(space, penalty, first_slack)
+        predict(cost, factor, limits, space)
+        if slack != NO_ROW:
+            row = first_slack_row(limits) + slack
+            side = write_slack_normal(space, first_slack + slack, penalty)
+        else:
             row = most_exceeded(limits, space, met)
-        if row < 0:
-            return SOLVED, q
-        side = state_row(cost, factor, limits, space, row, penalty)
-        if math.isnan(side) and row >= limits.left.size:
-            return FAILED, q
+            if row == NO_ROW:
+                return SOLVED, q
+            side = write_normal(cost, factor, limits, space, row, penalty)
         if math.isnan(side):
+            if not is_constraint(limits, row):
+                return FAILED, q
             # a row that no plan changes becomes slack, whatever the cost
             space.slack[row % m] = max(space.slack[row % m], excess(limits, space, row))
             continue
-        if not now > before:
+        if not now > last_cost:
             return FAILED, q
         q = reach(space, side, q)
-        if q < 0:
+        if q == NO_POINT:
             return INCOMPATIBLE, 0
         append(space, row, side, q)
         q += 1
         minimise(space, q)
         clip_forces(space.work, q)
-        before = now
-        now = cost_of(space, penalty, plan)
+        last_cost = now
+        now = cost_of(space, penalty, first_slack)
     return FAILED, q
+
+
+@in_place
+def is_predicted(limits: Limits, row: int) -> bool:
+    """True if a row is a bound of the box, or a constraint at instants that can be predicted."""
+    if is_constraint(limits, row):
+        t = row // limits.gradient.shape[1]
+        return bool(t < limits.instants - 1)
+    return bool(row < first_slack_row(limits))
 
 
 @in_place
@@ -600,25 +654,24 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
     """Start with the previously active rows that are still active, and return their number."""
     X = space.work
     q = 0
-    last = limits.left.size + 2 * limits.low.size
-    roll_out(cost, factor, space)
-    move(limits, space.u, space.x, space.moved)
+    predict(cost, factor, limits, space)
     for k in range(space.held[0]):
         row = space.active[k]
-        if row < last and (
-            row >= limits.left.size or row // limits.gradient.shape[1] < limits.instants - 1
-        ):
-            side = state_row(cost, factor, limits, space, row, 1.0)
-            copy(X, TURNED, X, NEW, space.p)
-            apply_transposed(space.F, space.T, q, X, TURNED)
-            if abs(side) < math.inf and dot(X, TURNED, X, TURNED, q, space.p) > INDEPENDENT:
-                append(space, row, side, q)
-                q += 1
+        if not is_predicted(limits, row):
+            continue
+        side = write_normal(cost, factor, limits, space, row, 1.0)
+        copy(X, TURNED, X, NEW, space.p)
+        apply_transposed(space.F, space.T, q, X, TURNED)
+        outside = dot(X, TURNED, X, TURNED, q, space.p)
+        if abs(side) < math.inf and outside > INDEPENDENT:
+            append(space, row, side, q)
+            q += 1
     minimise(space, q)
     while q > 0:
         leaving = 0
         for j in range(q):
-            leaving = j if X[FORCE, j] < X[FORCE, leaving] else leaving
+            if X[FORCE, j] < X[FORCE, leaving]:
+                leaving = j
         if X[FORCE, leaving] >= 0.0:
             break
         q -= 1
@@ -628,41 +681,58 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
 
 
 @in_place
+def measure_excess(
+    cost: Cost, factor: Factor, limits: Limits, space: Space, weights: Array
+) -> tuple[float, float]:
+    """Return the greatest distance of a constraint row from the plan without rows, and a mean.
+
+    The mean is the geometric mean, over the exceeded rows, of their gradients with respect to w, in
+    units of their scales and multiplied by their weights. Both are 1 if no row is exceeded.
+    """
+    X = space.work
+    m = limits.gradient.shape[1]
+    greatest = 0.0
+    sum_of_logarithms = 0.0
+    count = 0
+    for row in range((limits.instants - 1) * m):
+        i = row % m
+        over = excess(limits, space, row)
+        if not over > 0.0:
+            continue
+        differentiate(cost, factor, limits, row, space.adjoint, X)
+        length = np.sqrt(dot(X, NEW, X, NEW, START, limits.low.size))
+        if length > ZERO_GRADIENT * limits.scale[i]:
+            greatest = max(greatest, over / length)
+            sum_of_logarithms += np.log(length * weights[i] / limits.scale[i])
+            count += 1
+    distance = greatest if greatest > 0.0 else 1.0
+    return distance, np.exp(sum_of_logarithms / max(count, 1))
+
+
+@in_place
 def soften(
     cost: Cost, factor: Factor, limits: Limits, space: Space, weights: Array, strength: float
 ) -> tuple[int, float]:
     """Start with slacks of zero; return the number of active rows and the penalty π.
 
-    π is ``strength`` times the greatest distance of a row from the plan without rows. The unit of a
-    slack is that by which a step moves the exceeded rows, in the geometric mean by weight.
+    The active rows are z ≥ 0 for each slack. π is ``strength`` times the greatest distance of a row
+    from the plan without rows. The unit of a slack is that by which a step moves the exceeded rows,
+    in the geometric mean by weight.
     """
     m = limits.gradient.shape[1]
     X = space.work
-    first = limits.low.size
+    first_slack = limits.low.size
     X[POINT] = 0.0
     space.slack[:] = 0.0
-    roll_out(cost, factor, space)
-    move(limits, space.u, space.x, space.moved)
-    size = 0.0
-    total = 0.0
-    count = 0
-    for row in range((limits.instants - 1) * m):
-        over = excess(limits, space, row)
-        if over > 0.0:
-            differentiate(cost, factor, limits, row, space.adjoint, X)
-            length = np.sqrt(dot(X, NEW, X, NEW, START, first))
-            if length > ZERO_GRADIENT * limits.scale[row % m]:
-                size = max(size, over / length)
-                total += np.log(length * weights[row % m] / limits.scale[row % m])
-                count += 1
-    penalty = strength * (size if size > 0.0 else 1.0)
+    predict(cost, factor, limits, space)
+    distance, mean_gradient = measure_excess(cost, factor, limits, space, weights)
+    penalty = strength * distance
     for i in range(m):
-        space.gives[i] = np.exp(total / max(count, 1)) * limits.scale[i] / weights[i]
-        X[NEW] = 0.0
-        X[NEW, first + i] = -1.0
+        space.slack_unit[i] = mean_gradient * limits.scale[i] / weights[i]
+        side = write_slack_normal(space, first_slack + i, penalty)
         copy(X, TURNED, X, NEW, space.p)
         apply_transposed(space.F, space.T, i, X, TURNED)
-        append(space, limits.left.size + 2 * first + i, -penalty, i)
+        append(space, first_slack_row(limits) + i, side, i)
     minimise(space, m)
     clip_forces(X, m)
     return m, penalty
@@ -683,7 +753,7 @@ def with_unknowns(space: Space, p: int) -> Space:
         space.active,
         space.held,
         space.slack,
-        space.gives,
+        space.slack_unit,
         space.adjoint,
     )
 

@@ -179,12 +179,13 @@ def set_box(plans: PlanArrays, rows: RowArrays) -> None:
     """Write the bounds of all blocks; the current limits of the rows hold for the first block."""
     for k in range(plans.low.shape[0]):
         for j in range(plans.low.shape[1]):
-            most = plans.most[j]
-            plans.low[k, j] = -most
-            plans.high[k, j] = most
+            low = -plans.most[j]
+            high = plans.most[j]
             if k == 0 and rows.qdd_max.size:
-                plans.low[k, j] = min(max(-most, rows.qdd_min[j]), rows.qdd_max[j])
-                plans.high[k, j] = min(max(most, rows.qdd_min[j]), rows.qdd_max[j])
+                low = min(max(low, rows.qdd_min[j]), rows.qdd_max[j])
+                high = min(max(high, rows.qdd_min[j]), rows.qdd_max[j])
+            plans.low[k, j] = low
+            plans.high[k, j] = high
 
 
 @in_place
@@ -194,7 +195,8 @@ def brake(plans: PlanArrays) -> None:
     for j in range(n):
         qd = plans.now[1 + n + j]
         for k in range(H):
-            plans.plan[k, j] = min(max(-qd / plans.length, plans.low[k, j]), plans.high[k, j])
+            to_stop = -qd / plans.length
+            plans.plan[k, j] = min(max(to_stop, plans.low[k, j]), plans.high[k, j])
             qd += plans.length * plans.plan[k, j]
 
 
@@ -210,9 +212,10 @@ def carry_on(plans: PlanArrays) -> None:
     share = after / plans.length - over
     for k in range(H):
         for j in range(n):
-            before = plans.plan[k + over, j] if k + over < H else plans.then[j]
-            behind = plans.plan[k + over + 1, j] if k + over + 1 < H else plans.then[j]
-            mean = (1.0 - share) * before + share * behind
+            old = k + over
+            first = plans.plan[old, j] if old < H else plans.then[j]
+            second = plans.plan[old + 1, j] if old + 1 < H else plans.then[j]
+            mean = (1.0 - share) * first + share * second
             plans.plan[k, j] = min(max(mean, plans.low[k, j]), plans.high[k, j])
 
 
@@ -254,15 +257,14 @@ def walk(plans: PlanArrays) -> int:
     limits = limits_of(plans, count, plans.value[0])
     move(limits, plans.plan, plans.space.x, plans.space.moved)
     for t in range(count):
+        brakes = t == N
+        # displacement at the current speed: half as far while that is braked
+        tau = plans.times[N - 1] + 0.5 * stop if brakes else plans.times[t]
         for j in range(n):
-            # displacement at the current speed: half as far while that is braked
-            tau = plans.times[t] if t < N else plans.times[N - 1] + 0.5 * stop
-            plans.states[0, t, j] = (
-                plans.now[1 + j] + tau * plans.now[1 + n + j] + plans.space.moved[0, t, j]
-            )
-            plans.states[1, t, j] = (
-                plans.now[1 + n + j] + plans.space.moved[1, t, j] if t < N else 0.0
-            )
+            q = plans.now[1 + j]
+            qd = plans.now[1 + n + j]
+            plans.states[0, t, j] = q + tau * qd + plans.space.moved[0, t, j]
+            plans.states[1, t, j] = 0.0 if brakes else qd + plans.space.moved[1, t, j]
     plans.outcome[ASKED] = count
     return count
 
@@ -297,10 +299,8 @@ def predict(plans: PlanArrays) -> int:
     evaluate = load_step(plans.step).evaluate
     for t in range(count):
         time = plans.now[0] + (0.0 if plans.frozen else plans.times[t])
-        if (
-            call_int_pointer(evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t]))
-            != 0
-        ):
+        arguments = (plans.step, time, plans.states[0, t], plans.states[1, t])
+        if call_int_pointer(evaluate, arguments) != 0:
             return t
         copy_vector(plans.seen[t], plans.out)
     return count
@@ -380,15 +380,15 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
     N = plans.times.size - 1
     for t in range(count - 1):
         brakes = t + 1 == N
-        plans.falls[t] = (
-            0.0 if brakes else np.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
-        )
+        interval = plans.times[t + 1] - plans.times[t]
+        plans.falls[t] = 0.0 if brakes else np.exp(-interval / plans.approach)
         for i in range(m):
             plans.left[t, i] = 0.0
             if brakes:
                 # a row violated now may return as slowly; the first state does not depend on the
                 # plan
-                outside = max(plans.value[0, i], 0.0) * np.exp(-plans.times[N] / plans.approach)
+                remaining = np.exp(-plans.times[N] / plans.approach)
+                outside = max(plans.value[0, i], 0.0) * remaining
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
             steepest = 0.0
             for j in range(plans.then.size):

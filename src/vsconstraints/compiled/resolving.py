@@ -27,19 +27,21 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     scale = rows.scale
     m = law.asked.size
     n = answer.qdd.size
-    if phi.size != m or rows.Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
+    if phi.size != m or Lf.size != m or gain.size != m or scale.size != m:
         return False
-    if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
+    if rows.Lg.shape[0] != m or rows.Lg.shape[1] != n:
+        return False
+    if n <= 0 or task.J.shape[1] != n or task.b.size != task.J.shape[0]:
         return False
     wrong = answer.acted.size != m
     for i in range(m):
         law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
         wrong |= out_of_range(law.squared[i])
-        wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
+        wrong |= not abs(phi[i]) < math.inf
+        wrong |= not abs(Lf[i]) < math.inf
         wrong |= phi[i] / FARTHEST > scale[i]
-        wrong |= not (
-            (gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf)
-        )
+        wrong |= not 0.0 < gain[i] < math.inf
+        wrong |= not 0.0 < scale[i] < math.inf
     return not wrong and in_range(task.J) and finite(task.b)
 
 

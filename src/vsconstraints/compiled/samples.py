@@ -170,7 +170,8 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     for j in range(len(given.acceleration)):
         limits = JointLimits(given.acceleration[j], given.change[j], 0.0, 0.0, 0.0, 0, given.period)
         least, greatest = actuator_box(plant.last[j], limits)
-        qdd[j], alone[j] = between(qdd[j], least, greatest), between(alone[j], least, greatest)
+        qdd[j] = between(qdd[j], least, greatest)
+        alone[j] = between(alone[j], least, greatest)
         saturated = saturated or at_end(qdd[j], least, greatest)
     for j in range(len(qdd)):
         plant.last[j] = qdd[j]
@@ -185,19 +186,26 @@ def judge_contact(loop: Loop) -> None:
     greater than that.
     """
     rows = loop.true
-    limits = loop.plant.limits
+    acceleration = loop.plant.limits.acceleration
     shares = loop.scores.share_to_hold
-    for i in range(len(shares) if len(limits.acceleration) else 0):
-        if not math.isnan(shares[i]):
+    if len(acceleration) == 0:
+        return
+    for i in range(len(shares)):
+        is_judged = not math.isnan(shares[i])
+        if is_judged:
             continue
         rate = rows.Lf[i]
-        most = 0.0
         for j in range(len(loop.alone)):
             rate += rows.Lg[i, j] * loop.alone[j]
-        if max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0:
-            for j in range(len(loop.alone)):
-                most += abs(rows.Lg[i, j]) * limits.acceleration[j] if rows.Lg[i, j] != 0.0 else 0.0
-            shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
+        is_reached = max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0
+        if not is_reached:
+            continue
+        most = 0.0
+        for j in range(len(loop.alone)):
+            # the acceleration may be infinite
+            if rows.Lg[i, j] != 0.0:
+                most += abs(rows.Lg[i, j]) * acceleration[j]
+        shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
 
 
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
@@ -207,15 +215,16 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
     would from the same state. A command that slows one row slows others as well. Therefore only
     slowed rows with φ ≥ 0 are active or, if there are none, the slowed row nearest to φ = 0.
     """
-    nearest = -math.inf
-    joints = 0
+    # usually both commands are the same, and no row is slowed
+    differs = False
     for j in range(len(qdd)):
-        # usually both commands are the same, and no row is slowed
-        joints = joints if qdd[j] == alone[j] else len(qdd)
+        differs = differs or qdd[j] != alone[j]
+    nearest = -math.inf
     for i in range(len(active)):
         slowed = 0.0
-        for j in range(joints):
-            slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
+        if differs:
+            for j in range(len(qdd)):
+                slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
         active[i] = slowed > NOTICED * rows.switching_gain[i]
         if active[i]:
             nearest = max(nearest, min(rows.phi[i], 0.0) / rows.scale[i])
@@ -285,7 +294,7 @@ def finish(loop: Loop, k: int) -> None:
     true = loop.true
     goals = loop.goals
     x = loop.plant.x
-    push = loop.plant.push
+    # the records are ring buffers
     at = k % len(kept.states)
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
@@ -303,6 +312,7 @@ def finish(loop: Loop, k: int) -> None:
     judge_contact(loop)
     mark_acting(true, loop.answer.qdd, loop.alone, kept.active[at])
     score(loop.scores, true, loop.answer.qdd, kept.active[at], k)
+    push = loop.plant.push
     for j in range(x.shape[1]):
         x[-1, j] = push[k % len(push), j]
     put(x, kept.states[at])

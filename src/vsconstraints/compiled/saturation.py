@@ -38,6 +38,7 @@ NONE = ONE
 TRACKING = constant(2)
 WHOLE = constant(3)
 ROWS_OF_X = constant(4)
+NO_BOUND = constant(-1)  #: Index of a bound that does not exist.
 
 
 class Critical(NamedTuple):
@@ -68,11 +69,11 @@ def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
 def critical(W: Array, held: BoolArray, X: Array) -> Critical:
     """Find the critical bound between the accelerations at s = 1 and at s = 0.
 
-    ``most`` is infinite if no bound is exceeded.
+    ``bound`` is ``NO_BOUND``, and ``most`` infinite, if none is exceeded at s = 1.
     """
     of_whole = length(X, WHOLE, X.shape[1])
     of_none = length(X, NONE, X.shape[1])
-    chosen = -1
+    chosen = NO_BOUND
     most = math.inf
     least = 0.0
     for i in range(W.shape[0]):
@@ -81,8 +82,9 @@ def critical(W: Array, held: BoolArray, X: Array) -> Critical:
         at_one = left(W, i, X, WHOLE, of_whole)
         at_zero = left(W, i, X, NONE, of_none)
         if at_one < 0.0:
+            # s at which the distance, linear between s = 0 and s = 1, is zero
             lasting = at_zero / (at_zero - at_one) if at_zero > at_one else -math.inf
-            if chosen < 0 or lasting < most:
+            if chosen == NO_BOUND or lasting < most:
                 chosen = i
                 most = lasting
         elif at_zero < 0.0:
@@ -138,6 +140,31 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
     return W[:at]
 
 
+@inner
+def resolve_saturated(
+    saturated: Array,
+    count: int,
+    J: Array,
+    b: Array,
+    tolerance: float,
+    rest: Array,
+    qdd: Array,
+    A: Array,
+    scratch: Scratch,
+) -> int:
+    """Write the q̈ that meets ``count`` saturated bounds with equality, and then the task.
+
+    Return the rank of the bounds. A is overwritten, and the scratch that the computation takes is
+    released.
+    """
+    taken = scratch.taken[0]
+    for i in range(count):
+        copy(A, i, saturated, i, A.shape[1])
+    rank = resolve(A[:count], J, b, tolerance, rest, qdd, scratch)[0]
+    scratch.taken[0] = taken
+    return rank
+
+
 @compiled(RESOLVER, from_python=False)
 def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Compute the command of :class:`vsconstraints.controllers.resolvers.Saturation`.
@@ -170,12 +197,11 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     copy_vector(X[WHOLE], answer.qdd)
     count = 0
     largest = -1.0
-    taken = scratch.taken[0]
     if rest.size > 0:
         call_int_pointer(law.track, (scratch, J, nothing, tolerance, rest, X[NONE]))
     while True:
         bound, most, least = critical(W, held, X)
-        if bound < 0:
+        if bound == NO_BOUND:
             break
         if max(least, largest) <= most and most > largest:
             largest = most
@@ -186,11 +212,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         held[bound] = True
         copy(saturated, count, W, bound, n + 1)
         count += 1
-        # :func:`resolve` overwrites its input
-        for i in range(count):
-            copy(A, i, saturated, i, n + 1)
-        scratch.taken[0] = taken
-        rank = resolve(A[:count], J, b, tolerance, rest, X[WHOLE], scratch)[0]
+        rank = resolve_saturated(saturated, count, J, b, tolerance, rest, X[WHOLE], A, scratch)
         if rank < count or (law.options[SCALES] != 0.0 and missed(J, X)):
             if largest >= 0.0:
                 copy(X, WHOLE, X, BEST, n)
@@ -200,10 +222,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
                 return INCOMPATIBLE
             code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
             return code
-        for i in range(count):
-            copy(A, i, saturated, i, n + 1)
-        scratch.taken[0] = taken
-        resolve(A[:count], J, nothing, tolerance, rest, X[NONE], scratch)
+        resolve_saturated(saturated, count, J, nothing, tolerance, rest, X[NONE], A, scratch)
     copy_vector(answer.qdd, X[WHOLE])
     at = 0
     for i in range(acted.size):

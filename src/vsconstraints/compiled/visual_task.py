@@ -8,10 +8,14 @@ from ..formulas.tracking import demanded, gains, minimum_jerk, resting
 from ..formulas.vectors import matrix, rotate, vector
 from .compiler import in_place
 from .kinematics import put
-from .linear import START
+from .linear import START, constant
 from .workspace import CAMERA_POSE, IMAGE_POINTS, Step
 
 JUST_NOW = 1e-9  #: Tolerance [s] of a goal's time, for rounding.
+#: Rows of the last reference (3, k): error at its beginning, its last value, and its last rate.
+AT_BEGINNING = constant(0)
+LAST = constant(1)
+LAST_RATE = constant(2)
 
 
 @in_place
@@ -68,10 +72,10 @@ def write_image(step: Step, goal: int) -> None:
         there = step.goal_interaction[goal, row]
         drift = 0.0
         for j in range(3):
-            drift += ((1.0 - share) * now[j] + share * there[j]) * eye.acceleration[j]
-            drift += ((1.0 - share) * now[3 + j] + share * there[3 + j]) * eye.angular_acceleration[
-                j
-            ]
+            linear = (1.0 - share) * now[j] + share * there[j]
+            angular = (1.0 - share) * now[3 + j] + share * there[3 + j]
+            drift += linear * eye.acceleration[j]
+            drift += angular * eye.angular_acceleration[j]
         moving = 0.0
         for j in range(J.shape[1]):
             entry = wanted = 0.0
@@ -87,67 +91,113 @@ def write_image(step: Step, goal: int) -> None:
 
 
 @in_place
+def current_goal(step: Step, t: float) -> int:
+    """Return the index of the goal that holds at time t [s]."""
+    goal = START
+    for g in range(len(step.goals)):
+        if step.goals[g].from_time <= t + JUST_NOW:
+            goal = g
+    return goal
+
+
+@in_place
+def complete_rates(step: Step, i: int, interval: float) -> None:
+    """Write the parts of ṡ and of its drift that feature i leaves open.
+
+    ``interval`` is the time [s] since the last sample, 0 if there was none for this goal.
+    """
+    options = step.options[0]
+    task = step.task
+    n = len(step.qd)
+    moving = 0.0
+    for j in range(n):
+        moving += task.J[i, j] * step.qd[j]
+    # the part of ṡ that the robot does not cause; ṡ itself if J_s is not that of the current image
+    if options.feature == CAMERA_POSE:
+        step.partial[i] = task.error_rate[i] - moving
+    elif options.share > 0.0:
+        task.error_rate[i] = step.partial[i] + moving
+    if options.drift_by_differences:
+        step.drift[i] = 0.0
+        if interval > 0.0:
+            total = step.partial[i] - step.last_partial[i]
+            for j in range(n):
+                total += (task.J[i, j] - step.last_J[i, j]) * step.qd[j]
+            step.drift[i] = total / interval
+    if options.velocity_by_differences and interval > 0.0:
+        task.error_rate[i] = (task.error[i] - step.last_error[i]) / interval
+
+
+@in_place
+def subtract_reference(
+    step: Step, i: int, left: float, left_dot: float, left_ddot: float, interval: float
+) -> None:
+    """Subtract the reference s_ref of feature i, and its derivatives, from error, rate and drift.
+
+    The reference is the error at the beginning times the share ``left``, whose derivatives are
+    given. With ``reference_by_differences`` its derivatives are differences of samples; see
+    :func:`complete_rates` for the ``interval``.
+    """
+    task = step.task
+    reference = step.last_reference
+    s_ref = left * reference[AT_BEGINNING, i]
+    rate = left_dot * reference[AT_BEGINNING, i]
+    acceleration = left_ddot * reference[AT_BEGINNING, i]
+    if step.options[0].reference_by_differences:
+        rate = 0.0
+        acceleration = 0.0
+        if interval > 0.0:
+            rate = (s_ref - reference[LAST, i]) / interval
+            acceleration = (rate - reference[LAST_RATE, i]) / interval
+    reference[LAST, i] = s_ref
+    reference[LAST_RATE, i] = rate
+    task.error[i] -= s_ref
+    task.error_rate[i] -= rate
+    step.drift[i] -= acceleration
+
+
+@in_place
+def write_rest(step: Step) -> None:
+    """Write q̈₀, with continuous joints at the turn nearest to the posture."""
+    options = step.options[0]
+    rest = step.task.rest
+    for j in range(rest.size):
+        q = step.q[j]
+        if step.joints[j].continuous != 0:
+            q -= whole_turns(q - step.posture[j])
+        rest[j] = resting(
+            q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness
+        )
+
+
+@in_place
 def write_task(step: Step, t: float) -> None:
     """Write J_s, b, q̈₀, the error and its rate, and store them; see :class:`.VisualTask`."""
     options = step.options[0]
     last = step.last[0]
     task = step.task
     k, n = task.J.shape
-    goal = START
-    for g in range(len(step.goals)):
-        if step.goals[g].from_time <= t + JUST_NOW:
-            goal = g
+    goal = current_goal(step, t)
     continues = last.goal == goal
     if options.feature == CAMERA_POSE:
         write_pose(step, goal, continues)
     elif options.feature == IMAGE_POINTS:
         write_image(step, goal)
-    Ts = t - last.time
+    interval = max(t - last.time, 0.0) if continues else 0.0
     reach_in = step.goals[goal].reach_in
-    reference = step.last_reference
-    differences = continues and Ts > 0.0
-    squared = left = speed = bend = 0.0
+    left = left_dot = left_ddot = 0.0
     if reach_in > 0.0:
         if not continues:
             last.began = t
-        left, speed, bend = minimum_jerk(t - last.began, reach_in)
+        left, left_dot, left_ddot = minimum_jerk(t - last.began, reach_in)
+    squared = 0.0
     for i in range(k):
-        moving = 0.0
-        for j in range(n):
-            moving += task.J[i, j] * step.qd[j]
-        # the part of ṡ that the robot does not cause; ṡ itself if J_s is not that of the current
-        # image
-        if options.feature == CAMERA_POSE:
-            step.partial[i] = task.error_rate[i] - moving
-        elif options.share > 0.0:
-            task.error_rate[i] = step.partial[i] + moving
-        if options.drift_by_differences:
-            step.drift[i] = 0.0
-            if differences:
-                total = step.partial[i] - step.last_partial[i]
-                for j in range(n):
-                    total += (task.J[i, j] - step.last_J[i, j]) * step.qd[j]
-                step.drift[i] = total / Ts
-        if options.velocity_by_differences and differences:
-            task.error_rate[i] = (task.error[i] - step.last_error[i]) / Ts
+        complete_rates(step, i, interval)
         step.last_error[i] = task.error[i]
         if reach_in > 0.0:
             if not continues:
-                reference[0, i] = task.error[i]
-            start = reference[0, i]
-            s_ref = left * start
-            rate = speed * start
-            acceleration = bend * start
-            if options.reference_by_differences:
-                rate = acceleration = 0.0
-                if differences:
-                    rate = (s_ref - reference[1, i]) / Ts
-                    acceleration = (rate - reference[2, i]) / Ts
-            reference[1, i] = s_ref
-            reference[2, i] = rate
-            task.error[i] -= s_ref
-            task.error_rate[i] -= rate
-            step.drift[i] -= acceleration
+                step.last_reference[AT_BEGINNING, i] = task.error[i]
+            subtract_reference(step, i, left, left_dot, left_ddot, interval)
         squared += task.error[i] * task.error[i]
     Kp, Kv = gains(squared, options.Kp0, options.slope, options.damping)
     for i in range(k):
@@ -155,12 +205,6 @@ def write_task(step: Step, t: float) -> None:
         step.last_partial[i] = step.partial[i]
         for j in range(n):
             step.last_J[i, j] = task.J[i, j]
-    for j in range(task.rest.size):
-        q = step.q[j]
-        if step.joints[j].continuous != 0:
-            q -= whole_turns(q - step.posture[j])
-        task.rest[j] = resting(
-            q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness
-        )
+    write_rest(step)
     last.time = t
     last.goal = goal

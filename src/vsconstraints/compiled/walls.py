@@ -11,9 +11,12 @@ from .compiler import in_place, inner
 from .least_distance import KINDS, MULTIPLIER, SIDE
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ORIGIN
-from .linear import START, copy, copy_vector, dot, length
+from .linear import START, constant, copy, copy_vector, dot, length
 from .scratch import blank, flags, integers, matrix, vector
 from .workspace import Scratch
+
+#: Answer of :func:`count_resisting` if the unconstrained command meets every demand.
+ALL_MET = constant(-1)
 
 
 class Demands(NamedTuple):
@@ -60,21 +63,24 @@ class Inequalities(NamedTuple):
 def count_resisting(
     demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved
 ) -> int:
-    """Count the demands that accelerations influence; −1 if the unconstrained command meets all.
+    """Count the demands that accelerations influence; ``ALL_MET`` if the command meets all.
 
-    The unconstrained command is written to q̈. For −1 it also has to be in the box. Otherwise rows
-    with a finite bound are marked in ``acted``, and rows among them that no acceleration influences
-    in ``fixed`` (m,).
+    The command is the unconstrained one, which is written to q̈. For ``ALL_MET`` it also has to be
+    in the box. Otherwise rows with a finite bound are marked in ``acted``, and rows among them that
+    no acceleration influences in ``fixed`` (m,).
     """
     A, c, scale, _ = demands
     qdd, slack, acted = resolved
     n = qdd.size
     free = 0
-    below = within = tracks = True
+    within = True  # in the box
+    below = True  # all bounds are met exactly
+    tracks = True  # all bounds are met up to rounding
     for j in range(n):
-        qdd[j] = X[ORIGIN, j] = X[CENTER, j]
+        X[ORIGIN, j] = X[CENTER, j]
+        qdd[j] = X[CENTER, j]
         within = within and box[LEAST, j] <= qdd[j] <= box[GREATEST, j]
-    far = length(X, CENTER, n)
+    distance = length(X, CENTER, n)
     for i in range(c.size):
         acted[i] = c[i] != math.inf
         slack[i] = 0.0
@@ -83,16 +89,17 @@ def count_resisting(
             excess = dot(A, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
-            tracks = tracks and excess < math.inf
-            tracks = tracks and (
-                c[i] >= 0.0 if fixed[i] else excess <= MET * (size * far + abs(c[i]))
-            )
-            free += not fixed[i]
+            if fixed[i]:
+                is_met = c[i] >= 0.0
+            else:
+                is_met = excess <= MET * (size * distance + abs(c[i]))
+                free += 1
+            tracks = tracks and is_met and excess < math.inf
     if not (within and (below or tracks)):
         return free
     for i in range(c.size):
         acted[i] = False
-    return -1
+    return ALL_MET
 
 
 @inner
@@ -110,8 +117,10 @@ def gather_walls(
     w = free
     at = START
     for j in range(n):
-        w += box[GREATEST, j] < math.inf
-        w += box[LEAST, j] > -math.inf
+        if box[GREATEST, j] < math.inf:
+            w += 1
+        if box[LEAST, j] > -math.inf:
+            w += 1
     normals = blank(scratch, w, n)
     sides = vector(scratch, w)
     W = vector(scratch, free)
@@ -124,7 +133,10 @@ def gather_walls(
             if fixed[i]:
                 slack[i] = max(0.0, -c[i])
             else:
-                sides[at], W[at], which[at], violation[at] = c[i], weights[i], i, 0.0
+                sides[at] = c[i]
+                W[at] = weights[i]
+                which[at] = i
+                violation[at] = 0.0
                 copy(normals, at, A, i, n)
                 at += 1
     for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
@@ -155,9 +167,8 @@ def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
             outside += H[d, i] * H[d, i]
         if p < n:
             # rows within the span of the violated ones are settled
-            settled = outside <= DEPENDENT * DEPENDENT * dot(
-                walls.normals, i, walls.normals, i, START, n
-            )
+            squared = dot(walls.normals, i, walls.normals, i, START, n)
+            settled = outside <= DEPENDENT * DEPENDENT * squared
             if settled or (i < free and walls.violation[i] > 0.0):
                 walls.limits[i] = math.inf
         walls.rows[SIDE, i] = walls.limits[i] - dot(walls.normals, i, X, ORIGIN, START, n)

@@ -291,7 +291,8 @@ def _along_segments(
         parts = np.arange(1 if covered else 0, count + 1) / count
         covered = links is None or segment.link in links
         inverse = robot.model.frames[robot.model.getFrameId(segment.link)].placement.inverse()
-        start, end = (np.asarray(inverse.act(point)) for point in (segment.start, segment.end))
+        start = np.asarray(inverse.act(segment.start))
+        end = np.asarray(inverse.act(segment.end))
         reach = float(np.hypot(radius, 0.5 * (segment.length / count)))
         along[segment.link] = (start + parts[:, None] * (end - start), reach)
     return along
@@ -307,11 +308,8 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
         R = np.array(placement.rotation)
         t = np.array(placement.translation)
         body.geometry.computeLocalAABB()
-        _require_few(
-            frame.name,
-            float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)),
-            spacing,
-        )
+        box = body.geometry.aabb_local
+        _require_few(frame.name, float(np.max(box.max_ - box.min_)), spacing)
         corners, slack = surface(body.geometry, 0.5 * spacing)
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
     along: Points = {}
@@ -337,6 +335,7 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
     middle = vertices.mean(axis=0)
     axes = svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
+    # coordinates along the principal axes
     x = (vertices - middle) @ axes.T
     low = x.min(axis=0)
     high = x.max(axis=0)
@@ -344,14 +343,20 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     count = max(1, int(np.ceil((high[main] - low[main]) / spacing))) + more
     part = (x[:, main] - low[main]) / max(high[main] - low[main], 1e-300)
     slice_of = np.minimum((part * count).astype(int), count - 1)
-    slices = [x[slice_of == i] for i in np.unique(slice_of)]
-    points: Array = (
-        np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
-    )
-    # the distance to one point is convex: on a patch it is largest at a corner
-    reach = max(
-        float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max())
-        + slack
-        for corners, slack in patches
-    )
+    centres = []
+    for i in np.unique(slice_of):
+        inside = x[slice_of == i]
+        centres.append(0.5 * (inside.min(axis=0) + inside.max(axis=0)))
+    points: Array = np.array(centres) @ axes + middle
+    reach = max(_distance_to_nearest(corners, points) + slack for corners, slack in patches)
     return points, reach
+
+
+def _distance_to_nearest(patches: Array, points: Array) -> float:
+    """Return the greatest distance of patches (p, c, 3) from the point nearest to each.
+
+    The distance to one point is convex: on a patch it is largest at a corner.
+    """
+    distances = np.linalg.norm(patches[:, :, None] - points, axis=3)
+    of_patches = distances.max(axis=1).min(axis=1)
+    return float(of_patches.max())

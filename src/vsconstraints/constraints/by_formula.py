@@ -22,10 +22,20 @@ from ..vision.motion import Motion
 
 Formula = Callable[..., Any]
 Frame = tuple[Array, Array]  #: R (d, d), whose columns are the axes, and origin t (d,).
-#: R x, Rᵀ x and differences of a gradient, by the number of coordinates.
-IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
-    2: (rotate_in_image, rotate_inverse_in_image, differences_in_image),
-    3: (rotate, rotate_inverse, differences_in_space),
+
+
+class FrameFormulas(NamedTuple):
+    """Formulas R x and Rᵀ x of a frame, and curvature by differences of a gradient."""
+
+    rotate: Formula
+    rotate_inverse: Formula
+    curvature: Formula
+
+
+#: Formulas by the number of coordinates.
+IN_FRAME = {
+    2: FrameFormulas(rotate_in_image, rotate_inverse_in_image, differences_in_image),
+    3: FrameFormulas(rotate, rotate_inverse, differences_in_space),
 }
 
 
@@ -75,17 +85,20 @@ class ByFormula:
 
     def gradient(self, y: Array) -> Array:
         """Return ∂value/∂y (..., d) at y (..., d)."""
-        slope = self.evaluated(*np.moveaxis(y, -1, 0))[1:]
+        _, *slope = self.evaluated(*np.moveaxis(y, -1, 0))
         if self.frame is not None:
-            slope = IN_FRAME[self.coordinates][0](self.frame[0], slope)
-        return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
+            R, _ = self.frame
+            slope = IN_FRAME[self.coordinates].rotate(R, slope)
+        entries = [np.broadcast_to(entry, y.shape[:-1]) for entry in slope]
+        return np.stack(entries, axis=-1)
 
     def curvature(self, y: Array, velocity: Array) -> Array:
         """Return ẏᵀ H ẏ (...) at y (..., d) with velocities (..., d)."""
         x = self._local(tuple(np.moveaxis(y, -1, 0)))
         v = self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
         if self.curvature_formula is None:
-            bent = IN_FRAME[self.coordinates][2](self.formula, self.parameters, x, v)
+            by_differences = IN_FRAME[self.coordinates].curvature
+            bent = by_differences(self.formula, self.parameters, x, v)
         else:
             bent = self.curvature_formula(*x, *self.parameters, *v)
         return np.broadcast_to(bent, y.shape[:-1])
@@ -102,25 +115,33 @@ class ByFormula:
     def _local(self, y: Sequence[Array]) -> tuple[Array, ...]:
         if self.frame is None:
             return tuple(y)
-        return self._turned_back(
-            [along - origin for along, origin in zip(y, self.frame[1], strict=True)]
-        )
+        _, origin = self.frame
+        relative = [along - start for along, start in zip(y, origin, strict=True)]
+        return self._turned_back(relative)
 
     def _turned_back(self, x: Sequence[Array]) -> tuple[Array, ...]:
-        return tuple(x) if self.frame is None else IN_FRAME[self.coordinates][1](self.frame[0], x)
+        """Return the coordinates of a direction in the frame of the formula."""
+        if self.frame is None:
+            return tuple(x)
+        R, _ = self.frame
+        turned: tuple[Array, ...] = IN_FRAME[self.coordinates].rotate_inverse(R, x)
+        return turned
+
+
+def _defining_class(kind: type, name: str) -> type:
+    """Return the class from which a class inherits an attribute; object if none defines it."""
+    for parent in kind.__mro__:
+        if name in vars(parent):
+            return parent
+    return object
 
 
 def require_own_curvature(kind: type) -> None:
     """Raise ConfigurationError if a class has a formula but inherits another one's curvature."""
-    own, inherited = (
-        next((c for c in kind.__mro__ if name in vars(c)), object)
-        for name in ("formula", "curvature_formula")
-    )
-    if (
-        own is not inherited
-        and issubclass(own, inherited)
-        and vars(inherited).get("curvature_formula") is not None
-    ):
+    own = _defining_class(kind, "formula")
+    inherited = _defining_class(kind, "curvature_formula")
+    is_outdated = own is not inherited and issubclass(own, inherited)
+    if is_outdated and vars(inherited).get("curvature_formula") is not None:
         raise ConfigurationError(
             f"{own.__name__} defines formula, but inherits curvature_formula from "
             f"{inherited.__name__}: define curvature_formula too, or set it to None"
@@ -135,9 +156,8 @@ def curvature_by_differences(
     def function(*x: Array) -> tuple[Array, ...]:
         return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
 
-    bent: Array = IN_FRAME[y.shape[-1]][2](
-        function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0)
-    )
+    by_differences = IN_FRAME[y.shape[-1]].curvature
+    bent: Array = by_differences(function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
     return bent
 
 

@@ -25,6 +25,7 @@ from .meshes import Mesh, mesh_of
 
 #: Tolerances of coal's iterations [m]; a looser one is used if they fail with a tighter one.
 TOLERANCES = (1e-9, 1e-6, 1e-4)
+UNFINISHED = 1e6  #: Distance [m] from which on an iteration of coal counts as failed.
 STEP = 3e-5  #: Step of q along q̇ for the differences of a gradient [rad or m].
 
 Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
@@ -65,10 +66,16 @@ class BodyDistance(Constraint):
         self._model = robot.model
         self._data = robot.model.createData()
         # unique bodies, compared by identity because solids of coal cannot be compared
-        self._bodies = {id(body): body for pair in self.pairs for body in pair}
-        # joint j moves a body if the body's joint comes after it
-        moves = [[np.arange(robot.n) < body.joint for body in pair] for pair in self.pairs]
-        self._motion = np.array([second * 1.0 - first * 1.0 for first, second in moves])
+        self._bodies: dict[int, Body] = {}
+        # 1 where a joint moves the second body of a pair alone, −1 where the first one alone
+        motion = []
+        joints = np.arange(robot.n)
+        for first, second in self.pairs:
+            self._bodies[id(first)] = first
+            self._bodies[id(second)] = second
+            # joint j moves a body if the body's joint comes after it
+            motion.append((joints < second.joint) * 1.0 - (joints < first.joint) * 1.0)
+        self._motion = np.array(motion)
         self._requests = []
         for tolerance in TOLERANCES:
             request = coal.DistanceRequest()
@@ -108,28 +115,28 @@ class BodyDistance(Constraint):
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distances minus the margin [m]."""
-        return (
-            np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs))
-            - self.margin
-        )
+        distances = np.array([self.distances(q) for q in trace.q])
+        return distances.reshape(-1, len(self.pairs)) - self.margin
+
+    def _placed(self, body: Body) -> list[Placed]:
+        """Return the solids of a body with their poses, for the joint Jacobians computed last."""
+        placed = []
+        for placement, solid in body.parts:
+            pose = self._data.oMi[body.joint] * placement
+            placed.append((solid, coal.Transform3s(pose.rotation, pose.translation)))
+        return placed
 
     def _measure(self, q: Array) -> tuple[Array, Array]:
+        """Return the signed distances (r,) at q and −∂d/∂q (r, n)."""
         J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
-        placed: dict[int, list[Placed]] = {}
-        for key, body in self._bodies.items():
-            poses = [
-                (solid, self._data.oMi[body.joint] * placement) for placement, solid in body.parts
-            ]
-            placed[key] = [
-                (solid, coal.Transform3s(pose.rotation, pose.translation)) for solid, pose in poses
-            ]
+        placed = {key: self._placed(body) for key, body in self._bodies.items()}
         distances = np.empty(len(self.pairs))
         wrenches = np.empty((len(self.pairs), 6))
         for i, (first, second) in enumerate(self.pairs):
-            distances[i], n, p = min(
-                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]),
-                key=lambda x: x[0],
-            )
+            of_parts = [
+                self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]
+            ]
+            distances[i], n, p = min(of_parts, key=lambda nearest: nearest[0])
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = n
             wrenches[i, 3:] = (
@@ -147,9 +154,11 @@ class BodyDistance(Constraint):
             p = np.array(result.getNearestPoint1())
             n = np.array(result.normal)
             # a failed iteration yields the largest double, or NaN
-            if abs(distance) < 1e6 and np.isfinite(p).all() and np.isfinite(n).all():
-                # if the centres coincide, every direction leads out
-                return distance, n if n @ n > 0.5 else np.array([0.0, 0.0, 1.0]), p
+            if abs(distance) < UNFINISHED and np.isfinite(p).all() and np.isfinite(n).all():
+                if n @ n <= 0.5:
+                    # the centres coincide, and every direction leads out
+                    n = np.array([0.0, 0.0, 1.0])
+                return distance, n, p
         raise SceneError(f"coal finds no distance for {self.pair_label(*self.pairs[row])}")
 
 

@@ -38,7 +38,8 @@ class ConstraintSet:
         if robot_points(self.constraints) != scene.points:
             raise ConfigurationError("build the scene with points=robot_points(constraints)")
         labels = [constraint.labels(scene) for constraint in self.constraints]
-        self._counts = counts = [len(names) for names in labels]
+        counts = [len(names) for names in labels]
+        self._counts = counts
         self.labels: tuple[str, ...] = tuple(name for names in labels for name in names)
         repeated = sorted({name for name in self.labels if self.labels.count(name) > 1})
         if repeated:
@@ -48,27 +49,29 @@ class ConstraintSet:
             )
         ends = np.cumsum([0, *(len(constraint.points) for constraint in self.constraints)])
         self._points = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.kinds = tuple(
-            c.kind for c, k in zip(self.constraints, counts, strict=True) for _ in range(k)
-        )
-        self.units = tuple(
-            unit for constraint in self.constraints for unit in constraint.units(scene)
-        )
-        self.K = np.repeat([c.K for c in self.constraints], counts).astype(np.float64)
-        directly = np.repeat(
-            [isinstance(c, SpeedConstraint) for c in self.constraints], counts
-        ).astype(np.bool_)
+        kinds: list[str] = []
+        units: list[str] = []
+        for constraint, count in zip(self.constraints, counts, strict=True):
+            kinds += [constraint.kind] * count
+            units += constraint.units(scene)
+        self.kinds = tuple(kinds)
+        self.units = tuple(units)
+        self.K = self._by_row([constraint.K for constraint in self.constraints])
+        gives_phi = self._by_row([isinstance(c, SpeedConstraint) for c in self.constraints])
+        gains = self._by_row([constraint.switching_gain for constraint in self.constraints])
+        scales = self._by_row([constraint.scale for constraint in self.constraints])
         # shared by the rows of every step and by the scores: no controller may change them or make
         # them writable
-        self.approach_time = _unchangeable(np.where(directly, 0.0, self.K))
-        self.switching_gain, self.scale = (
-            _unchangeable(
-                np.repeat([getattr(c, name) for c in self.constraints], counts).astype(np.float64)
-            )
-            for name in ("switching_gain", "scale")
-        )
+        self.approach_time = _unchangeable(np.where(gives_phi > 0.0, 0.0, self.K))
+        self.switching_gain = _unchangeable(gains)
+        self.scale = _unchangeable(scales)
         lengths = [constraint.characteristic_length(scene) for constraint in self.constraints]
         self.characteristic_length = np.concatenate([np.empty(0), *lengths])
+
+    def _by_row(self, values: Sequence[float]) -> Array:
+        """Return a number of each constraint for each of its rows, (m,)."""
+        repeated: Array = np.repeat(values, self._counts).astype(np.float64)
+        return repeated
 
     @in_one_line
     def __repr__(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from ..compiled import load
 from ..errors import ConfigurationError
 from ..formulas.polylines import prepared
-from ..rows import Array
+from ..rows import Array, BoolArray
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, require_numbers, require_positive
 from .by_formula import CompiledRowSpec, Keyed
@@ -109,27 +109,24 @@ class ImageConstraint(PositionConstraint):
 
     def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
         """Return the curve; it is cached unless the dependencies of σ are unknown."""
-        moved = (
-            None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
-        )
+        displacements = None
+        if self.motion is not None and t is not None and len(t):
+            displacements = self.motion.displacement(t)
         if not self._known:
-            return self.found(image_size, moved)
+            return self.found(image_size, displacements)
         corners: tuple[tuple[float, ...], ...] = ()
-        # rounded outwards to halves of the image, so that similar times share an entry of the cache
-        if moved is not None:
+        if displacements is not None:
+            # rounded outwards to halves of the image, so that similar times share an entry of the
+            # cache
             half = 0.5 * np.asarray(image_size)
-            ends = (
-                np.floor(moved.min(axis=0) / half) * half,
-                np.ceil(moved.max(axis=0) / half) * half,
-            )
-            corners = tuple(tuple(end.tolist()) for end in ends)
-        place = (
-            None
-            if self.frame is None
-            else tuple(tuple(part.ravel().tolist()) for part in self.frame)
-        )
-        said = self.formula, self.parameters, self.margin, place
-        return _outline(Keyed((tuple(image_size), corners, *said), self))
+            low = np.floor(displacements.min(axis=0) / half) * half
+            high = np.ceil(displacements.max(axis=0) / half) * half
+            corners = tuple(low.tolist()), tuple(high.tolist())
+        frame = None
+        if self.frame is not None:
+            frame = tuple(tuple(part.ravel().tolist()) for part in self.frame)
+        dependencies = self.formula, self.parameters, self.margin, frame
+        return _outline(Keyed((tuple(image_size), corners, *dependencies), self))
 
     def found(self, image_size: tuple[float, float], moved: Array | None) -> Polylines:
         """Return the curve wherever these displacements (k, 2) place it in the image."""
@@ -146,10 +143,8 @@ class ImageConstraint(PositionConstraint):
         """
         if not self._known:
             return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
-        return (
-            np.broadcast_to(self.evaluated(u[None, :], v[:, None])[0], (len(v), len(u)))
-            + self.margin
-        )
+        value = self.evaluated(u[None, :], v[:, None])[0]
+        return np.broadcast_to(value, (len(v), len(u))) + self.margin
 
 
 @lru_cache(maxsize=32)
@@ -185,20 +180,28 @@ def zero_lines(
     too_many = float(counts.prod()) / MAX_POINTS
     if too_many > 1.0:
         counts = (counts / math.sqrt(too_many)).astype(int)
-    u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
+    u = np.linspace(low[0], high[0], counts[0])
+    v = np.linspace(low[1], high[1], counts[1])
     values = grid(u, v)
-    # the part that contains σ = 0, all cells with a corner where σ > 0: a smaller part is faster to
-    # follow
-    columns, rows = (np.flatnonzero((values > 0.0).any(axis=axis)) for axis in (0, 1))
-    if len(columns):
-        across, down = (slice(max(at[0] - 1, 0), at[-1] + 2) for at in (columns, rows))
+    outside: BoolArray = values > 0.0
+    if outside.any():
+        # a smaller part is faster to follow
+        across = _range_with_neighbours(np.any(outside, axis=0))
+        down = _range_with_neighbours(np.any(outside, axis=1))
         u = u[across]
         v = v[down]
         values = values[down, across]
-    lines = contourpy.contour_generator(u, v, values).lines(0.0)
-    return [
-        _refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines
-    ]
+    lines = []
+    for line in contourpy.contour_generator(u, v, values).lines(0.0):
+        on_curve = _onto_curve(np.asarray(line), sigma, gradient)
+        lines.append(_refined(on_curve, sigma, gradient))
+    return lines
+
+
+def _range_with_neighbours(chosen: BoolArray) -> slice:
+    """Return the range from one before the first to one behind the last that is true."""
+    numbers = np.flatnonzero(chosen)
+    return slice(max(numbers[0] - 1, 0), numbers[-1] + 2)
 
 
 def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
@@ -210,13 +213,22 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     for _ in range(int(np.ceil(np.log2(STEP / ACCURACY)))):
         middle = 0.5 * (line[1:] + line[:-1])
         moved = _onto_curve(middle, sigma, gradient)
-        off = np.flatnonzero(np.sqrt(((moved - middle) ** 2).sum(axis=1)) > ACCURACY)
+        off = np.flatnonzero(_lengths(moved - middle) > ACCURACY)
         if not len(off):
             break
         line = np.insert(line, off + 1, moved[off], axis=0)
-    along = np.concatenate(([0.0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))))
+    segments = np.diff(line, axis=0)
+    along = np.concatenate(([0.0], np.cumsum(_lengths(segments))))
     dense = np.union1d(along, np.arange(0.0, along[-1], SPACING))
-    return np.stack([np.interp(dense, along, line[:, i]) for i in (0, 1)], axis=1)
+    u = np.interp(dense, along, line[:, 0])
+    v = np.interp(dense, along, line[:, 1])
+    return np.stack((u, v), axis=1)
+
+
+def _lengths(vectors: Array) -> Array:
+    """Return the lengths (p,) of vectors (p, 2)."""
+    lengths: Array = np.sqrt((vectors**2).sum(axis=1))
+    return lengths
 
 
 def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
@@ -248,8 +260,7 @@ class Polylines:
         flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         nearest = np.empty(len(flat), dtype=np.int64)
         found = np.full(len(flat), np.inf)
+        markers = points.shape[-2] if points.ndim > 2 else 1
         if self._prepared is not None:
-            load("polylines").search(
-                flat, self._prepared, points.shape[-2] if points.ndim > 2 else 1, nearest, found
-            )
+            load("polylines").search(flat, self._prepared, markers, nearest, found)
         return found.reshape(points.shape[:-1])

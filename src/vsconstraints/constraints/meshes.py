@@ -5,7 +5,7 @@ They serve for figures, occluders, distances and link points.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -42,24 +42,33 @@ def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | N
     half side ``reach`` [m] of its boundary, or None if ``reach`` is not finite.
     """
     if isinstance(geometry, coal.BVHModelBase):
-        triangles = [
-            tuple(geometry.tri_indices(k)[j] for j in range(3)) for k in range(geometry.num_tris)
-        ]
-        return Mesh(
-            np.array(geometry.vertices()), np.array(triangles, dtype=np.int64).reshape(-1, 3)
-        )
+        vertices = np.array(geometry.vertices())
+        triangles = [_corners(geometry.tri_indices(k)) for k in range(geometry.num_tris)]
+        return Mesh(vertices, np.array(triangles, dtype=np.int64).reshape(-1, 3))
     if isinstance(geometry, coal.Halfspace):
-        if not np.isfinite(reach):
-            return None
-        normal = np.array(geometry.n)
-        x = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-        x /= np.linalg.norm(x)
-        y = np.cross(normal, x)
-        point = geometry.d * normal
-        corners = [point + reach * (a * x + b * y) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+        return _square(geometry, reach) if np.isfinite(reach) else None
     points = hull_points(geometry)
     return None if points is None else hull(points)
+
+
+def _corners(triangle: Sequence[int]) -> tuple[int, int, int]:
+    """Return the indices of a triangle's corners; a triangle of coal has no length."""
+    return triangle[0], triangle[1], triangle[2]
+
+
+def _square(plane: coal.Halfspace, reach: float) -> Mesh:
+    """Return a square of half side ``reach`` [m] of a half-space's boundary."""
+    normal = np.array(plane.n)
+    least_aligned = int(np.argmin(np.abs(normal)))
+    x = np.cross(normal, np.eye(3)[least_aligned])
+    x /= np.linalg.norm(x)
+    y = np.cross(normal, x)
+    centre = plane.d * normal
+    corners = []
+    for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        corners.append(centre + reach * (a * x + b * y))
+    triangles = [[0, 1, 2], [0, 2, 3]]
+    return Mesh(np.array(corners), np.array(triangles))
 
 
 def hull_points(solid: coal.CollisionGeometry) -> Array | None:
@@ -75,10 +84,12 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
     if isinstance(solid, coal.Cylinder):
         return np.asarray(convex(solid, "cylinder").points())
     solid.computeLocalAABB()
-    ends = np.array([solid.aabb_local.min_, solid.aabb_local.max_])
+    box = solid.aabb_local
+    ends = np.array([box.min_, box.max_])
     if not (np.abs(ends) < ENDLESS).all():
         return None
-    return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = np.meshgrid(*ends.T, indexing="ij")
+    return np.stack(corners, axis=-1).reshape(-1, 3)
 
 
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
@@ -95,7 +106,9 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
         half = np.full(SIDES, geometry.halfLength)
         x = radius * np.cos(angle)
         y = radius * np.sin(angle)
-        corners = np.concatenate((np.stack((x, y, half), axis=1), np.stack((x, y, -half), axis=1)))
+        upper = np.stack((x, y, half), axis=1)
+        lower = np.stack((x, y, -half), axis=1)
+        corners = np.concatenate((upper, lower))
     elif isinstance(geometry, coal.BVHModelBase):
         corners = np.asarray(geometry.vertices())
     else:
@@ -112,13 +125,10 @@ def hull(points: Array) -> Mesh:
     """Return the convex hull of points (V, 3); the mesh keeps all points."""
     solid = _hull(points)
     number = {tuple(point): i for i, point in enumerate(points.tolist())}
-    own = np.array([number[tuple(point)] for point in np.asarray(solid.points()).tolist()])
-    return Mesh(
-        points,
-        own[
-            np.array([[solid.polygons(k)[j] for j in range(3)] for k in range(solid.num_polygons)])
-        ],
-    )
+    corners = np.asarray(solid.points()).tolist()
+    number_of_corner = np.array([number[tuple(corner)] for corner in corners])
+    faces = np.array([_corners(solid.polygons(k)) for k in range(solid.num_polygons)])
+    return Mesh(points, number_of_corner[faces])
 
 
 def _hull(points: Array) -> coal.CollisionGeometry:
@@ -171,29 +181,29 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, fl
         slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
         return _divided(_cylinder(geometry.radius, geometry.halfLength), longest), slack
     if isinstance(geometry, coal.Capsule):
-        z = np.linspace(
-            -geometry.halfLength, geometry.halfLength, 2 + int(2.0 * geometry.halfLength / longest)
-        )
+        half = geometry.halfLength
+        z = np.linspace(-half, half, 2 + int(2.0 * half / longest))
         line = np.stack((np.zeros_like(z), np.zeros_like(z), z), axis=1)
-        return np.stack((line[:-1], line[1:]), axis=1), float(geometry.radius)
+        segments = np.stack((line[:-1], line[1:]), axis=1)
+        return segments, float(geometry.radius)
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    low = np.array(box.min_)
-    high = np.array(box.max_)
-    steps = [
-        np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest))))
-        for a, b in zip(low, high, strict=True)
-    ]
-    # lower or upper end of every step along each axis: the eight corners of all cells
-    ends = [(step[:-1], step[1:]) for step in steps]
-    corners = [
-        np.stack(
-            np.meshgrid(*(pair[i] for pair, i in zip(ends, corner, strict=True)), indexing="ij"),
-            axis=-1,
-        )
-        for corner in np.ndindex(2, 2, 2)
-    ]
-    return np.stack([corner.reshape(-1, 3) for corner in corners], axis=1), 0.0
+    return _cells(np.array(box.min_), np.array(box.max_), longest), 0.0
+
+
+def _cells(low: Array, high: Array, longest: float) -> Array:
+    """Return the corners (c, 8, 3) of the cells into which a box is divided."""
+    ends = []
+    for a, b in zip(low, high, strict=True):
+        count = max(1, int(np.ceil((b - a) / longest)))
+        steps = np.linspace(a, b, 1 + count)
+        ends.append((steps[:-1], steps[1:]))
+    corners = []
+    # the lower (0) or the upper (1) end of every step along x, y and z
+    for x, y, z in np.ndindex(2, 2, 2):
+        corner = np.meshgrid(ends[0][x], ends[1][y], ends[2][z], indexing="ij")
+        corners.append(np.stack(corner, axis=-1).reshape(-1, 3))
+    return np.stack(corners, axis=1)
 
 
 def _cylinder(radius: float, half: float) -> Array:
@@ -201,12 +211,19 @@ def _cylinder(radius: float, half: float) -> Array:
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
     rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
     up = np.array([0.0, 0.0, half])
-    low = rim - up
-    high = rim + up
+    # corners of each side, at its beginning and at its end around the axis
+    low = (rim - up)[:-1]
+    next_low = (rim - up)[1:]
+    high = (rim + up)[:-1]
+    next_high = (rim + up)[1:]
     centre = np.zeros((SIDES, 3))
-    facets = (low[:-1], low[1:], high[:-1]), (low[1:], high[1:], high[:-1])
-    ends = (low[:-1], low[1:], centre - up), (high[:-1], high[1:], centre + up)
-    return np.concatenate([np.stack(corners, axis=1) for corners in (*facets, *ends)])
+    triangles = (
+        (low, next_low, high),
+        (next_low, next_high, high),
+        (low, next_low, centre - up),
+        (high, next_high, centre + up),
+    )
+    return np.concatenate([np.stack(corners, axis=1) for corners in triangles])
 
 
 def _divided(corners: Array, longest: float) -> Array:
@@ -220,9 +237,10 @@ def _divided(corners: Array, longest: float) -> Array:
         edges = edges[long]
         # reordered so that the longest edge is from the first to the second corner
         order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(corners, order[:, :, None], axis=1).transpose(1, 0, 2)
+        ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
+        a, b, c = ordered.transpose(1, 0, 2)
         middle = 0.5 * (a + b)
-        corners = np.concatenate(
-            (np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1))
-        )
+        first_half = np.stack((a, middle, c), axis=1)
+        second_half = np.stack((middle, b, c), axis=1)
+        corners = np.concatenate((first_half, second_half))
     return np.concatenate(done)

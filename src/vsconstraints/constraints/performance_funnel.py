@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..formulas.features import pose_error
 from ..formulas.tracking import funnel, goal_at
-from ..rows import Array
+from ..rows import Array, IntArray
 from ..vision.features import Goal
 from ..vision.scene import Scene
 from .base import Constraint, Trace, require_numbers, require_positive
@@ -140,26 +140,31 @@ class PerformanceFunnel(Constraint):
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the clearance ρ ∓ eᵢ [px, m or rad]."""
-        which = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
-        error: Array = np.zeros((len(which), 6))
+        goals = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
         if self.of_image:
-            error = (trace.pixels - np.array([goal.pixels for goal in self.goals])[which]).reshape(
-                len(which), -1
-            )
-        elif trace.scene is None:
+            wanted = np.array([goal.pixels for goal in self.goals])
+            error = (trace.pixels - wanted[goals]).reshape(len(goals), -1)
+        else:
+            error = self._pose_errors(trace, goals)
+        elapsed = trace.t - np.array(self._begins)[goals]
+        width, _, _ = funnel(elapsed, self.final, self.decay)
+        clearance: Array = self.start * (width[:, None] - self._side * error[:, self._both])
+        return clearance
+
+    def _pose_errors(self, trace: Trace, goals: IntArray) -> Array:
+        """Return the errors (t, θu) (T, 6) of the camera's pose, for the goal of each sample."""
+        if trace.scene is None:
             raise ConfigurationError(
                 f"clearances of {self.kind} of the camera's pose need the trace's scene"
             )
-        else:
-            for k, i in enumerate(which):
-                camera = trace.scene.camera_pose(trace.q[k], float(trace.t[k]))
-                wanted = self.goals[i].camera
-                assert wanted is not None
-                _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
-                error[k] = (*t, *w)
-        width, _, _ = funnel(trace.t - np.array(self._begins)[which], self.final, self.decay)
-        clearance: Array = self.start * (width[:, None] - self._side * error[:, self._both])
-        return clearance
+        errors = np.zeros((len(goals), 6))
+        for k, goal in enumerate(goals):
+            camera = trace.scene.camera_pose(trace.q[k], float(trace.t[k]))
+            wanted = self.goals[goal].camera
+            assert wanted is not None
+            _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
+            errors[k] = (*t, *w)
+        return errors
 
     def characteristic_length(self, scene: Scene) -> Array:
         """Return ρ₀ of each row."""

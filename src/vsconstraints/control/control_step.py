@@ -153,12 +153,11 @@ class Model:
         """
         self._own.remember(self._of)
         packed = self._own.packed
-        t = (
-            np.full(len(t), self.present.t)
-            if self._of.believes
-            else np.ascontiguousarray(t, dtype=np.float64)
-        )
-        q, qd = (np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd))
+        if self._of.believes:
+            t = np.full(len(t), self.present.t)
+        t = np.ascontiguousarray(t, dtype=np.float64)
+        q = np.ascontiguousarray(q, dtype=np.float64)
+        qd = np.ascontiguousarray(qd, dtype=np.float64)
         out = np.empty((len(t), packed.out.size))
         N = 0
         if self.step is not None:
@@ -168,8 +167,11 @@ class Model:
                 for N, state in enumerate(zip(t.tolist(), q, qd, strict=True)):
                     out[N] = self._evaluated(*state).out
                 N = len(t)
-        parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
-        return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
+        predicted = []
+        for name in (*ROWS, *TASK, "pixels"):
+            where, shape = packed.parts[name]
+            predicted.append(out[:N, where].reshape(N, *shape))
+        return Prediction(*predicted)
 
     def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
         step = self._own.evaluate(self.present.t if self._of.believes else t, q, qd)

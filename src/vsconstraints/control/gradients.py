@@ -140,7 +140,11 @@ def _of_coordinates(
     labels = evaluator.constraints.labels[rows]
     for coordinate, name in enumerate(names):
         direction = unit * np.eye(len(names))[coordinate]
-        quotients = _quotients(lambda away, along=direction: constraint.sigma(y + away * along))  # type: ignore[misc]
+
+        def sigma(away: float, along: Array = direction) -> Array:
+            return constraint.sigma(y + away * along)
+
+        quotients = _quotients(sigma)
         for row in _differing(gradient * unit, coordinate, quotients):
             expected = [slope[row] / unit for slope in quotients[0]]
             yield _sentence(
@@ -191,10 +195,10 @@ def _quotients(value: Callable[[float], Array]) -> list[Sides]:
     here = np.asarray(value(0.0), dtype=np.float64)
     found: list[Sides] = []
     for step in STEPS:
-        ahead, behind = (np.asarray(value(away), dtype=np.float64) for away in (step, -step))
-        found.append(
-            ((ahead - here) / step, (here - behind) / step, SMALLEST * np.abs(here) / step)
-        )
+        ahead = np.asarray(value(step), dtype=np.float64)
+        behind = np.asarray(value(-step), dtype=np.float64)
+        rounding = SMALLEST * np.abs(here) / step
+        found.append(((ahead - here) / step, (here - behind) / step, rounding))
     return found
 
 

@@ -165,10 +165,12 @@ class StepArrays:
         record["given"] = measured.pixels is not None
         record["time"] = measured.taken
         if measured.pixels is not None:
-            self.step.measured[:, :2], self.step.measured[:, 2] = measured.pixels, measured.depth
+            self.step.measured[:, :2] = measured.pixels
+            self.step.measured[:, 2] = measured.depth
         record["pose_given"] = pose is not None
         if pose is not None:
-            self.step.camera_R[:], self.step.camera_t[:] = pose.R, pose.t
+            self.step.camera_R[:] = pose.R
+            self.step.camera_t[:] = pose.t
 
 
 def _demand(part: object, kind: type) -> None:

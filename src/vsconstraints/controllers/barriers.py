@@ -255,12 +255,14 @@ class BackupBarrier(WithRate):
         direct = row.K == 0.0
         speed = np.maximum(row.sigma_dot, 0.0)
         farthest = row.sigma + speed * speed / (2.0 * a)
-        second = stopping(
-            np.exp(-alpha * row.period) * farthest - row.sigma, row.sigma_dot, a, row.period
-        )
+        room = np.exp(-alpha * row.period) * farthest - row.sigma
+        second = stopping(room, row.sigma_dot, a, row.period)
+        # direct keeps the divisor positive where K = 0
         back = (-alpha * row.phi - row.sigma_dot) / (row.K + direct)
-        kept = np.maximum(-a, where(row.sigma < 0.0, second, np.minimum(second, back)))
-        return where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept) - row.Lf
+        wanted = where(row.sigma < 0.0, second, np.minimum(second, back))
+        kept = np.maximum(-a, wanted)
+        phi_dot = where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept)
+        return phi_dot - row.Lf
 
 
 @dataclass(frozen=True)

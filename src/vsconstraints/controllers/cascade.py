@@ -159,7 +159,8 @@ def descend(
     least = _least_violation(A, c, weights, cost, box)
     # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
     sides = _with_room(walls, sides, least.x, limit.RELAXED)
-    equal, free = _split(np.vstack((A[least.violated], np.eye(len(least.x))[least.pinned])))
+    pinned_axes = np.eye(len(least.x))[least.pinned]
+    equal, free = _split(np.vstack((A[least.violated], pinned_axes)))
     # rows within the span of the violated ones are determined by the equalities
     others = _seen(walls, free)
     others[: len(c)] &= ~least.violated
@@ -220,10 +221,12 @@ def _least_violation(
         )
     excess = A @ x - c
     violated = excess > limit.SIGNIFICANT * _terms(A, c, x)
-    forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
+    weighted = weights[violated] ** 2 * excess[violated]
+    forces = A[violated] * weighted[:, None]
     pull = np.abs(forces.sum(axis=0))
-    pinned = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
-    pinned &= (x <= box[0]) | (x >= box[1])
+    pulled = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
+    at_bound = (x <= box[0]) | (x >= box[1])
+    pinned = pulled & at_bound
     return LeastViolation(x, violated, pinned)
 
 
@@ -281,18 +284,20 @@ def _nearest(
     if problem.size <= 0.0:
         return Optimum(center, np.empty(0), np.zeros(c.size, dtype=np.bool_), None)
     p = T.shape[1]
-    preferred = solvers.preferred
     data = np.eye(p), np.zeros(p), problem.G, problem.h
-    verified = (
-        Verified(preferred.solve(*data), preferred.name) if first_only else solvers.solve(*data)
-    )
+    if first_only:
+        preferred = solvers.preferred
+        verified = Verified(preferred.solve(*data), preferred.name)
+    else:
+        verified = solvers.solve(*data)
     x = center + T @ (problem.size * verified.answer.x)
     multipliers = verified.answer.multipliers
     # the check of the solver is relative to the distance from the minimiser without rows, which
     # may be very long
     excess = A @ x - c
     norms = np.linalg.norm(A, axis=1)
-    if (excess > limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms).any():
+    allowed = limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms
+    if (excess > allowed).any():
         raise SolverError(
             f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, due to rounding"
         )
@@ -310,21 +315,22 @@ def _strictly(
     holding = found.holding.copy()
     given = _contiguous(G, cost.center, equal, walls, sides)
     if not load("level_by_level").track_best(*given, x, holding, cost.cut()):
-        return found._replace(
-            x=x, shortfall=found.shortfall or "level 2 was not found within the limit of iterations"
-        )
-    _, N = _split(np.vstack((equal, walls[holding], G[cost.gains > 0.0])))
-    free = _seen(walls, N)
+        unfound = "level 2 was not found within the limit of iterations"
+        return found._replace(x=x, shortfall=found.shortfall or unfound)
+    used = G[cost.gains > 0.0]
+    _, N = _split(np.vstack((equal, walls[holding], used)))
     if not N.shape[1]:
         return found._replace(x=x, holding=holding, shortfall="")
+    free = _seen(walls, N)
+    # the point of the null space N nearest to the center
+    center = x - N @ (N.T @ (x - cost.center))
     try:
-        last = _nearest(x - N @ (N.T @ (x - cost.center)), N, walls[free], sides[free], solvers)
+        last = _nearest(center, N, walls[free], sides[free], solvers)
     except SolverError as error:
         return found._replace(x=x, holding=holding, shortfall=f"level 3: {error}")
     holding[free] |= last.holding
-    return found._replace(
-        x=last.x, holding=holding, verified=last.verified or found.verified, shortfall=""
-    )
+    verified = last.verified or found.verified
+    return found._replace(x=last.x, holding=holding, verified=verified, shortfall="")
 
 
 def _terms(A: Array, c: Array, x: Array) -> Array:
@@ -344,9 +350,9 @@ def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:
 
 def _seen(walls: Array, Z: Array) -> BoolArray:
     """Return a mask (w,) of the walls that are not constant along Z (n, p)."""
-    seen: BoolArray = np.linalg.norm(walls @ Z, axis=1) > limit.DEPENDENT * np.linalg.norm(
-        walls, axis=1
-    )
+    along = np.linalg.norm(walls @ Z, axis=1)
+    norms = np.linalg.norm(walls, axis=1)
+    seen: BoolArray = along > limit.DEPENDENT * norms
     return seen
 
 

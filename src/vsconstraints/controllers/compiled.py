@@ -259,18 +259,17 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
-    of_rows = {
-        each.name: getattr(rows, each.name) for each in fields(rows) if each.name != "labels"
-    }
-    of_task = {each.name: getattr(task, each.name) for each in fields(task)}
+    of_rows = {field.name: getattr(rows, field.name) for field in fields(rows)}
+    labels = of_rows.pop("labels")
+    of_task = {field.name: getattr(task, field.name) for field in fields(task)}
     arrays = [*of_rows.values(), *of_task.values()]
-    if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
-        return None
-    if all(type(array) is np.ndarray and array.flags.carray for array in arrays):
+    are_numbers = all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays)
+    are_usual = all(type(array) is np.ndarray and array.flags.carray for array in arrays)
+    if are_usual or not are_numbers:
         return None
     copied_rows = {name: np.array(array, order="C") for name, array in of_rows.items()}
     copied_task = {name: np.array(array, order="C") for name, array in of_task.items()}
-    return Rows(labels=rows.labels, **copied_rows), Task(**copied_task)
+    return Rows(labels=labels, **copied_rows), Task(**copied_task)
 
 
 class BoundLaw:

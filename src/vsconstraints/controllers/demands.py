@@ -188,12 +188,10 @@ class ConditionedSuperTwisting(ImplicitSuperTwisting):
         w = w₋ + clip((u − w₋)/2, ±T_s k₂). The memory is w in contact, else NaN.
         """
         step = row.period * gains(row, rate)[1]
-        w = row.memory[0] + np.minimum(
-            np.maximum(0.5 * (row.last_rate - row.memory[0]), -step), step
-        )
-        w = np.minimum(
-            np.maximum(where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain
-        )
+        half_way = 0.5 * (row.last_rate - row.memory[0])
+        w = row.memory[0] + np.minimum(np.maximum(half_way, -step), step)
+        known = where(np.isnan(w), 0.0, w)
+        w = np.minimum(np.maximum(known, -row.switching_gain), row.switching_gain)
         bound = np.maximum(-row.switching_gain, proper_implicit(row, w, rate)[0])
         return bound, where(row.tracked > bound, w, np.nan)
 

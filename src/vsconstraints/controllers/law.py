@@ -70,7 +70,8 @@ class Law(Controller):
     def __setattr__(self, name: str, value: Any) -> None:
         part = None if hasattr(type(self), name) else self._part_of(name)
         if part is not None:
-            name, value = part, replace(vars(self)[part], **{name: value})
+            value = replace(vars(self)[part], **{name: value})
+            name = part
         if name == "resolver":
             super().__setattr__("solvers", value.solvers())
         if name == "demand" and type(self).solve is Law.solve:

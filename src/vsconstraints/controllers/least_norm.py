@@ -14,6 +14,8 @@ from ..qp.decomposition import svd
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
 
+#: Least coefficient of a row in a combination of rows that vanishes, for the row to be named.
+PART = 1e-3
 RANK_TOLERANCE = 1e-6  #: Singular values below this fraction of the largest one count as zero.
 
 
@@ -47,7 +49,8 @@ def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN)
     U, s, Vt = svd(J, full_matrices=k < n)
     rank = int(np.count_nonzero(s > rank_tolerance * s[0]))
     gains[:rank] = s[:rank]
-    qdd: Array = Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank])
+    along_directions = (U[:, :rank].T @ b) / s[:rank]
+    qdd: Array = Vt[:rank].T @ along_directions
     return LeastNorm(qdd, Vt.T, gains)
 
 
@@ -67,10 +70,13 @@ def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array
     size = np.abs(A).max(axis=1)
     direction = np.divide(A, size[:, None], out=np.zeros_like(A), where=size[:, None] > 0.0)
     length = np.sqrt(np.einsum("ij,ij->i", direction, direction))
-    seen = size * length > ZERO_GRADIENT * rows.scale[which]
-    direction[~seen] = 0.0
-    length[~seen] = size[~seen] = 1.0
-    return direction / length[:, None], demand[which] / size / length * seen
+    influenced = size * length > ZERO_GRADIENT * rows.scale[which]
+    direction[~influenced] = 0.0
+    length[~influenced] = 1.0
+    size[~influenced] = 1.0
+    unit = direction / length[:, None]
+    scaled_demand = demand[which] / size / length * influenced
+    return unit, scaled_demand
 
 
 def dependent_rows(A: Array, rank_tolerance: float) -> Array:
@@ -78,7 +84,8 @@ def dependent_rows(A: Array, rank_tolerance: float) -> Array:
     if not len(A):
         return np.empty((0, 0))
     U, s, _ = svd(A)
-    return U[:, int((s > rank_tolerance * s[0]).sum()) :]
+    rank = int((s > rank_tolerance * s[0]).sum())
+    return U[:, rank:]
 
 
 def rank_loss(rows: Rows, command: Command, rank_tolerance: float) -> Command:
@@ -87,8 +94,10 @@ def rank_loss(rows: Rows, command: Command, rank_tolerance: float) -> Command:
     Its reason names the rows with φ ≥ 0 that depend on each other.
     """
     reached = command.acted & (rows.phi >= 0.0)
-    dependent = dependent_rows(unit_rows(rows, rows.phi, reached)[0], rank_tolerance)
-    involved = np.flatnonzero(reached)[np.abs(dependent).max(axis=1, initial=0.0) > 1e-3]
+    gradients, _ = unit_rows(rows, rows.phi, reached)
+    dependent = dependent_rows(gradients, rank_tolerance)
+    takes_part = np.abs(dependent).max(axis=1, initial=0.0) > PART
+    involved = np.flatnonzero(reached)[takes_part]
     names = ", ".join(rows.labels[i] for i in involved)
     return replace(
         command,

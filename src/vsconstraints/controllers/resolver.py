@@ -86,14 +86,19 @@ class Resolver(Part, ABC):
 
     def share(self, rows: Rows, task: Task, c: Array) -> Command | None:
         """Compute the command by the compiled form alone; None if it has no answer."""
-        demand = (KnownPush if self.purpose == PUSH else Known)()
+        m = len(c)
+        # a demand whose bounds are the memory that it is given
+        demand = KnownPush() if self.purpose == PUSH else Known()
         memory = np.array(c[:, None], dtype=np.float64)
-        qdd = np.full(task.J.shape[1], np.nan)
-        active = np.zeros(len(c), dtype=np.bool_)
-        slack = np.zeros(len(c) if self.measures else 0)
-        count = np.zeros(1, dtype=np.int64)
         law = CompiledLaw(demand, self, rows.labels, memory=memory)
-        function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
+        copied = in_usual_layout(rows, task)
+        if copied is not None:
+            rows, task = copied
+        qdd = np.full(task.J.shape[1], np.nan)
+        active = np.zeros(m, dtype=np.bool_)
+        slack = np.zeros(m if self.measures else 0)
+        count = np.zeros(1, dtype=np.int64)
+        function, *arguments = law.call(rows, task)
         code = function(*arguments, qdd, active, slack, count)
         if code == RANK_LOSS:
             return rank_loss(rows, Command(qdd, "ok", active, rows.labels), self.options[0])

@@ -15,10 +15,11 @@ from . import formula
 
 @formula
 def power(x: Any, n: float) -> Any:
-    """Power xⁿ for x ≥ 0 and a number n; by repeated multiplication for whole n from 0 to 64."""
+    """Power xⁿ for x ≥ 0 and a number n; by repeated squaring for whole n from 0 to 64."""
     count = int(n) if 0.0 <= n <= 64.0 else 0
     if count != n:
         return x**n
+    # multiply the x^(2^k) of the binary digits of n
     result = x**0.0
     while count > 0:
         if count & 1:
@@ -33,17 +34,22 @@ def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
     x = np.abs(u) / a
     y = np.abs(v) / b
-    X = power(x, n - 1.0)
-    Y = power(y, n - 1.0)
-    return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
+    x_slope = power(x, n - 1.0)
+    y_slope = power(y, n - 1.0)
+    value = x_slope * x + y_slope * y - 1.0
+    du = n / a * np.sign(u) * x_slope
+    dv = n / b * np.sign(v) * y_slope
+    return value, du, dv
 
 
 @formula
 def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
-    X = power(np.abs(u) / a, n - 2.0)
-    Y = power(np.abs(v) / b, n - 2.0)
-    return n * (n - 1.0) * (X * (u_dot / a) ** 2 + Y * (v_dot / b) ** 2)
+    x_bend = power(np.abs(u) / a, n - 2.0)
+    y_bend = power(np.abs(v) / b, n - 2.0)
+    x_dot = u_dot / a
+    y_dot = v_dot / b
+    return n * (n - 1.0) * (x_bend * x_dot**2 + y_bend * y_dot**2)
 
 
 @formula
@@ -62,21 +68,29 @@ def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 @formula
 def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
     """1 − (u² + v²)/r² and its derivatives."""
-    return 1.0 - (u * u + v * v) / (r * r), -2.0 * u / (r * r), -2.0 * v / (r * r)
+    squared_radius = r * r
+    value = 1.0 - (u * u + v * v) / squared_radius
+    du = -2.0 * u / squared_radius
+    dv = -2.0 * v / squared_radius
+    return value, du, dv
 
 
 @formula
 def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
-    return -2.0 / (r * r) * (u_dot * u_dot + v_dot * v_dot)
+    squared_speed = u_dot * u_dot + v_dot * v_dot
+    return -2.0 / (r * r) * squared_speed
 
 
 @formula
 def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
-    s = -2.0 / (r * r)
-    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - 2.0 * u * d), s * d
+    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
+    factor = -2.0 / (r * r)
+    du = factor * (w * w * u - 2.0 * u * d)
+    dv = factor * d
+    return value, du, dv
 
 
 @formula
@@ -84,7 +98,8 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
     d = v - u * u
     d_dot = v_dot - 2.0 * u * u_dot
-    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot)
+    bending = (w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot
+    return -2.0 / (r * r) * bending
 
 
 @formula
@@ -94,12 +109,16 @@ def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
     At u = 0 the derivatives are the mean of both sides.
     """
     d = v - np.abs(u)
-    s = -2.0 / (r * r)
-    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - np.sign(u) * d), s * d
+    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
+    factor = -2.0 / (r * r)
+    du = factor * (w * w * u - np.sign(u) * d)
+    dv = factor * d
+    return value, du, dv
 
 
 @formula
 def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
     d_dot = v_dot - np.sign(u) * u_dot
-    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot)
+    bending = (w * u_dot) ** 2 + d_dot * d_dot
+    return -2.0 / (r * r) * bending

@@ -20,7 +20,9 @@ def pose_error(
     See :func:`.rotation_vector` for ``near`` and ``continues``.
     """
     E = transposed_product(goal_R, R)
-    return E, rotate_inverse(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
+    translation = rotate_inverse(goal_R, minus(t, goal_t))
+    theta_u = rotation_vector(E, near, continues)
+    return E, translation, theta_u
 
 
 @formula
@@ -29,9 +31,13 @@ def pose_rates(
 ) -> tuple[Vector, Vector, Vector]:
     """First and second derivative of c*t_C, and second derivative of θu, with q̈ = 0.
 
-    The camera's motion is given in its own axes.
+    The camera's motion is given in its own axes. ``L`` and ``L_dot`` are those of
+    :func:`.rotation_vector_rate`.
     """
-    return rotate(E, v), rotate(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
+    t_dot = rotate(E, v)
+    t_ddot = rotate(E, plus(v_dot, cross(omega, v)))
+    theta_u_ddot = pair(L, omega_dot, L_dot, omega)
+    return t_dot, t_ddot, theta_u_ddot
 
 
 @formula
@@ -47,7 +53,10 @@ def pair(A: Matrix, x: Any, B: Matrix, y: Any) -> Vector:
 @formula
 def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
     """Σᵢ aᵢ xᵢ + bᵢ yᵢ."""
-    return (a[0] * x[0] + b[0] * y[0]) + (a[1] * x[1] + b[1] * y[1]) + (a[2] * x[2] + b[2] * y[2])
+    first = a[0] * x[0] + b[0] * y[0]
+    second = a[1] * x[1] + b[1] * y[1]
+    third = a[2] * x[2] + b[2] * y[2]
+    return first + second + third
 
 
 @formula
@@ -67,19 +76,18 @@ def image_motion(
     point.
     """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-    swung = cross(P, omega)
-    rate = (swung[0] - v[0], swung[1] - v[1], swung[2] - v[2])
-    bent = cross(P, omega_dot)
-    turn = cross(rate, omega)
+    P_dot = minus(cross(P, omega), v)
+    P_ddot = minus(plus(cross(P, omega_dot), cross(P_dot, omega)), v_dot)
     Z = P[2]
+    Z_dot = P_dot[2]
+    Z_ddot = P_ddot[2]
     x = P[0] / Z
     y = P[1] / Z
-    x_dot = (rate[0] - x * rate[2]) / Z
-    y_dot = (rate[1] - y * rate[2]) / Z
-    depth_drift = bent[2] + turn[2] - v_dot[2]
-    # from the second derivative of x Z = X
-    x_ddot = (bent[0] + turn[0] - v_dot[0] - x * depth_drift - 2.0 * x_dot * rate[2]) / Z
-    y_ddot = (bent[1] + turn[1] - v_dot[1] - y * depth_drift - 2.0 * y_dot * rate[2]) / Z
+    # the first and second derivatives of x Z = X, and of y Z = Y
+    x_dot = (P_dot[0] - x * Z_dot) / Z
+    y_dot = (P_dot[1] - y * Z_dot) / Z
+    x_ddot = (P_ddot[0] - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    y_ddot = (P_ddot[1] - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
     return x, y, x_dot, y_dot, x_ddot, y_ddot
 
 
@@ -87,4 +95,6 @@ def image_motion(
 def interaction(a: Any, b: Any, x: Any, y: Any, Z: Any) -> tuple[Vector, Vector]:
     """Rows (a, b) L_sx of eq. (24): the factors of the camera's v and of its ω."""
     along = a * x + b * y
-    return (-a / Z, -b / Z, along / Z), (along * y + b, -along * x - a, a * y - b * x)
+    linear = (-a / Z, -b / Z, along / Z)
+    angular = (along * y + b, -along * x - a, a * y - b * x)
+    return linear, angular

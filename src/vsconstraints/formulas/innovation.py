@@ -24,22 +24,29 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
     by 1 or more. 0 if all markers are predicted at one point.
     """
     M = len(pixels)
-    greatest = off = size = off_u = off_v = size_u = size_v = 0.0
+    greatest = 0.0
+    # means, and sums of squares, of the errors (du, dv) and of the predicted pixels (u, v)
+    mean_du = mean_dv = mean_u = mean_v = 0.0
+    error = size = 0.0
     for i in range(M):
         du = Fu * correction[i, 0]
         dv = Fv * correction[i, 1]
         u = pixels[i, 0] - du
         v = pixels[i, 1] - dv
         greatest = max(greatest, du * du + dv * dv)
-        off_u = off_u + du / M
-        off_v = off_v + dv / M
-        off = off + du * du + dv * dv
-        size_u = size_u + u / M
-        size_v = size_v + v / M
+        mean_du += du / M
+        mean_dv += dv / M
+        mean_u += u / M
+        mean_v += v / M
+        error = error + du * du + dv * dv
         size = size + u * u + v * v
-    off = off - M * (off_u * off_u + off_v * off_v)
-    size = size - M * (size_u * size_u + size_v * size_v)
-    return math.sqrt(greatest), math.sqrt(max(off, 0.0) / size) if size > 1.0 else 0.0
+    # Σ ‖x − x̄‖² = Σ ‖x‖² − M ‖x̄‖²
+    error = error - M * (mean_du * mean_du + mean_dv * mean_dv)
+    size = size - M * (mean_u * mean_u + mean_v * mean_v)
+    relative_error = 0.0
+    if size > 1.0:
+        relative_error = math.sqrt(max(error, 0.0) / size)
+    return math.sqrt(greatest), relative_error
 
 
 @formula
@@ -65,7 +72,8 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     q_last. 0 at the first sample, and where time does not advance.
     """
     fresh = np.isnan(before) | (dt <= 0.0)
-    return where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))
+    difference = before + moved - dt * mean_speed
+    return where(fresh, 0.0, difference / (1.0 + np.abs(dt) / MEMORY))
 
 
 @formula
@@ -79,6 +87,6 @@ def observed_drift(
     low-pass filter with the ``time_constant`` τ [s] finds a constant drift without an offset.
     """
     seen = np.minimum(np.maximum(change / period - rate, -most), most)
-    return where(
-        np.isnan(change), drift, drift + period / (period + time_constant) * (seen - drift)
-    )
+    gain = period / (period + time_constant)
+    filtered = drift + gain * (seen - drift)
+    return where(np.isnan(change), drift, filtered)

@@ -33,21 +33,20 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any
     k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
-    s = x * x + y * y
+    s = x * x + y * y  # r²
     over = 1.0 + s * (k1 + s * (k2 + s * k3))
     under = 1.0 + s * (k4 + s * (k5 + s * k6))
     c = over / under
-    # dc/d(r²)
-    slope = (k1 + s * (2.0 * k2 + s * 3.0 * k3) - c * (k4 + s * (2.0 * k5 + s * 3.0 * k6))) / under
-    across = 2.0 * (x * y * slope + p1 * x + p2 * y)
-    return (
-        x * c + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x),
-        y * c + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y,
-        c + 2.0 * (x * x * slope + p1 * y + 3.0 * p2 * x),
-        across,
-        across,
-        c + 2.0 * (y * y * slope + 3.0 * p1 * y + p2 * x),
-    )
+    # derivatives with respect to r²
+    over_slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
+    under_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6)
+    c_slope = (over_slope - c * under_slope) / under
+    x_d = x * c + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x)
+    y_d = y * c + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y
+    dx_dx = c + 2.0 * (x * x * c_slope + p1 * y + 3.0 * p2 * x)
+    dx_dy = 2.0 * (x * y * c_slope + p1 * x + p2 * y)
+    dy_dy = c + 2.0 * (y * y * c_slope + 3.0 * p1 * y + p2 * x)
+    return x_d, y_d, dx_dx, dx_dy, dx_dy, dy_dy
 
 
 @formula
@@ -57,17 +56,22 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any,
     (x_d, y_d) = (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
     """
     k1, k2, k3, k4 = coefficients
-    squared = x * x + y * y
-    r = np.sqrt(squared)
-    centre = 1.0 * (r <= 0.0)
+    squared_radius = x * x + y * y
+    r = np.sqrt(squared_radius)
+    at_centre = 1.0 * (r <= 0.0)
     angle = np.arctan(r)
-    s = angle * angle
-    c = angle / (r + centre) * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))) + centre
-    along = (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))) / (
-        1.0 + squared
-    )
-    bend = (along - c) / (squared + centre)
-    return x * c, y * c, c + bend * x * x, bend * x * y, bend * x * y, c + bend * y * y
+    s = angle * angle  # θ²
+    # θ_d/θ and dθ_d/dθ
+    ratio = 1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))
+    slope = 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
+    # derivatives of the image across the radius, c = θ_d/r, and along it, dθ_d/dr
+    across = angle / (r + at_centre) * ratio + at_centre
+    along = slope / (1.0 + squared_radius)
+    bend = (along - across) / (squared_radius + at_centre)
+    dx_dx = across + bend * x * x
+    dx_dy = bend * x * y
+    dy_dy = across + bend * y * y
+    return x * across, y * across, dx_dx, dx_dy, dx_dy, dy_dy
 
 
 @formula
@@ -82,13 +86,22 @@ def extended(
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
     share = where(r > reach, reach / np.maximum(r, reach), 1.0)
-    X, Y, a, b, c, d = lens(share * x, share * y, coefficients)
-    X = X / share
-    Y = Y / share
-    per = beyond / (r * r + (1.0 - beyond))
-    u = per * (X - (a * x + b * y))
-    v = per * (Y - (c * x + d * y))
-    return X, Y, a + u * x, b + u * y, c + v * x, d + v * y
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(share * x, share * y, coefficients)
+    x_d = x_d / share
+    y_d = y_d / share
+    # along the radius the image grows in proportion to r: J p = p_d there, by J ← J + (p_d − J p)
+    # pᵀ/r²
+    per_squared_radius = beyond / (r * r + (1.0 - beyond))
+    u = per_squared_radius * (x_d - (dx_dx * x + dx_dy * y))
+    v = per_squared_radius * (y_d - (dy_dx * x + dy_dy * y))
+    return (
+        x_d,
+        y_d,
+        dx_dx + u * x,
+        dx_dy + u * y,
+        dy_dx + v * x,
+        dy_dy + v * y,
+    )
 
 
 @formula
@@ -97,27 +110,40 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
 
     The error is the greater distance of both coordinates between the image of (x, y) and (X, Y).
     """
-    X, Y, a, b, c, d = extended(lens, at[0], at[1], reach, coefficients)
-    u = image[0] - X
-    v = image[1] - Y
-    determinant = a * d - b * c
-    return (
-        (d * u - b * v) / determinant,
-        (a * v - c * u) / determinant,
-        np.maximum(np.abs(u), np.abs(v)),
-    )
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = extended(lens, at[0], at[1], reach, coefficients)
+    error_x = image[0] - x_d
+    error_y = image[1] - y_d
+    determinant = dx_dx * dy_dy - dx_dy * dy_dx
+    step_x = (dy_dy * error_x - dx_dy * error_y) / determinant
+    step_y = (dx_dx * error_y - dy_dx * error_x) / determinant
+    error = np.maximum(np.abs(error_x), np.abs(error_y))
+    return step_x, step_y, error
 
 
 @formula
 def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Pixels on the sensor for ideal pixels, and their derivatives.
 
-    ``eye`` is the camera's attribute of that name.
+    ``eye`` is the camera's attribute of that name: focal lengths, principal point, reach of the
+    lens, and its coefficients.
     """
-    F = eye[0]
-    G = eye[1]
-    X, Y, a, b, c, d = extended(lens, (u - eye[2]) / F, (v - eye[3]) / G, eye[4], eye[5:])
-    return F * X + eye[2], G * Y + eye[3], a, b * F / G, c * G / F, d
+    Fu = eye[0]
+    Fv = eye[1]
+    u0 = eye[2]
+    v0 = eye[3]
+    reach = eye[4]
+    coefficients = eye[5:]
+    x = (u - u0) / Fu
+    y = (v - v0) / Fv
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = extended(lens, x, y, reach, coefficients)
+    return (
+        Fu * x_d + u0,
+        Fv * y_d + v0,
+        dx_dx,
+        dx_dy * Fu / Fv,
+        dy_dx * Fv / Fu,
+        dy_dy,
+    )
 
 
 @formula
@@ -126,9 +152,13 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
 
     They are evaluated at ideal pixels y = (u, v).
     """
-    u, v, a, b, c, d = on_sensor(lens, y[0], y[1], eye)
-    value, du, dv = superellipse(u, v, half[0], half[1], n)
-    return value, du * a + dv * c, du * b + dv * d
+    u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, y[0], y[1], eye)
+    value, slope_u, slope_v = superellipse(u, v, half[0], half[1], n)
+    return (
+        value,
+        slope_u * du_du + slope_v * dv_du,
+        slope_u * du_dv + slope_v * dv_dv,
+    )
 
 
 @formula

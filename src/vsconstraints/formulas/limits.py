@@ -39,7 +39,9 @@ def between(x: Any, least: Any, greatest: Any) -> Any:
 def actuator_box(last: Any, limits: JointLimits) -> tuple[Any, Any]:
     """Least and greatest q̈ of an actuator after q̈_last: |q̈| ≤ a and |q̈ − q̈_last| ≤ j T_s."""
     a = limits.acceleration
-    return between(last - limits.change, -a, a), between(last + limits.change, -a, a)
+    least = between(last - limits.change, -a, a)
+    greatest = between(last + limits.change, -a, a)
+    return least, greatest
 
 
 @formula
@@ -57,8 +59,10 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
     slowed = acceleration * period
     # root of the quadratic in a form without cancellation
     w = room / (slowed + np.sqrt(slowed * slowed + 2.0 * room))
-    turning = where(d > 0.0, -speed * speed / (2.0 * where(d > 0.0, d, 1.0)), -speed / period)
-    return where(left < np.inf, where(ahead >= 0.0, (w - speed) / period, turning), np.inf)
+    divisor = 2.0 * where(d > 0.0, d, 1.0)
+    turning = where(d > 0.0, -speed * speed / divisor, -speed / period)
+    bound = where(ahead >= 0.0, (w - speed) / period, turning)
+    return where(left < np.inf, bound, np.inf)
 
 
 @formula
@@ -73,7 +77,10 @@ def joint_box(q: Any, qd: Any, last: Any, limits: JointLimits) -> tuple[Any, Any
         return least, greatest
     a = limits.acceleration
     T = limits.period
-    up = np.minimum(stopping(limits.q_max - q, qd, a, T), (limits.qd_max - qd) / T)
-    down = np.minimum(stopping(q - limits.q_min, -qd, a, T), (limits.qd_max + qd) / T)
-    up = between(up, least, greatest)
-    return np.minimum(between(-down, least, greatest), up), up
+    for_range_up = stopping(limits.q_max - q, qd, a, T)
+    for_range_down = stopping(q - limits.q_min, -qd, a, T)
+    for_speed_up = (limits.qd_max - qd) / T
+    for_speed_down = (limits.qd_max + qd) / T
+    up = between(np.minimum(for_range_up, for_speed_up), least, greatest)
+    down = between(-np.minimum(for_range_down, for_speed_down), least, greatest)
+    return np.minimum(down, up), up

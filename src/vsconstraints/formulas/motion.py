@@ -20,14 +20,11 @@ def displacement(
 ) -> tuple[Any, Any, Any]:
     """Displacement d = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and two derivatives."""
     angle = rate * t + phase
-    s = np.sin(angle)
-    c = np.cos(angle)
-    s0 = np.sin(phase)
-    return (
-        velocity * t + amplitude * (s - s0),
-        velocity + amplitude * rate * c,
-        -amplitude * rate * rate * s,
-    )
+    sine = np.sin(angle)
+    d = velocity * t + amplitude * (sine - np.sin(phase))
+    d_dot = velocity + amplitude * rate * np.cos(angle)
+    d_ddot = -amplitude * rate * rate * sine
+    return d, d_dot, d_ddot
 
 
 @formula
@@ -44,7 +41,8 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
         angular_velocity[2] / turning,
     )
     R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
-    return R, plus(minus(centre, rotate(R, centre)), moved)
+    origin = plus(minus(centre, rotate(R, centre)), moved)
+    return R, origin
 
 
 @formula
@@ -55,16 +53,15 @@ def carried(
 
     The origin moves with v and v̇, the body turns with ω and ω̇.
     """
-    s = cross(omega, r)
-    inwards = cross(omega, s)
-    return (
-        plus(velocity, s),
-        (
-            acceleration[0] + alpha[1] * r[2] - alpha[2] * r[1] + inwards[0],
-            acceleration[1] + alpha[2] * r[0] - alpha[0] * r[2] + inwards[1],
-            acceleration[2] + alpha[0] * r[1] - alpha[1] * r[0] + inwards[2],
-        ),
+    by_rotation = cross(omega, r)
+    centripetal = cross(omega, by_rotation)
+    # v̇ + ω̇ × r + ω × (ω × r)
+    point_acceleration = (
+        acceleration[0] + alpha[1] * r[2] - alpha[2] * r[1] + centripetal[0],
+        acceleration[1] + alpha[2] * r[0] - alpha[0] * r[2] + centripetal[1],
+        acceleration[2] + alpha[0] * r[1] - alpha[1] * r[0] + centripetal[2],
     )
+    return plus(velocity, by_rotation), point_acceleration
 
 
 @formula
@@ -78,15 +75,19 @@ def relative_twist(
     of the target; and the position ``away`` of the camera's origin from the target's centre.
     """
     v = minus(velocity, cross(target_omega, away))
-    turning = cross(target_omega, velocity)
-    linear = minus(minus(acceleration, turning), cross(omega, v))
-    return v, minus(omega, target_omega), linear, plus(cross(omega, target_omega), alpha)
+    relative_omega = minus(omega, target_omega)
+    # derivative of v in the base frame, less ω × v for an observer that turns with the camera
+    v_rate = minus(acceleration, cross(target_omega, velocity))
+    v_dot = minus(v_rate, cross(omega, v))
+    omega_dot = plus(cross(omega, target_omega), alpha)
+    return v, relative_omega, v_dot, omega_dot
 
 
 @formula
 def angle(squared_difference: Any) -> Any:
     """Angle between two rotations [rad], from the squared Frobenius norm of their difference."""
-    return 2.0 * np.arcsin(np.minimum(1.0, np.sqrt(squared_difference / 8.0)))
+    sine_of_half = np.sqrt(squared_difference / 8.0)
+    return 2.0 * np.arcsin(np.minimum(1.0, sine_of_half))
 
 
 @formula
@@ -97,5 +98,7 @@ def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_
     markers [px] alone. ``speed`` is that of the fastest joint [rad/s or m/s]; ``tolerance`` (4,)
     holds the tolerances of all four.
     """
-    there = (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
-    return there & (speed <= tolerance[3])
+    at_rest = speed <= tolerance[3]
+    if by_pose:
+        return (distance <= tolerance[0]) & (turn <= tolerance[1]) & at_rest
+    return (away <= tolerance[2]) & at_rest

@@ -12,6 +12,11 @@ from . import formula
 
 BLOCK = 8  #: Number of vertices in a block, of blocks in a group, and of groups in a region.
 SLACK = 1.0 + 1e-9  #: Margin for the rounding of bounds.
+TINY = 1e-300  #: Least divisor, for segments without length.
+
+#: Columns of the chords of blocks: first vertex, vector to the last vertex, 1/length², and greatest
+#: distance of the block's vertices from the chord.
+FIRST_U, FIRST_V, ALONG_U, ALONG_V, INVERSE, SPREAD = range(6)
 
 
 def prepared(
@@ -29,52 +34,57 @@ def prepared(
     after[ends - 1] = ends - 1
     starts = np.concatenate(([0], ends[:-1]))
     before[starts] = starts
-    chords = [_chords(vertices, BLOCK**level) for level in (1, 2, 3)]
-    longest = 0.25 * ((vertices[after] - vertices) ** 2).sum(axis=1).max(initial=0.0, keepdims=True)
-    return vertices, chords[0], chords[1], chords[2], before, after, longest
+    blocks = _chords(vertices, BLOCK)
+    groups = _chords(vertices, BLOCK**2)
+    regions = _chords(vertices, BLOCK**3)
+    squared_lengths = ((vertices[after] - vertices) ** 2).sum(axis=1)
+    longest = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
+    return vertices, blocks, groups, regions, before, after, longest
 
 
 def _chords(vertices: Array, size: int) -> Array:
-    """Chords (b, 6) of blocks of the given size.
-
-    Columns: first vertex, vector to the last vertex, 1/length² of the chord, and greatest distance
-    of the block's vertices from the chord.
-    """
+    """Chords (b, 6) of blocks of the given size, with the columns ``FIRST_U`` to ``SPREAD``."""
     starts = np.arange(0, len(vertices), size)
+    ends = np.minimum(starts + size, len(vertices))
     first = vertices[starts]
-    last = vertices[np.minimum(starts + size, len(vertices)) - 1]
+    chord = vertices[ends - 1] - first
+    inverse = 1.0 / np.maximum((chord**2).sum(axis=1), TINY)
+    # distance of each vertex from the chord of its block
     block = np.arange(len(vertices)) // size
-    a = first[block]
-    along = (last - first)[block]
-    inverse = 1.0 / np.maximum(((last - first) ** 2).sum(axis=1), 1e-300)
-    share = ((vertices - a) * along).sum(axis=1) * inverse[block]
-    away = np.sqrt(((vertices - a - np.clip(share, 0.0, 1.0)[:, None] * along) ** 2).sum(axis=1))
-    return np.column_stack((first, last - first, inverse, np.maximum.reduceat(away, starts)))
+    along = chord[block]
+    relative = vertices - first[block]
+    share = (relative * along).sum(axis=1) * inverse[block]
+    nearest = np.clip(share, 0.0, 1.0)[:, None] * along
+    distance = np.sqrt(((relative - nearest) ** 2).sum(axis=1))
+    spread = np.maximum.reduceat(distance, starts)
+    return np.column_stack((first, chord, inverse, spread))
 
 
 @formula
 def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> float:
     """Squared distance of (u, v) to the segment from (a, b) to (c, d)."""
-    x = c - a
-    y = d - b
-    s = ((u - a) * x + (v - b) * y) / max(x * x + y * y, 1e-300)
+    along_u = c - a
+    along_v = d - b
+    squared_length = along_u * along_u + along_v * along_v
+    s = ((u - a) * along_u + (v - b) * along_v) / max(squared_length, TINY)
     s = min(max(s, 0.0), 1.0)
-    x = u - a - s * x
-    y = v - b - s * y
+    x = u - a - s * along_u
+    y = v - b - s * along_v
     return x * x + y * y
 
 
 @formula
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """True if a block may contain a vertex within the bound."""
-    limit = (bound + chords[i, 5]) * SLACK
-    x = u - chords[i, 0]
-    y = v - chords[i, 1]
-    dx = chords[i, 2]
-    dy = chords[i, 3]
-    s = min(max((x * dx + y * dy) * chords[i, 4], 0.0), 1.0)
-    x = x - s * dx
-    y = y - s * dy
+    limit = (bound + chords[i, SPREAD]) * SLACK
+    x = u - chords[i, FIRST_U]
+    y = v - chords[i, FIRST_V]
+    along_u = chords[i, ALONG_U]
+    along_v = chords[i, ALONG_V]
+    s = (x * along_u + y * along_v) * chords[i, INVERSE]
+    s = min(max(s, 0.0), 1.0)
+    x = x - s * along_u
+    y = y - s * along_v
     return bool(x * x + y * y <= limit * limit)
 
 
@@ -82,13 +92,47 @@ def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
 def to_neighbours(
     vertices: Array, before: IntArray, after: IntArray, k: int, u: float, v: float
 ) -> float:
-    """Squared distance of (u, v) to the two segments at a vertex."""
+    """Squared distance of (u, v) to the two segments at vertex k."""
     x = vertices[k, 0]
     y = vertices[k, 1]
     i = before[k]
     j = after[k]
-    squared = to_segment(u, v, x, y, vertices[i, 0], vertices[i, 1])
-    return min(squared, to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1]))
+    to_previous = to_segment(u, v, x, y, vertices[i, 0], vertices[i, 1])
+    to_next = to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1])
+    return min(to_previous, to_next)
+
+
+@formula
+def search_block(
+    lines: tuple[Any, ...], block: int, u: float, v: float, nearest: int, least: float
+) -> tuple[int, float]:
+    """Return the nearest vertex so far and its squared distance, after a search of this block."""
+    vertices, _, _, _, before, after, longest = lines
+    reach = (least + longest[0]) * SLACK
+    end = min((block + 1) * BLOCK, len(vertices))
+    for k in range(block * BLOCK, end):
+        if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
+            continue
+        squared = to_neighbours(vertices, before, after, k, u, v)
+        if squared < least:
+            nearest = k
+            least = squared
+            reach = (least + longest[0]) * SLACK
+    return nearest, least
+
+
+@formula
+def search_group(
+    lines: tuple[Any, ...], group: int, u: float, v: float, nearest: int, least: float
+) -> tuple[int, float]:
+    """Return the same as :func:`search_block`, after a search of this group of blocks."""
+    _, blocks, _, _, _, _, longest = lines
+    end = min((group + 1) * BLOCK, len(blocks))
+    for block in range(group * BLOCK, end):
+        bound = np.sqrt((least + longest[0]) * SLACK)
+        if may_hold(blocks, block, u, v, bound):
+            nearest, least = search_block(lines, block, u, v, nearest, least)
+    return nearest, least
 
 
 @formula
@@ -103,33 +147,20 @@ def search(
     blocks along chords, and only blocks that may contain such a vertex are searched. The search
     starts at the vertex found ``stride`` points before, which belongs to the same marker.
     """
-    vertices, blocks, groups, regions, before, after, longest = lines
-    beyond = longest[0]
-    count = len(vertices)
+    vertices, _, groups, regions, before, after, longest = lines
     for i in range(len(points)):
         u = points[i, 0]
         v = points[i, 1]
-        at = nearest[i - stride] if i >= stride else 0
-        least = to_neighbours(vertices, before, after, at, u, v)
-        reach = (least + beyond) * SLACK
-        bound = np.sqrt(reach)
-        for r in range(len(regions)):
-            if not may_hold(regions, r, u, v, bound):
+        vertex = nearest[i - stride] if i >= stride else 0
+        least = to_neighbours(vertices, before, after, vertex, u, v)
+        for region in range(len(regions)):
+            bound = np.sqrt((least + longest[0]) * SLACK)
+            if not may_hold(regions, region, u, v, bound):
                 continue
-            for g in range(r * BLOCK, min((r + 1) * BLOCK, len(groups))):
-                if not may_hold(groups, g, u, v, bound):
-                    continue
-                for b in range(g * BLOCK, min((g + 1) * BLOCK, len(blocks))):
-                    if not may_hold(blocks, b, u, v, bound):
-                        continue
-                    for k in range(b * BLOCK, min((b + 1) * BLOCK, count)):
-                        if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
-                            continue
-                        squared = to_neighbours(vertices, before, after, k, u, v)
-                        if squared < least:
-                            least = squared
-                            at = k
-                            reach = (least + beyond) * SLACK
-                            bound = np.sqrt(reach)
-        nearest[i] = at
+            end = min((region + 1) * BLOCK, len(groups))
+            for group in range(region * BLOCK, end):
+                bound = np.sqrt((least + longest[0]) * SLACK)
+                if may_hold(groups, group, u, v, bound):
+                    vertex, least = search_group(lines, group, u, v, vertex, least)
+        nearest[i] = vertex
         found[i] = np.sqrt(least)

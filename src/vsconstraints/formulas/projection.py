@@ -18,5 +18,7 @@ def opening(error: Any, closed: float, opened: float) -> Any:
     ViSP.
     """
     r = (error - closed) / (opened - closed)
-    between = 1.0 / (1.0 + np.exp(6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)))
-    return where(error > opened, 1.0, where(error < closed, 0.0, between))
+    exponent = 6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)
+    between = 1.0 / (1.0 + np.exp(exponent))
+    from_closed = where(error < closed, 0.0, between)
+    return where(error > opened, 1.0, from_closed)

@@ -20,6 +20,12 @@ Depth = tuple[Any, Any, Any, Any]
 
 
 @formula
+def sign(x: Any) -> Any:
+    """Sign of a coordinate, 1 at zero."""
+    return 1.0 - 2.0 * (x < 0.0)
+
+
+@formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     """Depth r − ‖p‖ in a sphere and its derivatives (eqs. 47 and 48); at the centre n = +z.
 
@@ -27,8 +33,11 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     """
     d = np.sqrt(x * x + y * y + z * z)
     at_centre = 1.0 * (d <= 0.0)
-    whole = d + at_centre
-    return r - d, -x / whole, -y / whole, -z / whole - at_centre
+    divisor = d + at_centre
+    dx = -x / divisor
+    dy = -y / divisor
+    dz = -z / divisor - at_centre
+    return r - d, dx, dy, dz
 
 
 @formula
@@ -36,7 +45,8 @@ def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_d
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
     d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
     radial = (x * x_dot + y * y_dot + z * z_dot) / d
-    return (radial * radial - (x_dot * x_dot + y_dot * y_dot + z_dot * z_dot)) / d
+    squared_speed = x_dot * x_dot + y_dot * y_dot + z_dot * z_dot
+    return (radial * radial - squared_speed) / d
 
 
 @formula
@@ -59,25 +69,25 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     n points outwards to the nearest face. If several faces are equally near, the first axis counts;
     in the middle, the positive direction.
     """
-    sx = 1.0 - 2.0 * (x < 0.0)
-    sy = 1.0 - 2.0 * (y < 0.0)
-    sz = 1.0 - 2.0 * (z < 0.0)
     beyond_x = np.abs(x) - a
     beyond_y = np.abs(y) - b
     beyond_z = np.abs(z) - c
-    ox = np.maximum(beyond_x, 0.0)
-    oy = np.maximum(beyond_y, 0.0)
-    oz = np.maximum(beyond_z, 0.0)
-    length = np.sqrt(ox * ox + oy * oy + oz * oz)
+    beyond_yz = np.maximum(beyond_y, beyond_z)
+    outside_x = np.maximum(beyond_x, 0.0)
+    outside_y = np.maximum(beyond_y, 0.0)
+    outside_z = np.maximum(beyond_z, 0.0)
+    length = np.sqrt(outside_x * outside_x + outside_y * outside_y + outside_z * outside_z)
     inside = 1.0 * (length <= 0.0)
-    yz = np.maximum(beyond_y, beyond_z)
-    whole = length + inside
-    face_x = inside * (beyond_x >= yz)
+    divisor = length + inside
+    # 1 for the nearest face of a point inside, else 0
+    face_x = inside * (beyond_x >= beyond_yz)
     face_y = (inside - face_x) * (beyond_y >= beyond_z)
-    nx = sx * (ox / whole + face_x)
-    ny = sy * (oy / whole + face_y)
-    nz = sz * (oz / whole + (inside - face_x - face_y))
-    return -(length + np.minimum(np.maximum(beyond_x, yz), 0.0)), -nx, -ny, -nz
+    face_z = inside - face_x - face_y
+    nx = sign(x) * (outside_x / divisor + face_x)
+    ny = sign(y) * (outside_y / divisor + face_y)
+    nz = sign(z) * (outside_z / divisor + face_z)
+    distance = length + np.minimum(np.maximum(beyond_x, beyond_yz), 0.0)
+    return -distance, -nx, -ny, -nz
 
 
 @formula
@@ -89,11 +99,10 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
     x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
     rate = x_dot * nx + y_dot * ny + z_dot * nz
-    moving = (
-        (np.abs(x) > a) * x_dot * x_dot
-        + (np.abs(y) > b) * y_dot * y_dot
-        + (np.abs(z) > c) * z_dot * z_dot
-    )
+    squared_x = (np.abs(x) > a) * x_dot * x_dot
+    squared_y = (np.abs(y) > b) * y_dot * y_dot
+    squared_z = (np.abs(z) > c) * z_dot * z_dot
+    moving = squared_x + squared_y + squared_z
     return (depth < 0.0) * (rate * rate - moving) / np.maximum(-depth, SMALL)
 
 
@@ -102,8 +111,8 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
     """Distance ρ from the z axis and its derivatives; on the axis, the direction is x."""
     rho = np.sqrt(x * x + y * y)
     on_axis = 1.0 * (rho <= 0.0)
-    whole = rho + on_axis
-    return rho, x / whole + on_axis, y / whole
+    divisor = rho + on_axis
+    return rho, x / divisor + on_axis, y / divisor
 
 
 @formula
@@ -112,17 +121,20 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
 
     Inside, where sides are equally near, the side ρ = r counts first, then the end z = +h.
     """
-    side = rho - r
-    end = np.abs(z) - h
-    sz = 1.0 - 2.0 * (z < 0.0)
-    out_side = np.maximum(side, 0.0)
-    out_end = np.maximum(end, 0.0)
-    length = np.sqrt(out_side * out_side + out_end * out_end)
+    beyond_side = rho - r
+    beyond_end = np.abs(z) - h
+    outside_side = np.maximum(beyond_side, 0.0)
+    outside_end = np.maximum(beyond_end, 0.0)
+    length = np.sqrt(outside_side * outside_side + outside_end * outside_end)
     inside = 1.0 * (length <= 0.0)
-    by_side = inside * (side >= end)
-    n_rho = out_side / (length + inside) + by_side
-    n_z = sz * (out_end / (length + inside) + (inside - by_side))
-    return length + np.minimum(np.maximum(side, end), 0.0), n_rho, n_z
+    divisor = length + inside
+    # 1 for the nearest face of a point inside, else 0
+    face_side = inside * (beyond_side >= beyond_end)
+    face_end = inside - face_side
+    n_rho = outside_side / divisor + face_side
+    n_z = sign(z) * (outside_end / divisor + face_end)
+    distance = length + np.minimum(np.maximum(beyond_side, beyond_end), 0.0)
+    return distance, n_rho, n_z
 
 
 @formula
@@ -149,10 +161,11 @@ def cylinder_curvature(
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
     across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
-    turning = (rho > r) * (np.abs(z) > h) * (rho_dot * n_z - z_dot * n_rho)
-    return -(
-        n_rho * across / np.maximum(rho, SMALL) + turning * turning / np.maximum(distance, SMALL)
-    )
+    beyond_both = (rho > r) * (np.abs(z) > h)
+    turning = beyond_both * (rho_dot * n_z - z_dot * n_rho)
+    of_axis = n_rho * across / np.maximum(rho, SMALL)
+    of_rectangle = turning * turning / np.maximum(distance, SMALL)
+    return -(of_axis + of_rectangle)
 
 
 @formula
@@ -164,8 +177,11 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
     away = z - np.minimum(np.maximum(z, -h), h)
     length = np.sqrt(x * x + y * y + away * away)
     on_segment = 1.0 * (length <= 0.0)
-    whole = length + on_segment
-    return length, x / whole + on_segment, y / whole, away / whole
+    divisor = length + on_segment
+    nx = x / divisor + on_segment
+    ny = y / divisor
+    nz = away / divisor
+    return length, nx, ny, nz
 
 
 @formula
@@ -189,6 +205,5 @@ def capsule_curvature(
     length, nx, ny, nz = from_segment(x, y, z, h)
     along = (np.abs(z) > h) * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
-    return (rate * rate - (x_dot * x_dot + y_dot * y_dot + along * along)) / np.maximum(
-        length, SMALL
-    )
+    squared_speed = x_dot * x_dot + y_dot * y_dot + along * along
+    return (rate * rate - squared_speed) / np.maximum(length, SMALL)

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from . import formula
-from .vectors import Matrix, Vector, dot, rotate
+from .vectors import Matrix, Vector, dot, rotate, times
 
 TURN = 2.0 * math.pi
+IDENTITY = 1e-12  #: Angle [rad] below which a rotation has no axis.
+AMBIGUOUS = 1e-6  #: Distance [rad] from θ = π within which the axis may have either sign.
 
 
 @formula
@@ -34,13 +36,16 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
     x = axis[0]
     y = axis[1]
     z = axis[2]
+    xx = (1.0 - c) * x * x
+    yy = (1.0 - c) * y * y
+    zz = (1.0 - c) * z * z
     xy = (1.0 - c) * x * y
     yz = (1.0 - c) * y * z
     zx = (1.0 - c) * z * x
     return (
-        (c + (1.0 - c) * x * x, xy - s * z, zx + s * y),
-        (xy + s * z, c + (1.0 - c) * y * y, yz - s * x),
-        (zx - s * y, yz + s * x, c + (1.0 - c) * z * z),
+        (c + xx, xy - s * z, zx + s * y),
+        (xy + s * z, c + yy, yz - s * x),
+        (zx - s * y, yz + s * x, c + zz),
     )
 
 
@@ -48,8 +53,46 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
 def turn_by(w: Any) -> Matrix:
     """exp([w]×): rotation by ‖w‖ about w."""
     theta = length(w)
-    share = 1.0 / theta if theta > 0.0 else 0.0
-    return turn_about((share * w[0], share * w[1], share * w[2]), math.sin(theta), math.cos(theta))
+    inverse = 1.0 / theta if theta > 0.0 else 0.0
+    axis = times(inverse, w)
+    return turn_about(axis, math.sin(theta), math.cos(theta))
+
+
+@formula
+def quaternion(R: Matrix) -> tuple[Vector, Any]:
+    """Vector part and real part of a rotation's quaternion, up to a common factor.
+
+    They are computed from the largest component, which is accurate for every angle.
+    """
+    xx = R[0][0]
+    yy = R[1][1]
+    zz = R[2][2]
+    trace = xx + yy + zz
+    largest = max(trace, xx, yy, zz)
+    if largest == trace:
+        vector = (R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1])
+        real = 1.0 + trace
+    elif largest == xx:
+        vector = (1.0 - trace + 2.0 * xx, R[1][0] + R[0][1], R[2][0] + R[0][2])
+        real = R[2][1] - R[1][2]
+    elif largest == yy:
+        vector = (R[0][1] + R[1][0], 1.0 - trace + 2.0 * yy, R[2][1] + R[1][2])
+        real = R[0][2] - R[2][0]
+    else:
+        vector = (R[0][2] + R[2][0], R[1][2] + R[2][1], 1.0 - trace + 2.0 * zz)
+        real = R[1][0] - R[0][1]
+    return vector, real
+
+
+@formula
+def largest_component(w: Any) -> Any:
+    """Component of the largest magnitude, with its sign."""
+    largest = w[0]
+    if abs(w[1]) > abs(largest):
+        largest = w[1]
+    if abs(w[2]) > abs(largest):
+        largest = w[2]
+    return largest
 
 
 @formula
@@ -60,46 +103,26 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     that a sequence of calls stays continuous, also through θ = π. Otherwise θ ≤ π, and at π the
     largest component of the axis is positive.
     """
-    # quaternion (w, real) by its largest component, which is accurate for every angle
-    xx = R[0][0]
-    yy = R[1][1]
-    zz = R[2][2]
-    trace = xx + yy + zz
-    largest = max(trace, xx, yy, zz)
-    if largest == trace:
-        w = (R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1])
-        real = 1.0 + trace
-    elif largest == xx:
-        w = (1.0 - trace + 2.0 * xx, R[1][0] + R[0][1], R[2][0] + R[0][2])
-        real = R[2][1] - R[1][2]
-    elif largest == yy:
-        w = (R[0][1] + R[1][0], 1.0 - trace + 2.0 * yy, R[2][1] + R[1][2])
-        real = R[0][2] - R[2][0]
-    else:
-        w = (R[0][2] + R[2][0], R[1][2] + R[2][1], 1.0 - trace + 2.0 * zz)
-        real = R[1][0] - R[0][1]
-    sine = length(w)
+    vector, real = quaternion(R)
+    sine = length(vector)
     theta = 2.0 * math.atan2(sine, abs(real))
     share = 0.0 if sine == 0.0 else theta / sine
     share = -share if real < 0.0 else share
-    w = (w[0] * share, w[1] * share, w[2] * share)
+    w = times(share, vector)
     factor = 1.0
     if continues:
-        if theta < 1e-12:
+        if theta < IDENTITY:
             # R = I has no axis: if the last rotation vector was a whole turn, its axis is kept
-            before = length(near)
-            if before > math.pi:
-                whole = TURN * round(before / TURN) / before
-                w = (near[0] * whole, near[1] * whole, near[2] * whole)
+            last_angle = length(near)
+            if last_angle > math.pi:
+                w = times(TURN * round(last_angle / TURN) / last_angle, near)
         else:
-            factor += TURN * round((dot(near, w) / theta - theta) / TURN) / theta
-    elif theta > math.pi - 1e-6:
-        # near θ = π the sign of the axis is ambiguous: its largest component is made positive
-        greatest = w[0]
-        greatest = w[1] if abs(w[1]) > abs(greatest) else greatest
-        greatest = w[2] if abs(w[2]) > abs(greatest) else greatest
-        factor -= TURN / theta if greatest < 0.0 else 0.0
-    return w[0] * factor, w[1] * factor, w[2] * factor
+            angle_near = dot(near, w) / theta
+            turns = round((angle_near - theta) / TURN)
+            factor += TURN * turns / theta
+    elif theta > math.pi - AMBIGUOUS and largest_component(w) < 0.0:
+        factor -= TURN / theta
+    return times(factor, w)
 
 
 @formula
@@ -108,17 +131,18 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
 
     The series used below θ = 0.1 is exact to rounding (1e-13).
     """
-    theta2 = theta * theta
+    s = theta * theta
     if theta < 0.1:
-        c = 1.0 / 12.0 + theta2 * (1.0 / 720.0 + theta2 * (1.0 / 30240.0 + theta2 / 1209600.0))
-        slope = 1.0 / 360.0 + theta2 * (
-            1.0 / 7560.0 + theta2 * (1.0 / 201600.0 + theta2 / 5987520.0)
-        )
+        c = 1.0 / 12.0 + s * (1.0 / 720.0 + s * (1.0 / 30240.0 + s / 1209600.0))
+        slope = 1.0 / 360.0 + s * (1.0 / 7560.0 + s * (1.0 / 201600.0 + s / 5987520.0))
         return c, slope
     half = 0.5 * theta
     cot = 1.0 / math.tan(half)
-    c = (1.0 - half * cot) / theta2
-    return c, ((0.5 * half * (1.0 + cot * cot) - 0.5 * cot) / theta2 - 2.0 * c / theta) / theta
+    c = (1.0 - half * cot) / s
+    # the numerator's derivative is (θ/4) (1 + cot²(θ/2)) − ½ cot(θ/2)
+    numerator_slope = 0.5 * half * (1.0 + cot * cot) - 0.5 * cot
+    slope = numerator_slope / s - 2.0 * c / theta
+    return c, slope / theta
 
 
 @formula
@@ -140,39 +164,42 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     frame.
     """
     theta = length(w)
-    theta2 = theta * theta
+    squared_angle = theta * theta
     c, slope = cotangent_coefficient(theta)
-    cw = (c * w[0], c * w[1], c * w[2])
-    rest = 1.0 - c * theta2
-    outer = (
+    # I + c [w]×² = c w wᵀ + (1 − c θ²) I
+    cw = times(c, w)
+    rest = 1.0 - c * squared_angle
+    symmetric = (
         (cw[0] * w[0] + rest, cw[0] * w[1], cw[0] * w[2]),
         (cw[1] * w[0], cw[1] * w[1] + rest, cw[1] * w[2]),
         (cw[2] * w[0], cw[2] * w[1], cw[2] * w[2] + rest),
     )
-    L = with_half_cross(outer, w)
+    L = with_half_cross(symmetric, w)
     w_dot = rotate(L, omega)
+    # its derivative: ċ w wᵀ + c (ẇ wᵀ + w ẇᵀ) − (c θ²)˙ I
     along = dot(w, w_dot)
     c_dot = slope * along
-    c_dot_w = (c_dot * w[0], c_dot * w[1], c_dot * w[2])
-    turn = c_dot * theta2 + 2.0 * c * along
+    c_dot_w = times(c_dot, w)
+    rest_rate = c_dot * squared_angle + 2.0 * c * along
     x, y, z = w
-    u, v, r = w_dot
+    x_dot, y_dot, z_dot = w_dot
     a, b, d = c_dot_w
-    outer_dot = (
+    symmetric_dot = (
         (
-            a * x + c * (u * x + x * u) - turn,
-            a * y + c * (u * y + x * v),
-            a * z + c * (u * z + x * r),
+            a * x + c * (x_dot * x + x * x_dot) - rest_rate,
+            a * y + c * (x_dot * y + x * y_dot),
+            a * z + c * (x_dot * z + x * z_dot),
         ),
         (
-            b * x + c * (v * x + y * u),
-            b * y + c * (v * y + y * v) - turn,
-            b * z + c * (v * z + y * r),
+            b * x + c * (y_dot * x + y * x_dot),
+            b * y + c * (y_dot * y + y * y_dot) - rest_rate,
+            b * z + c * (y_dot * z + y * z_dot),
         ),
         (
-            d * x + c * (r * x + z * u),
-            d * y + c * (r * y + z * v),
-            d * z + c * (r * z + z * r) - turn,
+            d * x + c * (z_dot * x + z * x_dot),
+            d * y + c * (z_dot * y + z * y_dot),
+            d * z + c * (z_dot * z + z * z_dot) - rest_rate,
         ),
     )
-    return w_dot, L, with_half_cross(outer_dot, w_dot)
+    L_dot = with_half_cross(symmetric_dot, w_dot)
+    return w_dot, L, L_dot

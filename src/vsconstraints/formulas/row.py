@@ -74,7 +74,9 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
         below = value if relative == 1 else value - tracked
         return where(below > 0.0, np.inf, below)
     bound = value + tracked if relative == 1 else value
-    return where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
+    if purpose == EQUAL and everywhere == 0:
+        return where(bound > tracked, np.inf, bound)
+    return bound
 
 
 @formula

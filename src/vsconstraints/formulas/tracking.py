@@ -13,8 +13,10 @@ from . import formula
 @formula
 def gains(squared_error: float, Kp0: float, slope: float, damping: float) -> tuple[float, float]:
     """K_p(‖e‖) = K_p(0) exp(−slope/K_p(0) ‖e‖) and K_v = damping √K_p."""
-    Kp = Kp0 * math.exp(-slope / Kp0 * math.sqrt(squared_error))
-    return Kp, damping * math.sqrt(Kp)
+    error = math.sqrt(squared_error)
+    Kp = Kp0 * math.exp(-slope / Kp0 * error)
+    Kv = damping * math.sqrt(Kp)
+    return Kp, Kv
 
 
 @formula
@@ -41,7 +43,8 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
     tau = min(max(elapsed / duration, 0.0), 1.0)
     left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     rate = -30.0 * tau**2 * (1.0 - tau) ** 2 / duration
-    return left, rate, -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / duration**2
+    acceleration = -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / duration**2
+    return left, rate, acceleration
 
 
 @formula
@@ -51,7 +54,10 @@ def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: An
     It is computed from B for the goal itself (``b``). Error and reference are given relative to the
     feature's value at the goal. ``now`` and ``then`` are K_p and K_v for the two errors.
     """
-    return b + now[0] * error + now[1] * rate - then[0] * (error - reference) - then[1] * rate
+    Kp_now, Kv_now = now
+    Kp_then, Kv_then = then
+    untracked = b + Kp_now * error + Kv_now * rate
+    return untracked - Kp_then * (error - reference) - Kv_then * rate
 
 
 @formula
@@ -60,8 +66,9 @@ def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
 
     The error does not grow, however long h is.
     """
-    lag = 1.0 + 0.5 * h * (Kv + 0.5 * h * Kp)
-    return Kp / lag, (Kv + 0.5 * h * Kp) / lag
+    damping = Kv + 0.5 * h * Kp
+    lag = 1.0 + 0.5 * h * damping
+    return Kp / lag, damping / lag
 
 
 ROUNDING = 1e-9  #: Tolerance on the time of a goal [s].
@@ -72,7 +79,8 @@ JUST_BEFORE = 1e-6
 @formula
 def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) -> Any:
     """Rest acceleration q̈₀ of :func:`resting`, held for h [s], by the implicit midpoint rule."""
-    return (rest - 0.5 * h * stiffness * qd) / (1.0 + 0.5 * h * (damping + 0.5 * h * stiffness))
+    lag = 1.0 + 0.5 * h * (damping + 0.5 * h * stiffness)
+    return (rest - 0.5 * h * stiffness * qd) / lag
 
 
 @formula
@@ -90,7 +98,8 @@ def goal_at(begins: Any, t: float) -> int:
 
 def goals_at(begins: Any, t: Any) -> Any:
     """Indices (N,) of the goals that hold at many times (N,); see :func:`goal_at`."""
-    return np.maximum(np.searchsorted(begins, np.asarray(t) + ROUNDING, side="right") - 1, 0)
+    begun = np.searchsorted(begins, np.asarray(t) + ROUNDING, side="right")
+    return np.maximum(begun - 1, 0)
 
 
 @formula
@@ -101,4 +110,7 @@ def funnel(elapsed: Any, final: float, decay: float) -> tuple[Any, Any, Any]:
     """
     narrowing = (1.0 - final) * np.exp(-decay * np.maximum(elapsed, 0.0))
     rate = decay * (elapsed >= -1e-9)
-    return narrowing + final, -rate * narrowing, rate * rate * narrowing
+    rho = narrowing + final
+    rho_dot = -rate * narrowing
+    rho_ddot = rate * rate * narrowing
+    return rho, rho_dot, rho_ddot

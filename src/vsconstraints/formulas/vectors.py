@@ -23,7 +23,11 @@ def vector(x: Any) -> Vector:
 @formula
 def matrix(A: Any) -> Matrix:
     """Rows of an array (3, 3), as tuples."""
-    return (A[0, 0], A[0, 1], A[0, 2]), (A[1, 0], A[1, 1], A[1, 2]), (A[2, 0], A[2, 1], A[2, 2])
+    return (
+        (A[0, 0], A[0, 1], A[0, 2]),
+        (A[1, 0], A[1, 1], A[1, 2]),
+        (A[2, 0], A[2, 1], A[2, 2]),
+    )
 
 
 @formula
@@ -47,13 +51,21 @@ def times(scale: Any, a: Any) -> Vector:
 @formula
 def add_scaled(a: Any, scale: Any, b: Any) -> Vector:
     """Return a + scale b."""
-    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+    return (
+        a[0] + scale * b[0],
+        a[1] + scale * b[1],
+        a[2] + scale * b[2],
+    )
 
 
 @formula
 def cross(a: Any, b: Any) -> Vector:
     """Return a × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
 
 
 @formula
@@ -69,29 +81,33 @@ def rotate(A: Matrix, x: Any) -> Vector:
 
 
 @formula
+def transpose(A: Matrix) -> Matrix:
+    """Return Aᵀ."""
+    return (
+        (A[0][0], A[1][0], A[2][0]),
+        (A[0][1], A[1][1], A[2][1]),
+        (A[0][2], A[1][2], A[2][2]),
+    )
+
+
+@formula
 def rotate_inverse(A: Matrix, x: Any) -> Vector:
     """Return Aᵀ x."""
-    return (
-        A[0][0] * x[0] + A[1][0] * x[1] + A[2][0] * x[2],
-        A[0][1] * x[0] + A[1][1] * x[1] + A[2][1] * x[2],
-        A[0][2] * x[0] + A[1][2] * x[1] + A[2][2] * x[2],
-    )
+    return rotate(transpose(A), x)
 
 
 @formula
 def product(A: Matrix, B: Matrix) -> Matrix:
     """Return A B."""
-    return rotate_inverse(B, A[0]), rotate_inverse(B, A[1]), rotate_inverse(B, A[2])
+    columns = transpose(B)
+    return (
+        rotate(columns, A[0]),
+        rotate(columns, A[1]),
+        rotate(columns, A[2]),
+    )
 
 
 @formula
 def transposed_product(A: Matrix, B: Matrix) -> Matrix:
     """Return Aᵀ B."""
-    rows = rotate_inverse(A, (B[0][0], B[1][0], B[2][0]))
-    middle = rotate_inverse(A, (B[0][1], B[1][1], B[2][1]))
-    last = rotate_inverse(A, (B[0][2], B[1][2], B[2][2]))
-    return (
-        (rows[0], middle[0], last[0]),
-        (rows[1], middle[1], last[1]),
-        (rows[2], middle[2], last[2]),
-    )
+    return product(transpose(A), B)

@@ -92,25 +92,53 @@ def intersample_clearance(
 
 
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
-    """Return the numbers of the periods to be inspected."""
+    """Return the numbers of the periods in which a row may be lower inside than at both ends.
+
+    They are those whose lower end may dip below the least clearance of the row, or below zero, and
+    those in which a joint moves out and back, near a boundary or far.
+    """
     length = setup.constraints.characteristic_length
     least = clearance.min(axis=0)
-    near = NEAR * length
-    ends = np.minimum(clearance[:-1], clearance[1:])
+    lower_end = np.minimum(clearance[:-1], clearance[1:])
+    dip = _greatest_dips(clearance, length)
+    may_be_least = lower_end < np.clip(least, 0.0, NEAR * length) + dip
+    # a row that is deeply violated at both ends is also violated inside
+    is_open = (lower_end > -dip) | (lower_end < least + dip)
+    dips = (may_be_least & is_open).any(axis=1)
+    is_near = (lower_end < NEAR * length).any(axis=1)
+    way = _ways_back(setup, plant, states)
+    turns = (way > BACK[0]) & is_near | (way > BACK[1])
+    return np.flatnonzero(dips | turns)
+
+
+def _greatest_dips(clearance: Array, length: Array) -> Array:
+    """Return how far each row may dip below the ends of each period, (N − 1, m).
+
+    It is assumed not to exceed a multiple of the change in this period and its neighbours.
+    """
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(clearance, axis=0))
     change[~np.isfinite(change)] = np.inf
-    neighbours = np.pad(change, ((1, 1), (0, 0)))
-    dip = DIP[0] * np.maximum(change, np.maximum(neighbours[:-2], neighbours[2:])) + DIP[1] * length
-    # a row that is deeply violated at both ends is also violated inside
-    open_ = (ends > -dip) | (ends < least + dip)
-    inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)
-    # half the distance that a joint moves out and back at a constant acceleration; with two
-    # accelerations, if the command changes inside
-    speeds = [states[:-1, 1], states[1:, 1]]
+    padded = np.pad(change, ((1, 1), (0, 0)))
+    in_neighbours = np.maximum(padded[:-2], padded[2:])
+    dip: Array = DIP[0] * np.maximum(change, in_neighbours) + DIP[1] * length
+    return dip
+
+
+def _ways_back(setup: Setup, plant: Plant, states: Array) -> Array:
+    """Return half the distance that a joint moves out and back in each period, (N − 1,).
+
+    The acceleration is constant in a period, or before and after the change of the command.
+    """
+    first = states[:-1, 1]
+    last = states[1:, 1]
+    speeds = [first, last]
     if plant.switch:
-        speeds.insert(1, plant.within(states, np.arange(len(states) - 1), plant.switch)[1])
-    turned = [np.maximum(-a * b, 0.0).max(axis=1) for a, b in pairwise(speeds)]
-    way = 0.25 * setup.Ts * np.sqrt(np.max(turned, axis=0))
-    turns = (way > BACK[0]) & (ends < near).any(axis=1) | (way > BACK[1])
-    return np.flatnonzero(inspected | turns)
+        periods = np.arange(len(states) - 1)
+        _, at_switch = plant.within(states, periods, plant.switch)
+        speeds = [first, at_switch, last]
+    reversals = []
+    for before, after in pairwise(speeds):
+        reversals.append(np.maximum(-before * after, 0.0).max(axis=1))
+    way: Array = 0.25 * setup.Ts * np.sqrt(np.max(reversals, axis=0))
+    return way
