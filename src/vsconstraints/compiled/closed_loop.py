@@ -43,9 +43,18 @@ def now(clock: IntArray) -> float:
 
 @in_place
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
-    """Run a law. Return False if Python has to run it."""
+    """Run a law. Return False if Python has to run it.
+
+    Of a law that commands joint speeds, the answer becomes the q̈ by which the arm carries them
+    out.
+    """
     code = apply_law(law_address, loop.rows, loop.task, answer)
-    return code == SOLVED or code >= RELAXED_ROWS
+    if code != SOLVED and code < RELAXED_ROWS:
+        return False
+    commanded = load_law(law_address).speeds
+    for j in range(commanded.size):
+        answer.qdd[j] = (commanded[j] - loop.plant.speeds[j]) / loop.Ts[0]
+    return True
 
 
 @checked(Loop)

@@ -43,7 +43,8 @@ class PlantArrays(NamedTuple):
     """Arrays of a plant: transition, state, scratch, d_c (N or 1, n), limits and last command.
 
     See :class:`vsconstraints.simulation.plant.Plant`. ``limits`` are those of the actuators, (0,)
-    each if there are none. ``last`` is the previous command.
+    each if there are none. ``last`` is the previous command. ``speeds`` are those from which the
+    arm goes to commanded ones within a period.
     """
 
     transition: Annotated[Array, F8, "s", "s"]
@@ -52,6 +53,7 @@ class PlantArrays(NamedTuple):
     push: Annotated[Array, F8, "N", "n"]
     limits: JointLimits
     last: Annotated[Array, F8, "n"]
+    speeds: Annotated[Array, F8, "n"]
 
 
 class Kept(NamedTuple):

@@ -15,7 +15,7 @@ from ..formulas.limits import JointLimits
 from ..plugins.extras import demand
 from ..robots.limits import per_joint
 from ..robots.robot import Robot
-from ..rows import Array, Command, IntArray
+from ..rows import Array, IntArray
 from ..simulation.disturbances import Disturbances
 from ..simulation.follower import LowLevelLoop
 from ..simulation.plant import Plant, cubic
@@ -280,11 +280,10 @@ class DynamicPlant(Plant):
         if self._loop is not None:
             self._loop.take_speeds()
 
-    def acceleration_of(self, command: Command) -> Array:
+    @property
+    def speeds(self) -> Array:
         """See :class:`.Plant`."""
-        if self._loop is None:
-            return super().acceleration_of(command)
-        return self._loop.acceleration_of(command)
+        return super().speeds if self._loop is None else self._loop.speeds
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

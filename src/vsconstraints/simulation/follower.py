@@ -14,7 +14,7 @@ from ..compiled.workspace import Workspace, zeros
 from ..controllers.delay import split_delay
 from ..errors import ConfigurationError, format_value
 from ..robots.limits import PerJoint, per_joint
-from ..rows import Array, Command
+from ..rows import Array
 from .disturbances import Disturbances
 from .plant import Plant
 
@@ -202,12 +202,11 @@ class LowLevelLoop:
         """Let q_c advance by T_s q̇_c with the new q̇_c, as for a law that commands speeds."""
         self.arrays.implicit[0] = 1
 
-    def acceleration_of(self, command: Command) -> Array:
-        """Return the q̈_c (n,) of a command, or that from the last commanded q̇_c to its own."""
-        if not len(command.qd):
-            return command.qdd
-        qdd: Array = (command.qd - self.x[self.kernels.COMMANDS + 1]) / self.Ts
-        return qdd
+    @property
+    def speeds(self) -> Array:
+        """(n,) last commanded q̇_c; the array changes with the state."""
+        speeds: Array = self.x[self.kernels.COMMANDS + 1]
+        return speeds
 
     def remarks(self) -> list[str]:
         """Return a remark on the integration between law and arm, for a reader of the results."""
@@ -254,9 +253,10 @@ class FollowingPlant(Plant):
         """See :class:`.Plant`."""
         self.loop.take_speeds()
 
-    def acceleration_of(self, command: Command) -> Array:
+    @property
+    def speeds(self) -> Array:
         """See :class:`.Plant`."""
-        return self.loop.acceleration_of(command)
+        return self.loop.speeds
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

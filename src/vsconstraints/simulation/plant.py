@@ -100,9 +100,8 @@ class Plant:
         The loop writes its commands to ``last`` (n,). d_c is drawn beforehand for all periods.
         """
         pushes = self._pushes(np.random.default_rng(self._seed), periods)
-        return PlantArrays(
-            self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last
-        )
+        after = np.empty_like(self.x)
+        return PlantArrays(self.transition, self.x, after, pushes, self._limits, last, self.speeds)
 
     def _pushes(self, random: np.random.Generator, periods: int) -> Array:
         """Return d_c (N, n) of the coming periods; (1, n) if it is constant."""
@@ -125,14 +124,24 @@ class Plant:
     def take_speeds(self) -> None:
         """Prepare for a law that commands speeds."""
 
+    @property
+    def speeds(self) -> Array:
+        """(n,) speeds from which the arm goes to commanded ones within a period.
+
+        They are q̇; for a loop that takes velocities or positions, the last commanded q̇_c. The
+        array changes with the state.
+        """
+        speeds: Array = self.x[1]
+        return speeds
+
     def acceleration_of(self, command: Command) -> Array:
         """Return the q̈_c (n,) by which the arm carries out a command.
 
-        An arm that takes accelerations reaches commanded speeds within a period, (q̇_c − q̇) / T_s.
+        Commanded speeds are reached within a period: (q̇_c − ``speeds``) / T_s.
         """
         if not len(command.qd):
             return command.qdd
-        qdd: Array = (command.qd - self.x[1]) / self.Ts
+        qdd: Array = (command.qd - self.speeds) / self.Ts
         return qdd
 
     def check(self) -> None:
