@@ -231,6 +231,11 @@ def test_what_an_arm_cannot_be_is_refused(arm: dict[str, Any], words: str) -> No
         scene(**arm).setup()
 
 
+def test_a_rate_is_one_number() -> None:
+    with pytest.raises(ConfigurationError, match=r"arm\.rate must be one positive .*\[500\.0\]"):
+        ArmInput("velocity", rate=[500.0])  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("value", ["8", True, [None, 1.0], np.nan, -1.0])
 def test_values_that_are_no_numbers_are_refused_in_python(value: Any) -> None:
     for name in ("acceleration", "rate", "lag"):
@@ -269,6 +274,36 @@ def test_the_compiled_loop_moves_the_arm_as_the_one_in_python() -> None:
     slow = simulate(setup, HierarchicalQP(), by_public_call=True)
     assert "the arm takes positions" in fast.reason
     np.testing.assert_allclose(fast.q, slow.q, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "arm",
+    [
+        ArmInput("velocity", acceleration=8.0),
+        ArmInput("velocity", lag=0.02, acceleration=8.0, jerk=800.0),
+        ArmInput("position", lag=0.02, acceleration=8.0),
+    ],
+    ids=repr,
+)
+def test_the_reference_of_an_arm_with_mass_ends_where_the_loop_does(arm: ArmInput) -> None:
+    """After 500 commands that jump; a reference with the speeds of the loop would drift off."""
+    loop = LowLevelLoop(arm, np.zeros(1), np.zeros(1), T_S)
+    loop.take_speeds()
+    k = loop.kernels
+    q, qd = np.zeros(1), np.zeros(1)
+    loop.lead(q, qd, (0, 0))
+    x = np.zeros((4, 1))
+    jumps = 0.3 * np.random.default_rng(0).normal(size=500)
+    distances = []
+    for wanted in [*jumps, *[0.0] * 100]:
+        x[-2] = (wanted - loop.speeds) / T_S
+        k.refer(loop.workspace, x)
+        q += T_S * (qd + 0.5 * T_S * x[-2])
+        qd += T_S * x[-2]
+        distances.append(float(np.abs(q - loop.x[k.Q])[0]))
+    assert max(distances) < 8.0 * T_S**2  # what a limit of 8 rad/s² does to a period
+    assert distances[-1] < 1e-9
+    assert np.abs(qd).max() < 1e-9
 
 
 @pytest.mark.parametrize("controller", ["computed-torque", "position", "speed"])

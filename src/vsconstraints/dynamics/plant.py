@@ -270,9 +270,10 @@ class DynamicPlant(Plant):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
             self.mover = self._compiled.MOVE, self.workspace.address
-        if loop is not None and self.mover[0]:
-            loop.moving(*self.mover)
-            self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
+        if loop is not None:
+            loop.lead(self.arm.memory.q_c, self.arm.memory.qd_c, self.mover)
+            if self.mover[0]:
+                self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
         self._compiled.begin(self.workspace, self.x)
 
     def take_speeds(self) -> None:

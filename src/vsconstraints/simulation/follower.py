@@ -56,12 +56,16 @@ class ArmInput:
             raise ConfigurationError(
                 f"arm.lag is a number of seconds, 0 or more, not {format_value(self.lag)}"
             )
-        for name in ("acceleration", "jerk", "rate"):
+        for name in ("acceleration", "jerk"):
             value = getattr(self, name)
             if not (value is None or _positive(value)):
                 raise ConfigurationError(
                     f"arm.{name} must be positive and finite, not {format_value(value)}"
                 )
+        if not (self.rate is None or (np.ndim(self.rate) == 0 and _positive(self.rate))):
+            raise ConfigurationError(
+                f"arm.rate must be one positive and finite number, not {format_value(self.rate)}"
+            )
         if self.command == "acceleration":
             self._refuse_loop()
         elif self.jerk is not None and self.lag == 0.0:
@@ -193,9 +197,14 @@ class LowLevelLoop:
         """True if the acceleration of every joint is limited."""
         return bool(np.isfinite(self.arrays.acceleration).all())
 
-    def moving(self, move: int, moved: int) -> None:
-        """Set the addresses of the function that moves the following arm, and of its workspace."""
-        self.arrays = self.arrays._replace(move=move, moved=moved)
+    def lead(self, q_c: Array, qd_c: Array, mover: tuple[int, int]) -> None:
+        """Let the motion be the reference of an arm with mass.
+
+        ``q_c`` and ``qd_c`` (n,) are the arrays of that reference. ``mover`` are the addresses of
+        the function that moves the arm, and of its workspace.
+        """
+        move, moved = mover
+        self.arrays = self.arrays._replace(q_c=q_c, qd_c=qd_c, move=move, moved=moved)
         self.workspace = Workspace(self.arrays)
 
     def take_speeds(self) -> None:
