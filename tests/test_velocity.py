@@ -422,6 +422,7 @@ ARMS: dict[str, dict[str, Any]] = {
     "velocities": {"arm": {"command": "velocity", "lag": 0.02, "acceleration": 8.0}},
     "positions": {"arm": {"command": "position", "lag": 0.02, "acceleration": 8.0, "rate": 250.0}},
     "accelerations": {"limits": {"acceleration": 8.0}},
+    "late": {"limits": {"acceleration": 8.0}, "disturbances": {"command_delay": 0.003}},
     "mass": {
         "arm": {"command": "velocity", "lag": 0.02, "acceleration": 8.0},
         "plant": {"type": "dynamics", "effort": 1e4},

@@ -16,6 +16,7 @@ from .workspace import RELAXED_ROWS, SOLVED, TOLERANCE, Answer, zeros
 for name in (
     "put",
     "hold",
+    "go_to_speeds",
     "saturate",
     "judge_contact",
     "mark_acting",
@@ -51,9 +52,7 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     code = apply_law(law_address, loop.rows, loop.task, answer)
     if code != SOLVED and code < RELAXED_ROWS:
         return False
-    commanded = load_law(law_address).speeds
-    for j in range(commanded.size):
-        answer.qdd[j] = (commanded[j] - loop.plant.speeds[j]) / loop.Ts[0]
+    samples.go_to_speeds(loop.plant, load_law(law_address).speeds, loop.Ts[0], answer.qdd)
     return True
 
 

@@ -281,10 +281,9 @@ class DynamicPlant(Plant):
         if self._loop is not None:
             self._loop.take_speeds()
 
-    @property
-    def speeds(self) -> Array:
+    def speed_rows(self) -> tuple[Array, Array]:
         """See :class:`.Plant`."""
-        return super().speeds if self._loop is None else self._loop.speeds
+        return super().speed_rows() if self._loop is None else self._loop.speed_rows()
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

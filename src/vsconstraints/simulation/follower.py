@@ -211,11 +211,10 @@ class LowLevelLoop:
         """Let q_c advance by T_s q̇_c with the new q̇_c, as for a law that commands speeds."""
         self.arrays.implicit[0] = 1
 
-    @property
-    def speeds(self) -> Array:
-        """(n,) last commanded q̇_c; the array changes with the state."""
-        speeds: Array = self.x[self.kernels.COMMANDS + 1]
-        return speeds
+    def speed_rows(self) -> tuple[Array, Array]:
+        """Return the weight (1,) and the row (1, n) of the last commanded q̇_c in the state."""
+        row = self.kernels.COMMANDS + 1
+        return np.ones(1), self.x[row : row + 1]
 
     def remarks(self) -> list[str]:
         """Return a remark on the integration between law and arm, for a reader of the results."""
@@ -262,10 +261,16 @@ class FollowingPlant(Plant):
         """See :class:`.Plant`."""
         self.loop.take_speeds()
 
-    @property
-    def speeds(self) -> Array:
+    def speed_rows(self) -> tuple[Array, Array]:
         """See :class:`.Plant`."""
-        return self.loop.speeds
+        return self.loop.speed_rows()
+
+    @property
+    def reversals(self) -> tuple[float, ...]:
+        """See :class:`.Plant`: a loop of positions wants another speed at each instant."""
+        if self.loop.arm.command == "position" and self.loop.arrays.ticks > 1:
+            return tuple(sorted({0.25, 0.5, 0.75, *super().reversals}))
+        return super().reversals
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

@@ -105,11 +105,11 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     # a row that is deeply violated at both ends is also violated inside
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)
-    # half the distance that a joint moves out and back at a constant acceleration; with two
+    # half the distance that a joint moves out and back at a constant acceleration; with several
     # accelerations, if the command changes inside
     speeds = [states[:-1, 1], states[1:, 1]]
-    if plant.switch:
-        speeds.insert(1, plant.within(states, np.arange(len(states) - 1), plant.switch)[1])
+    every = np.arange(len(states) - 1)
+    speeds[1:1] = [plant.within(states, every, share)[1] for share in plant.reversals]
     turned = [np.maximum(-a * b, 0.0).max(axis=1) for a, b in pairwise(speeds)]
     way = 0.25 * setup.Ts * np.sqrt(np.max(turned, axis=0))
     turns = (way > BACK[0]) & (ends < near).any(axis=1) | (way > BACK[1])
