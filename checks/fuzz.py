@@ -47,8 +47,8 @@ PERIOD = 0.01
 PATIENCE = 600.0
 """Time limit of the first answer [s]: compiling all demands and resolvers takes long."""
 
-LAWS = tuple(name for name in CONTROLLERS if not {"model", "q̇"} & {*make_controller(name).uses})
-"""Laws that need only rows and a task; velocity laws, which also need q̇, are not among them."""
+LAWS = tuple(name for name in CONTROLLERS if "model" not in make_controller(name).uses)
+"""Laws that need only rows and a task."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from vsconstraints.rows import OPTIONAL, Array, Rows, Task
 from vsconstraints.rows.checks import FARTHEST
 
 ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
-TASK = ("J", "b", "error", "error_rate")
+TASK = ("J", "b", "error", "error_rate", "qd")
 
 MALFORMED = 0.2
 """Share of the inputs with a wrong type or shape, or with a number that is not finite."""
@@ -67,7 +67,7 @@ def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
     K = rng.uniform(0.1, 2.0, m)
     sigma_dot = rng.normal(size=m)
     rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale, phi - K * sigma_dot, sigma_dot, K)
-    task = Task(J, *rng.normal(size=(3, k)))
+    task = Task(J, *rng.normal(size=(3, k)), qd=rng.normal(size=n))
     if rng.random() < 0.5:
         rows, task = scaled(rng, rows, task)
     return rows, task
@@ -127,7 +127,7 @@ def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task
                     values[name] * (by if values[name].ndim == 1 else by[:, None]), least
                 )
     return replace(rows, **{name: values[name] for name in ROWS}), Task(
-        *(values[name] for name in TASK)
+        **{name: values[name] for name in TASK}
     )
 
 
@@ -162,10 +162,8 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
     for _ in range(1 + (rng.random() < 0.2)):
         name = str(rng.choice((*ROWS, *TASK)))
         if name in TASK:
-            # laws that do not use e and ė need not check them
-            changed, sound = wrong(
-                rng, getattr(task, name), None if name.startswith("error") else sound
-            )
+            # laws that do not use e, ė and q̇ need not check them
+            changed, sound = wrong(rng, getattr(task, name), sound if name in "Jb" else None)
             task = replace(task, **{name: changed})
         elif name == "scale":
             changed = not_finite(rng, rows.scale)
@@ -299,7 +297,32 @@ def pair(rng: np.random.Generator) -> dict[str, Any]:
     return {"demand": demand.name, "resolver": resolver.name, **parameters}
 
 
+def avoidance(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw options of the avoidance of limits at the level of speeds."""
+    return {
+        "gain": power(rng, 2.0, 100.0),
+        "avoids": str(rng.choice(("ranges", "all"))),
+        "zone": min(power(rng, 0.1, 10.0), 0.5),
+    }
+
+
+def program(rng: np.random.Generator) -> dict[str, Any]:
+    """Draw options of a quadratic program over joint speeds."""
+    options: dict[str, Any] = {"gain": power(rng, 2.0, 100.0)}
+    if rng.random() < 0.5:
+        options["gain_at_zero"] = options["gain"] * power(rng, 4.0, 2.0)
+    if rng.random() < 0.5:
+        options["max_acceleration"] = "limits" if rng.random() < 0.3 else power(rng, 10.0, 100.0)
+    if rng.random() < 0.3:
+        options["damping"] = power(rng, 1e-6, 6.0)
+    return options
+
+
 OPTIONS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
+    "resolved-rate-avoidance": avoidance,
+    "velocity-qp": program,
+    "velocity-hierarchical-qp": program,
+    "velocity-damper": program,
     "potential-field": field,
     "hierarchical-qp": hierarchy,
     "law": pair,

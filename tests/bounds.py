@@ -22,7 +22,10 @@ from vsconstraints.controllers import (
     Controller,
     Filter,
     Law,
+    ResolvedRateAvoidance,
     Saturation,
+    VelocityHierarchicalQP,
+    VelocityQP,
 )
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Rows, Task
@@ -36,7 +39,7 @@ BOXES = {"none": None, "wide": 100.0, "tight": 0.5, "zero": 0.0}
 
 
 def problem(m: int, n: int, k: int, box: float | None, seed: int) -> tuple[Rows, Task]:
-    """Rows that are outside, at and inside their boundaries, and a task."""
+    """Rows that are outside, at and inside their boundaries, and a task at some speed."""
     rng = np.random.default_rng(seed)
     sigma = rng.normal(-0.2, 0.5, m)
     sigma_dot = rng.normal(0.0, 0.3, m)
@@ -56,11 +59,12 @@ def problem(m: int, n: int, k: int, box: float | None, seed: int) -> tuple[Rows,
     )
     J = rng.normal(size=(k, n))
     J[:, seed % n] *= seed % 2  # now and then a joint that the task does not move
-    return rows, Task(J, rng.normal(size=k), 0.2 * rng.normal(size=k))
+    error, error_rate = 0.2 * rng.normal(size=(2, k))
+    return rows, Task(J, rng.normal(size=k), error, error_rate, qd=rng.normal(size=n))
 
 
 def laws() -> list[Controller]:
-    """Every law that needs no model of the scene and no joint speeds."""
+    """Every law that needs no model of the scene."""
     resolvers = (
         *(resolver() for resolver in RESOLVERS),
         Filter(metric="task"),
@@ -69,7 +73,10 @@ def laws() -> list[Controller]:
     pairs = [Law(demand(), resolver) for demand in DEMANDS for resolver in resolvers]
     return [
         *pairs,
-        *(law() for law in CONTROLLERS.values() if not {"model", "q̇"} & {*law().uses}),
+        *(law() for law in CONTROLLERS.values() if "model" not in law().uses),
+        VelocityQP(max_acceleration=5.0),
+        VelocityHierarchicalQP(max_acceleration="limits"),
+        ResolvedRateAvoidance(avoids="all", zone=0.5),
     ]
 
 

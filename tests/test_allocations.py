@@ -20,7 +20,6 @@ from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
     RESOLVERS,
-    VELOCITY_LAWS,
     Barrier,
     Hierarchy,
     Law,
@@ -37,11 +36,8 @@ SCENARIOS = [scenario.name for scenario in Suite.load().scenarios]
 
 
 def laws() -> Iterator[Controller]:
-    """Every registered law, every demand with both kinds of resolvers, and every resolver.
-
-    Laws of joint speeds are left out: they are not compiled.
-    """
-    yield from (law() for law in CONTROLLERS.values() if law not in VELOCITY_LAWS)
+    """Every registered law, every demand with both kinds of resolvers, and every resolver."""
+    yield from (law() for law in CONTROLLERS.values())
     yield from (
         Law(demand(), resolver) for demand in DEMANDS for resolver in (Priority(), Hierarchy())
     )

@@ -42,9 +42,30 @@ ACCELERATION_LAWS = [name for name, law in CONTROLLERS.items() if law not in VEL
 
 
 @pytest.mark.parametrize("law", VELOCITY_LAWS, ids=lambda law: law.name)
-def test_the_delay_of_joint_speeds_is_not_compensated(law: type[Controller]) -> None:
-    with pytest.raises(ConfigurationError, match="this law commands joint speeds"):
-        make_controller(law.name, {"command_delay": 0.01})
+@pytest.mark.parametrize("periods", [1.0, 17.3])
+def test_commanded_speeds_are_those_without_a_delay(law: type[Controller], periods: float) -> None:
+    """Also within two bounds of accelerations, and in a loop of calls.
+
+    The arm has the commanded speeds at once, and takes ten commands a period.
+    """
+    arm = {"command": "velocity", "rate": 10.0 / PERIOD}
+    scenario = STATIC.with_override("arm", arm)
+    delay = periods * PERIOD
+    plain = simulate(scenario.setup(), make_controller(law.name))
+    told = make_controller(law.name, {"command_delay": delay})
+    runs = [
+        simulate(late(delay, scenario).setup(), told, by_public_call=by_calls)
+        for by_calls in (False, True)
+    ]
+    scale = np.abs(plain.qdd_command).max()
+    for run in runs:
+        assert run.compiled == plain.compiled
+        n = min(len(plain.t), len(run.t))
+        assert n > 0.9 * STATIC.setup().duration / PERIOD
+        np.testing.assert_allclose(run.qdd_command[:n], plain.qdd_command[:n], atol=1e-7 * scale)
+    blind = simulate(late(delay, scenario).setup(), make_controller(law.name)).qdd_command
+    n = min(len(blind), len(plain.t))
+    assert np.abs(blind[:n] - plain.qdd_command[:n]).max() > 1e-3 * scale
 
 
 @pytest.mark.parametrize("name", ACCELERATION_LAWS)

@@ -6,6 +6,8 @@ numbers worked out by hand.
 
 from __future__ import annotations
 
+import inspect
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -14,10 +16,13 @@ import numpy as np
 import pytest
 
 from vsconstraints.arms import Job, driver_for, run_on_arm
+from vsconstraints.compiled import load
 from vsconstraints.controllers import (
+    CONTROLLERS,
     VELOCITY_LAWS,
     Observed,
     ResolvedRate,
+    ResolvedRateAvoidance,
     VelocityController,
     VelocityDamper,
     VelocityHierarchicalQP,
@@ -325,6 +330,123 @@ def test_rows_without_sigma_are_refused_by_name(name: str) -> None:
     rows, task = problem(0, m=4)
     with pytest.raises(InvalidInput, match=r"rows\.sigma"):
         made(name).command(replace(rows, sigma=np.empty(0)), task)
+
+
+# --- compiled ---
+
+FORMS: list[dict[str, Any]] = [
+    {},
+    {"gain": 0.4, "gain_at_zero": 4.0},
+    {"avoids": "all", "zone": 0.5},
+    {"max_acceleration": 20.0},
+    {"max_acceleration": "limits"},
+    {"task_weights": [1.0, 2.0, 0.5, 1.0, 3.0, 1.0], "weights": {"range[joint 1]": 5.0}},
+    {"influence": 1.5, "security": 0.1, "speed": 0.3},
+]
+
+
+def takes(name: str, options: dict[str, Any]) -> bool:
+    """True if a law has these options."""
+    return options.keys() <= inspect.signature(CONTROLLERS[name]).parameters.keys()
+
+
+FORMS_OF_LAWS = [(name, each) for name in NAMES for each in FORMS if takes(name, each)]
+
+
+@pytest.mark.skipif(load("laws") is None, reason="there is no compiler")
+@pytest.mark.parametrize(("name", "options"), FORMS_OF_LAWS)
+def test_compiled_laws_command_what_they_do_in_numpy(name: str, options: dict[str, Any]) -> None:
+    """Sample by sample, each with the last command of its own; also with an arm's limits."""
+    one, other = made(name, **options), made(name, **options)
+    acted = 0
+    for seed in range(30):
+        n = 7 if seed % 10 < 3 else 6
+        rows, task = problem(seed, n)
+        if n == 6:
+            limit = np.full(n, 15.0)
+            rows = replace(rows, qdd_min=-limit, qdd_max=limit)
+        expected = one.define(rows, task)
+        found = other.compute(rows, task)
+        if found is None:
+            # the last command is of another arm, or the box that of another scene
+            assert seed % 10 in (0, 3)
+            found = other.define(rows, task)
+        scale = 1.0 + np.linalg.norm(expected.qd)
+        assert (found.status, found.labels) == (expected.status, expected.labels)
+        np.testing.assert_array_equal(found.acted, expected.acted)
+        np.testing.assert_allclose(found.qd, expected.qd, rtol=0.0, atol=1e-12 * scale)
+        np.testing.assert_allclose(found.qdd, expected.qdd, rtol=0.0, atol=2e-12 * scale / T_S)
+        np.testing.assert_array_equal(other.last, found.qd)
+        assert found.reason == expected.reason
+        acted += int(found.acted.sum())
+    assert acted > 0 or "avoidance" in name or name == "resolved-rate"
+
+
+def test_what_a_subclass_overrides_counts() -> None:
+    """A compiled form belongs to the class that declares it, and to its options as they are."""
+
+    class Slow(VelocityQP):
+        def task_of(self, task: Task) -> tuple[Array, Array]:
+            J, v = super().task_of(task)
+            return J, 0.5 * v
+
+    rows, task = problem(1)
+    law, slow = VelocityQP(), Slow()
+    half = VelocityQP(gain=1.0)
+    for each in (law, slow, half):
+        each.reset(period=T_S)
+    free = replace(task, error_rate=task.J @ task.qd)
+    assert slow.compute(rows, free) is None
+    np.testing.assert_allclose(slow.command(rows, free).qd, half.command(rows, free).qd)
+    law.command(rows, free)
+    law.gain = 1.0
+    np.testing.assert_array_equal(law.command(rows, free).qd, half.command(rows, free).qd)
+    law.solve = lambda rows, task: np.ones(6)  # type: ignore[method-assign, assignment, return-value]
+    np.testing.assert_array_equal(law.command(rows, free).qd, np.ones(6))
+
+
+def test_a_failed_command_of_a_compiled_law_is_not_its_last() -> None:
+    rows, task = problem(4)
+    law = made("velocity-qp")
+    first = law.command(rows, task).qd
+    with pytest.raises(InvalidInput, match=r"task\.qd is not finite"):
+        law.command(rows, replace(task, qd=np.full(6, np.inf)))
+    np.testing.assert_array_equal(law.last, first)
+    copied = pickle.loads(pickle.dumps(law))
+    np.testing.assert_array_equal(copied.last, first)
+    copied.command(rows, replace(task, error=2.0 * task.error))
+    np.testing.assert_array_equal(law.last, first)
+
+
+ARMS: dict[str, dict[str, Any]] = {
+    "velocities": {"arm": {"command": "velocity", "lag": 0.02, "acceleration": 8.0}},
+    "positions": {"arm": {"command": "position", "lag": 0.02, "acceleration": 8.0, "rate": 250.0}},
+    "accelerations": {"limits": {"acceleration": 8.0}},
+    "late": {"limits": {"acceleration": 8.0}, "disturbances": {"command_delay": 0.003}},
+    "mass": {
+        "arm": {"command": "velocity", "lag": 0.02, "acceleration": 8.0},
+        "plant": {"type": "dynamics", "effort": 1e4},
+    },
+}
+
+
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("law", [ResolvedRate, ResolvedRateAvoidance, VelocityQP, VelocityDamper])
+def test_the_compiled_loop_is_the_one_in_python(law: type[VelocityController], arm: str) -> None:
+    """A subclass is not compiled."""
+    scene = Scenario.load("ur5-fov").with_override("duration", 0.2)
+    for key, value in ARMS[arm].items():
+        scene = scene.with_override(key, value)
+    setup = scene.setup()
+    compiled = simulate(setup, law())
+    in_python = simulate(setup, type("Plain", (law,), {})())
+    assert (compiled.compiled, in_python.compiled) == (load("compiler").compiles(), False)
+    assert compiled.status == in_python.status
+    np.testing.assert_allclose(compiled.q, in_python.q, rtol=0.0, atol=1e-12)
+    scale = np.abs(in_python.qdd_command).max()
+    np.testing.assert_allclose(
+        compiled.qdd_command, in_python.qdd_command, rtol=0.0, atol=1e-11 * scale
+    )
 
 
 # --- in scenes ---

@@ -16,6 +16,7 @@ from .workspace import RELAXED_ROWS, SOLVED, TOLERANCE, Answer, zeros
 for name in (
     "put",
     "hold",
+    "go_to_speeds",
     "saturate",
     "judge_contact",
     "mark_acting",
@@ -43,9 +44,16 @@ def now(clock: IntArray) -> float:
 
 @in_place
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
-    """Run a law. Return False if Python has to run it."""
+    """Run a law. Return False if Python has to run it.
+
+    Of a law that commands joint speeds, the answer becomes the q̈ by which the arm carries them
+    out.
+    """
     code = apply_law(law_address, loop.rows, loop.task, answer)
-    return code == SOLVED or code >= RELAXED_ROWS
+    if code != SOLVED and code < RELAXED_ROWS:
+        return False
+    samples.go_to_speeds(loop.plant, load_law(law_address).speeds, loop.Ts[0], answer.qdd)
+    return True
 
 
 @checked(Loop)

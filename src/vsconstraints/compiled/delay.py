@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,11 +24,14 @@ class DelayArrays(NamedTuple):
     loop: int
     step: int
     frozen: int  #: 1 if everything is predicted at the current time.
+    speeds: int  #: 1 if the law commands joint speeds.
     #: T_s, delay of commands, and remaining duration of the first pending command [s].
     period: float
     delay: float
     first: float
-    sent: Array  #: (w, n) pending commands, in the order in which they act.
+    #: (w, n) pending commands, in the order in which they act: q̈, or q̇ with NaN where there was no
+    #: command.
+    sent: Array
     now: Array  #: (1 + 2n,) t, q, q̇.
     #: Predicted rows with the current limits of q̈, and the answer to them.
     ahead: RowArrays
@@ -41,8 +45,9 @@ class DelayArrays(NamedTuple):
         frozen: bool,
         period: float,
         delay: tuple[int, float],
+        speeds: bool = False,
     ) -> DelayArrays:
-        """Return arrays whose pending commands are zero.
+        """Return arrays whose pending commands leave the speeds of the joints as they are.
 
         ``delay`` is a number of whole periods and the rest [s].
         """
@@ -52,10 +57,11 @@ class DelayArrays(NamedTuple):
         return cls(
             *addresses,
             int(frozen),
+            int(speeds),
             period,
             late,
             first,
-            np.zeros((under_way, n)),
+            np.full((under_way, n), math.nan if speeds else 0.0),
             np.zeros(1 + 2 * n),
             zeros(RowArrays),
             zeros(Answer),
@@ -67,7 +73,10 @@ load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
 
 @in_place
 def foresee(own: DelayArrays) -> None:
-    """Advance the state ``own.now`` to the time at which a command issued now begins to act."""
+    """Advance the state ``own.now`` to the time at which a command issued now begins to act.
+
+    Commanded speeds are those of the joints from the moment at which they act.
+    """
     commands, n = own.sent.shape
     if own.frozen == 0:
         own.now[0] += own.delay
@@ -75,18 +84,22 @@ def foresee(own: DelayArrays) -> None:
         T = own.period if k > 0 else own.first
         for j in range(n):
             qdd = own.sent[k, j]
+            if own.speeds == 1:
+                qd = own.now[1 + n + j] if math.isnan(qdd) else qdd
+                own.now[1 + n + j] = qd
+                qdd = 0.0
             own.now[1 + j] += T * (own.now[1 + n + j] + 0.5 * T * qdd)
             own.now[1 + n + j] += T * qdd
 
 
 @in_place
-def send(own: DelayArrays, rows: RowArrays, qdd: Array) -> None:
-    """Append a command to the pending ones."""
+def send(own: DelayArrays, rows: RowArrays, command: Array) -> None:
+    """Append a command, q̈ or q̇ (n,), to the pending ones."""
     commands, n = own.sent.shape
     for j in range(n):
         for k in range(1, commands):
             own.sent[k - 1, j] = own.sent[k, j]
-        own.sent[commands - 1, j] = within(rows, j, qdd[j])
+        own.sent[commands - 1, j] = command[j] if own.speeds == 1 else within(rows, j, command[j])
 
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
@@ -124,5 +137,5 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     share_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
     if code == SOLVED or code >= RELAXED_ROWS:
-        send(own, rows, answer.qdd)
+        send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)
     return code

@@ -35,6 +35,9 @@ PUSH = -1
 #: Most parts of the motion between two instants at which the arm takes commands.
 MOST_PARTS = 64
 SAME = 1e-12  #: Relative difference below which two accelerations are the same.
+#: Share of the distance between the loop and the reference of an arm with mass that is removed in
+#: each period. With 1, the speed of the reference would jump by twice as much.
+REMOVED = 0.5
 
 
 class Follower(NamedTuple):
@@ -46,8 +49,9 @@ class Follower(NamedTuple):
     arrived, and ``fresh`` is 1 where it is not that of the instant before. ``positions`` is 1 if
     the arm takes positions. ``implicit`` (1,) is 1 if q_c advances with the new q̇_c alone, as for
     laws that command speeds. ``lag`` is τ [s], ``feedback`` is κ [1/s]. ``reference`` is the state
-    of the loop. Where an arm with mass follows it as its reference, ``move`` and ``moved`` are the
-    addresses of the function that moves that arm, and of its workspace.
+    of the loop. Where an arm with mass follows it as its reference, ``q_c`` and ``qd_c`` are the
+    reference of its joint controllers, and ``move`` and ``moved`` the addresses of the function
+    that moves that arm, and of its workspace.
     """
 
     Ts: float
@@ -63,6 +67,8 @@ class Follower(NamedTuple):
     acceleration: Annotated[Array, F8, "n"]
     jerk: Annotated[Array, F8, "n"]
     reference: Annotated[Array, F8, "s", "n"]
+    q_c: Annotated[Array, F8, "n"]
+    qd_c: Annotated[Array, F8, "n"]
     move: int
     moved: int
 
@@ -301,24 +307,30 @@ def follow_part(follower_address: int, x: Array, span: float) -> None:
 
 @in_place
 def write_reference(f: Follower, x: Array) -> None:
-    """Move the loop through a period, and replace the command x[-2] by its mean acceleration."""
+    """Move the loop through a period, and replace the command x[-2] by that of its reference.
+
+    The reference moves with a constant acceleration: with the one that leads to the loop's speed,
+    it would end at some distance from the loop, and these distances would add up. A share of the
+    distance is therefore removed.
+    """
     own = f.reference
+    Ts = f.Ts
     for j in range(x.shape[1]):
         own[COMMAND, j] = x[COMMAND, j]
-        # the speed at the beginning, until that at the end is known
-        x[COMMAND, j] = -own[QD, j]
     integrate_command(f, own)
-    advance(f, own, f.Ts)
+    advance(f, own, Ts)
     for j in range(x.shape[1]):
         own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
-        x[COMMAND, j] = (x[COMMAND, j] + own[QD, j]) / f.Ts
+        end = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + own[QD, j])
+        distance = end - own[Q, j]
+        x[COMMAND, j] = (own[QD, j] - f.qd_c[j]) / Ts - REMOVED * distance / (Ts * Ts)
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
 def follow_with_mass(follower_address: int, x: Array) -> int:
     """Move an arm whose joint controllers follow the loop's motion as their reference.
 
-    Its command x[-2] becomes the loop's mean acceleration. Return what the arm's function returns.
+    Its command x[-2] becomes that of the reference. Return what the arm's function returns.
     """
     f = load_follower(follower_address)
     write_reference(f, x)

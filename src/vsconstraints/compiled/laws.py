@@ -163,11 +163,13 @@ def share_without_baseline(inner: Answer, answer: Answer) -> None:
 def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Call the resolver of the law at an address, and clip its answer to the box of the rows.
 
-    Return the resolver's code.
+    Joint speeds are not clipped: the arm that follows them keeps its own limits. Return the
+    resolver's code.
     """
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
-    if rows.qdd_max.size and (code == SOLVED or code >= RELAXED_ROWS):
+    clipped = rows.qdd_max.size > 0 and law.speeds.size == 0
+    if clipped and (code == SOLVED or code >= RELAXED_ROWS):
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
         write_rates(rows.Lg, answer.qdd, law.last_rates)
@@ -197,7 +199,7 @@ OUTPUTS = VECTOR, FLAGS, VECTOR, INTEGERS
 #: Types of φ, L_gφ, L_fφ, switching gain and scale, and of all fields of rows and of a task.
 MAIN_ROWS = VECTOR, MATRIX, VECTOR, CONSTANT, CONSTANT
 ALL_ROWS = VECTOR, MATRIX, VECTOR, *(CONSTANT,) * 7
-WHOLE_TASK = MATRIX, VECTOR, *(CONSTANT,) * 3
+WHOLE_TASK = MATRIX, VECTOR, *(CONSTANT,) * 4
 
 
 @checked(LawArrays)
@@ -218,7 +220,7 @@ def follow(
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
     share(arrays.rows, (phi, Lg, Lf, none, none, none, gain, scale, none, none))
-    share(arrays.task, (J, b, none, none, none))
+    share(arrays.task, (J, b, none, none, none, none))
     share(arrays.answer, (qdd, acted, slack, iterations, none))
     code: int = call_int_pointer(arrays.resolver, (law, arrays.rows, arrays.task, arrays.answer))
     return code
@@ -251,6 +253,8 @@ def follow_whole(
     ):
         return NEEDS_PYTHON
     if not (fits(task.error, task.b.size) and fits(task.error_rate, task.b.size)):
+        return NEEDS_PYTHON
+    if not fits(task.qd, qdd.size):
         return NEEDS_PYTHON
     if not bounds(rows.qdd_min, rows.qdd_max, qdd.size):
         return NEEDS_PYTHON

@@ -43,7 +43,8 @@ class PlantArrays(NamedTuple):
     """Arrays of a plant: transition, state, scratch, d_c (N or 1, n), limits and last command.
 
     See :class:`vsconstraints.simulation.plant.Plant`. ``limits`` are those of the actuators, (0,)
-    each if there are none. ``last`` is the previous command.
+    each if there are none. ``last`` is the previous command. The speeds from which the arm goes to
+    commanded ones are the sum of the rows of a state, ``of_speeds``, by their ``speed_weights``.
     """
 
     transition: Annotated[Array, F8, "s", "s"]
@@ -52,6 +53,8 @@ class PlantArrays(NamedTuple):
     push: Annotated[Array, F8, "N", "n"]
     limits: JointLimits
     last: Annotated[Array, F8, "n"]
+    speed_weights: Annotated[Array, F8, "r"]
+    of_speeds: Annotated[Array, F8, "r", "n"]
 
 
 class Kept(NamedTuple):
@@ -157,6 +160,15 @@ def hold(transition: Array, x: Array, after: Array) -> None:
                 total += transition[i, k] * x[k, j]
             after[i, j] = total
     put(after, x)
+
+
+def go_to_speeds(plant: PlantArrays, commanded: Array, Ts: float, qdd: Array) -> None:
+    """Write the q̈ (n,) by which the arm reaches commanded speeds (n,) within a period."""
+    for j in range(len(commanded)):
+        before = 0.0
+        for i in range(len(plant.speed_weights)):
+            before += plant.speed_weights[i] * plant.of_speeds[i, j]
+        qdd[j] = (commanded[j] - before) / Ts
 
 
 def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:

@@ -176,6 +176,7 @@ class TaskArrays(NamedTuple):
     error: Annotated[Array, F8, "k"]
     error_rate: Annotated[Array, F8, "k"]
     rest: Annotated[Array, F8, "rest"]
+    qd: Annotated[Array, F8, "n"]
 
 
 class Answer(NamedTuple):
@@ -226,6 +227,9 @@ class LawArrays(NamedTuple):
     memory: Annotated[Array, F8, "m", 1]  #: (m, f) memory of the demand for each row, or (0, 0).
     #: (m,) L_gφ q̈ of the previous answer, or (0,) if the demand does not use it.
     last_rates: Annotated[Array, F8, "m"]
+    #: (n,) last commanded q̇ of a law that commands joint speeds, NaN before the first; (0,) of
+    #: others, whose q̈ is clipped to the box of the rows.
+    speeds: Annotated[Array, F8, "n"]
     #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) bounds, the next memory, and (m,) L_gφ q̈ and (1,)
     #: ‖q̈‖ of the unconstrained command.
     squared: Annotated[Array, F8, "m"]

@@ -69,7 +69,7 @@ def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
         rows.qdd_min,
         rows.qdd_max,
     )
-    of_task = task.J, task.b, task.error, task.error_rate, task.rest
+    of_task = task.J, task.b, task.error, task.error_rate, task.rest, task.qd
     return load("laws").follow_whole, workspace, (rows.phi, rows.Lg, rows.Lf, *known), of_task
 
 
@@ -150,6 +150,7 @@ class CompiledLaw:
             resolver.row_weights(labels),
             memory,
             last_rates,
+            UNKNOWN,
             np.empty(m),
             np.empty(m),
             np.empty_like(memory),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..errors import ConfigurationError, InvalidInput, SceneError
+from ..errors import InvalidInput, SceneError
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .base import Controller, Wrapper, require_known, require_model
 from .compiled import BoundLaw, Wrapped, arrays_of
@@ -38,7 +38,8 @@ class DelayCompensated(Wrapper):
 
     That is ``command_delay`` [s] from now. The state at that time is predicted from the pending
     commands, each of which moves the joints as double integrators (reduction of an input delay:
-    Artstein, IEEE Transactions on Automatic Control, 1982). A model evaluates rows and task there,
+    Artstein, IEEE Transactions on Automatic Control, 1982); commanded joint speeds are those of the
+    joints as soon as they act. A model evaluates rows and task there,
     starting from the last measurement. Bounds of q̈ are the present ones. If the model cannot
     evaluate that state, with a marker behind the camera, the law gets the present rows and task,
     and ``Command.remark`` reports this. Motion that is unknown to the model is predicted by an
@@ -49,11 +50,6 @@ class DelayCompensated(Wrapper):
     own_uses = ("T_s", "memory", "model")
 
     def __init__(self, law: Controller, *, command_delay: float) -> None:
-        if commands_velocity(law):
-            raise ConfigurationError(
-                f"command_delay of {law.name}: pending commands are predicted as accelerations, "
-                f"but this law commands joint speeds; leave command_delay out"
-            )
         self.law = law
         self.command_delay = command_delay
         self.factors = law.factors
@@ -97,7 +93,11 @@ class DelayCompensated(Wrapper):
             ahead = rows
             remark = f"the state at which the command acts could not be predicted: {error}"
         command = self.law.command(ahead, task)
-        kernels.send(own, arrays_of(rows), command.qdd)
+        sent = command.qdd
+        if own.speeds:
+            # a failed command leaves the speeds as they are
+            sent = command.qd if len(command.qd) else np.full(n, np.nan)
+        kernels.send(own, arrays_of(rows), sent)
         command.remark = "; ".join(filter(None, (remark, command.remark)))
         return command
 
@@ -134,7 +134,12 @@ class DelayCompensated(Wrapper):
                 for each in (self.model.loop, self.model.step)
             )
             fresh = load("delay").DelayArrays.of(
-                task.J.shape[1], (law, loop, step), self.model.frozen, self.period, delay
+                task.J.shape[1],
+                (law, loop, step),
+                self.model.frozen,
+                self.period,
+                delay,
+                speeds=commands_velocity(self.law),
             )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts

@@ -15,7 +15,7 @@ from ..formulas.limits import JointLimits
 from ..plugins.extras import demand
 from ..robots.limits import per_joint
 from ..robots.robot import Robot
-from ..rows import Array, Command, IntArray
+from ..rows import Array, IntArray
 from ..simulation.disturbances import Disturbances
 from ..simulation.follower import LowLevelLoop
 from ..simulation.plant import Plant, cubic
@@ -270,9 +270,10 @@ class DynamicPlant(Plant):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
             self.mover = self._compiled.MOVE, self.workspace.address
-        if loop is not None and self.mover[0]:
-            loop.moving(*self.mover)
-            self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
+        if loop is not None:
+            loop.lead(self.arm.memory.q_c, self.arm.memory.qd_c, self.mover)
+            if self.mover[0]:
+                self.mover = loop.kernels.MOVE_WITH_MASS, loop.workspace.address
         self._compiled.begin(self.workspace, self.x)
 
     def take_speeds(self) -> None:
@@ -280,11 +281,9 @@ class DynamicPlant(Plant):
         if self._loop is not None:
             self._loop.take_speeds()
 
-    def acceleration_of(self, command: Command) -> Array:
+    def speed_rows(self) -> tuple[Array, Array]:
         """See :class:`.Plant`."""
-        if self._loop is None:
-            return super().acceleration_of(command)
-        return self._loop.acceleration_of(command)
+        return super().speed_rows() if self._loop is None else self._loop.speed_rows()
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

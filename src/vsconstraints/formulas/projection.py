@@ -8,6 +8,9 @@ import numpy as np
 
 from . import formula, where
 
+#: Errors below and above which the operator of joint speeds is the classical one and opens fully.
+CLOSED, OPENED = 0.1, 0.7
+
 
 @formula
 def opening(error: Any, closed: float, opened: float) -> Any:

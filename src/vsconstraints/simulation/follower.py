@@ -14,7 +14,7 @@ from ..compiled.workspace import Workspace, zeros
 from ..controllers.delay import split_delay
 from ..errors import ConfigurationError, format_value
 from ..robots.limits import PerJoint, per_joint
-from ..rows import Array, Command
+from ..rows import Array
 from .disturbances import Disturbances
 from .plant import Plant
 
@@ -56,12 +56,16 @@ class ArmInput:
             raise ConfigurationError(
                 f"arm.lag is a number of seconds, 0 or more, not {format_value(self.lag)}"
             )
-        for name in ("acceleration", "jerk", "rate"):
+        for name in ("acceleration", "jerk"):
             value = getattr(self, name)
             if not (value is None or _positive(value)):
                 raise ConfigurationError(
                     f"arm.{name} must be positive and finite, not {format_value(value)}"
                 )
+        if not (self.rate is None or (np.ndim(self.rate) == 0 and _positive(self.rate))):
+            raise ConfigurationError(
+                f"arm.rate must be one positive and finite number, not {format_value(self.rate)}"
+            )
         if self.command == "acceleration":
             self._refuse_loop()
         elif self.jerk is not None and self.lag == 0.0:
@@ -193,21 +197,24 @@ class LowLevelLoop:
         """True if the acceleration of every joint is limited."""
         return bool(np.isfinite(self.arrays.acceleration).all())
 
-    def moving(self, move: int, moved: int) -> None:
-        """Set the addresses of the function that moves the following arm, and of its workspace."""
-        self.arrays = self.arrays._replace(move=move, moved=moved)
+    def lead(self, q_c: Array, qd_c: Array, mover: tuple[int, int]) -> None:
+        """Let the motion be the reference of an arm with mass.
+
+        ``q_c`` and ``qd_c`` (n,) are the arrays of that reference. ``mover`` are the addresses of
+        the function that moves the arm, and of its workspace.
+        """
+        move, moved = mover
+        self.arrays = self.arrays._replace(q_c=q_c, qd_c=qd_c, move=move, moved=moved)
         self.workspace = Workspace(self.arrays)
 
     def take_speeds(self) -> None:
         """Let q_c advance by T_s q̇_c with the new q̇_c, as for a law that commands speeds."""
         self.arrays.implicit[0] = 1
 
-    def acceleration_of(self, command: Command) -> Array:
-        """Return the q̈_c (n,) of a command, or that from the last commanded q̇_c to its own."""
-        if not len(command.qd):
-            return command.qdd
-        qdd: Array = (command.qd - self.x[self.kernels.COMMANDS + 1]) / self.Ts
-        return qdd
+    def speed_rows(self) -> tuple[Array, Array]:
+        """Return the weight (1,) and the row (1, n) of the last commanded q̇_c in the state."""
+        row = self.kernels.COMMANDS + 1
+        return np.ones(1), self.x[row : row + 1]
 
     def remarks(self) -> list[str]:
         """Return a remark on the integration between law and arm, for a reader of the results."""
@@ -254,9 +261,16 @@ class FollowingPlant(Plant):
         """See :class:`.Plant`."""
         self.loop.take_speeds()
 
-    def acceleration_of(self, command: Command) -> Array:
+    def speed_rows(self) -> tuple[Array, Array]:
         """See :class:`.Plant`."""
-        return self.loop.acceleration_of(command)
+        return self.loop.speed_rows()
+
+    @property
+    def reversals(self) -> tuple[float, ...]:
+        """See :class:`.Plant`: a loop of positions wants another speed at each instant."""
+        if self.loop.arm.command == "position" and self.loop.arrays.ticks > 1:
+            return tuple(sorted({0.25, 0.5, 0.75, *super().reversals}))
+        return super().reversals
 
     def follow(self) -> None:
         """Advance to the end of the current period."""

@@ -128,15 +128,14 @@ def _greatest_dips(clearance: Array, length: Array) -> Array:
 def _ways_back(setup: Setup, plant: Plant, states: Array) -> Array:
     """Return half the distance that a joint moves out and back in each period, (N − 1,).
 
-    The acceleration is constant in a period, or before and after the change of the command.
+    The acceleration is constant in a period, or changes at the shares of it that the plant states.
     """
-    first = states[:-1, 1]
-    last = states[1:, 1]
-    speeds = [first, last]
-    if plant.switch:
-        periods = np.arange(len(states) - 1)
-        _, at_switch = plant.within(states, periods, plant.switch)
-        speeds = [first, at_switch, last]
+    periods = np.arange(len(states) - 1)
+    speeds = [states[:-1, 1]]
+    for share in plant.reversals:
+        _, inside = plant.within(states, periods, share)
+        speeds.append(inside)
+    speeds.append(states[1:, 1])
     reversals = []
     for before, after in pairwise(speeds):
         reversals.append(np.maximum(-before * after, 0.0).max(axis=1))

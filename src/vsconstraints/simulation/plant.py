@@ -100,8 +100,9 @@ class Plant:
         The loop writes its commands to ``last`` (n,). d_c is drawn beforehand for all periods.
         """
         pushes = self._pushes(np.random.default_rng(self._seed), periods)
+        after = np.empty_like(self.x)
         return PlantArrays(
-            self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last
+            self.transition, self.x, after, pushes, self._limits, last, *self.speed_rows()
         )
 
     def _pushes(self, random: np.random.Generator, periods: int) -> Array:
@@ -125,14 +126,42 @@ class Plant:
     def take_speeds(self) -> None:
         """Prepare for a law that commands speeds."""
 
+    def speed_rows(self) -> tuple[Array, Array]:
+        """Return weights (r,) and rows of a state (r, n), whose sum are the ``speeds``."""
+        rest = self._delay[1]
+        weights = np.zeros(len(self.x))
+        weights[1] = 1.0
+        waiting = pending_commands(self._delay)
+        if waiting:
+            first = len(self.x) - 2 - waiting
+            weights[first : first + waiting] = self.Ts
+            weights[first] = rest or self.Ts
+        return weights, self.x
+
+    @property
+    def speeds(self) -> Array:
+        """(n,) speeds from which the arm goes to commanded ones within a period.
+
+        They are q̇ when the command begins to act, by the commands before it; for a loop that takes
+        velocities or positions, the last commanded q̇_c.
+        """
+        weights, state = self.speed_rows()
+        speeds: Array = weights @ state
+        return speeds
+
+    @property
+    def reversals(self) -> tuple[float, ...]:
+        """Shares of a period at which speeds, beside those at its ends, tell of a reversal."""
+        return (self.switch,) if self.switch else ()
+
     def acceleration_of(self, command: Command) -> Array:
         """Return the q̈_c (n,) by which the arm carries out a command.
 
-        An arm that takes accelerations reaches commanded speeds within a period, (q̇_c − q̇) / T_s.
+        Commanded speeds are reached within a period: (q̇_c − ``speeds``) / T_s.
         """
         if not len(command.qd):
             return command.qdd
-        qdd: Array = (command.qd - self.x[1]) / self.Ts
+        qdd: Array = (command.qd - self.speeds) / self.Ts
         return qdd
 
     def check(self) -> None:

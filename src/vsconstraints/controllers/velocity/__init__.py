@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from ...formulas.velocity import adaptive_gain
 from .avoidance import ResolvedRateAvoidance
 from .base import VelocityController, commands_velocity
 from .damper import VelocityDamper
-from .gain import VelocityLaw, adaptive_gain
+from .gain import VelocityLaw
 from .quadratic import VelocityHierarchicalQP, VelocityQP
 from .resolved_rate import ResolvedRate
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from ...errors import ConfigurationError
-from ...formulas.projection import opening
+from ...formulas.projection import CLOSED, OPENED, opening
 from ...rows import Array, Command, Rows, Task
 from ..least_norm import RANK_TOLERANCE, least_norm
 from ..ranges import Declared, Range, one_of, positive_number
 from .resolved_rate import ResolvedRate
 
-#: Errors below and above which the large projection operator is the classical one and opens fully.
-CLOSED, OPENED = 0.1, 0.7
 #: Beginning of the labels of the rows that are avoided, by the option ``avoids``.
 AVOIDED = {"ranges": "range[", "all": ""}
 
@@ -71,6 +69,7 @@ class ResolvedRateAvoidance(ResolvedRate):
     """
 
     name = "resolved-rate-avoidance"
+    kernel = "resolved_rate_avoidance"
     ranges: ClassVar[Mapping[str, Declared]] = {
         "zone": Range(0.02, 0.4),
         "full": Range(0.1, 1.0),
@@ -105,6 +104,17 @@ class ResolvedRateAvoidance(ResolvedRate):
     def uses(self) -> tuple[str, ...]:
         """See :class:`.Controller`."""
         return (*super().uses, "σ", "K")
+
+    def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
+        """See :class:`.VelocityLaw`."""
+        avoided = [label.startswith(self._begins) for label in rows.labels]
+        return {
+            **super().compiled_options(rows, n),
+            "zone": self.zone,
+            "full": self.full,
+            "tune": self.tune,
+            "avoided": np.array(avoided, dtype=np.bool_),
+        }
 
     def solve(self, rows: Rows, task: Task) -> Command:  # type: ignore[override]
         """See :class:`.VelocityController`."""

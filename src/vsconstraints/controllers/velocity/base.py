@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import InvalidInput, SolverError, format_value
-from ...rows import UNKNOWN, Array, Command, Rows, Task
+from ...rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from ..base import Controller, innermost, require_known
+from ..compiled import BoundLaw, in_usual_layout
 from ..ranges import positive_number
+
+if TYPE_CHECKING:
+    from .compiled import CompiledSpeeds
 
 
 class VelocityController(Controller):
@@ -26,7 +30,9 @@ class VelocityController(Controller):
     """
 
     period: float | None = None  #: T_s [s] of the last :meth:`reset` with one; None before.
-    last: Array = UNKNOWN  #: (n,) last commanded q̇; (0,) before the first command.
+    #: (n,) last commanded q̇, NaN before the first, in the array that compiled functions write.
+    _speeds: Array = UNKNOWN
+    _compiled: CompiledSpeeds | None = None
     #: No command depends on u⁺.
     ignores: tuple[str, ...] = ("switching_gain", "speed_gain")
 
@@ -43,7 +49,27 @@ class VelocityController(Controller):
         """
         if period is not None:
             self.period = positive_number("the sampling period", period)
-        self.last = UNKNOWN
+        self._speeds = UNKNOWN
+        self._compiled = None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, value)
+        # compiled functions have copied the options
+        if name != "_speeds":
+            vars(self)["_compiled"] = value if name == "_compiled" else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_compiled": None, "_speeds": self._speeds.copy()}
+
+    @property
+    def last(self) -> Array:
+        """(n,) last commanded q̇; (0,) before the first command."""
+        return UNKNOWN if np.isnan(self._speeds).any() else self._speeds.copy()
+
+    def speed_before(self, task: Task) -> Array:
+        """Return the q̇ (n,) from which the command changes: the last one, or the present q̇."""
+        last = self.last
+        return last if len(last) == task.J.shape[1] else task.qd
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task) -> Any:
@@ -52,6 +78,58 @@ class VelocityController(Controller):
         Rows and task are finite and have matching shapes; ``task.qd``, ``task.error`` and
         ``task.error_rate`` are given.
         """
+
+    def command(self, rows: Rows, task: Task) -> Command:
+        """See :class:`.Controller`."""
+        command = self.compute(rows, task)
+        return self.define(rows, task) if command is None else command
+
+    def compute(self, rows: Rows, task: Task) -> Command | None:
+        """Return the command by compiled functions alone; None if :meth:`define` must be used.
+
+        None is returned for invalid input, for laws without a compiled form, and for a QP solver
+        that is requested by name.
+        """
+        try:
+            law = self._compiled_for(rows, task)
+            if law is None:
+                return None
+            command = law.command(law(rows, task), rows.labels)
+        # numba may raise anything for other array types or layouts, and for invalid labels
+        except Exception:
+            usual = in_usual_layout(rows, task)
+            return usual and self.compute(*usual)
+        if command is not None and law.remark:
+            command.remark = law.remark
+        return command
+
+    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+        """See :class:`.Controller`."""
+        if type(self).command is not VelocityController.command:
+            return None
+        law = self._compiled_for(rows, task)
+        return None if law is None else BoundLaw(law, law, rows, task, active, qdd)
+
+    def compiled_form(self, rows: Rows, n: int) -> CompiledSpeeds | None:
+        """Create the compiled form for rows like these and n joints; None if there is none."""
+        return None
+
+    def _compiled_for(self, rows: Rows, task: Task) -> CompiledSpeeds | None:
+        """Return the compiled form for these rows and this task; None if there is none."""
+        law = self._compiled
+        if law is not None and law.labels is rows.labels:
+            return law
+        n = task.J.shape[1]
+        if not len(self._speeds):
+            self._speeds = np.full(n, np.nan)
+        if self.period is None or len(self._speeds) != n:
+            return None
+        if law is None or law.labels != rows.labels:
+            law = self.compiled_form(rows, n)
+        if law is not None:
+            law.labels = rows.labels
+        self._compiled = law
+        return law
 
     def _solved(self, rows: Rows, task: Task) -> Command:
         """See :class:`.Controller`.
@@ -68,14 +146,21 @@ class VelocityController(Controller):
         floats = isinstance(qd, np.ndarray) and qd.dtype.kind == "f"
         if not (floats and qd.shape == (n,) and np.isfinite(qd).all()):
             raise SolverError(f"the law gave {format_value(qd)}, not {n} finite joint speeds")
-        before = self.last if len(self.last) == n else task.qd
         assert self.period is not None
-        qdd = (qd - before) / self.period
-        self.last = qd.copy()
+        qdd = (qd - self.speed_before(task)) / self.period
+        self._remember(qd)
         if isinstance(given, Command):
             given.qdd = qdd
             return given
         return Command(qdd, "ok", np.zeros(len(rows.labels), np.bool_), rows.labels, qd=qd)
+
+    def _remember(self, qd: Array) -> None:
+        """Store the commanded q̇ (n,)."""
+        if len(self._speeds) == len(qd):
+            self._speeds[:] = qd
+        else:
+            self._speeds = qd.copy()
+            self._compiled = None
 
     def _require_known(self, task: Task) -> None:
         k, n = task.J.shape

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
-
-import numpy as np
+from typing import Any, ClassVar, Literal
 
 from ...errors import ConfigurationError
+from ...formulas.velocity import damped_bound
 from ...rows import Array, Rows, Task
 from ..ranges import Declared, Range, positive_number, share
 from .base import VelocityController
-from .quadratic import UNBOUNDED, VelocityQP
+from .quadratic import VelocityQP
 
 
 class VelocityDamper(VelocityQP):
@@ -34,6 +33,7 @@ class VelocityDamper(VelocityQP):
     """
 
     name = "velocity-damper"
+    kernel = "quadratic"
     ranges: ClassVar[Mapping[str, Declared]] = {
         "speed": Range(0.1, 10.0),
         "influence": Range(0.05, 1.0),
@@ -77,9 +77,11 @@ class VelocityDamper(VelocityQP):
         """Return G (m, n) and h (m,), infinite in effect beyond the influence distance."""
         self.require_sigma(rows)
         G, h = rows.velocity_form(task.qd)
-        # h = −σ − K ∂σ/∂t of rows on σ: the damper replaces −σ by K ξ (d − d_s)/(d_i − d_s)
-        distance = -rows.sigma / rows.scale
-        share_left = (distance - self.security) / (self.influence - self.security)
-        damped = h + rows.sigma + rows.K * self.speed * rows.scale * share_left
-        damped = np.where(distance <= self.influence, damped, UNBOUNDED)
-        return G, np.where(rows.K > 0.0, damped, h)
+        damper = self.speed, self.influence, self.security
+        damped: Array = damped_bound(h, rows.sigma, rows.K, rows.scale, *damper)
+        return G, damped
+
+    def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
+        """See :class:`.VelocityLaw`."""
+        damper = {"speed": self.speed, "influence": self.influence, "security": self.security}
+        return {**super().compiled_options(rows, n), **damper}

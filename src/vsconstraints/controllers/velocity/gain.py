@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...errors import ConfigurationError
-from ...rows import Array, Task
+from ...formulas.velocity import adaptive_gain
+from ...rows import Array, Rows, Task
+from ..demand import Demand
 from ..ranges import Declared, Range, positive_number
+from ..resolver import Resolver
 from .base import VelocityController
-
-
-def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope_at_zero: float) -> float:
-    """Return λ(x) = (λ₀ − λ_∞) exp(−λ'₀ x / (λ₀ − λ_∞)) + λ_∞ [1/s] at x = ``error``.
-
-    λ falls from λ₀ at x = 0, with the slope −λ'₀, to λ_∞. It is the gain of ViSP's
-    ``vpAdaptiveGain`` (Kermorgant and Chaumette, "Dealing with constraints in sensor-based robot
-    control", IEEE Transactions on Robotics 30(1), 2014, section V).
-    """
-    span = at_zero - at_infinity
-    if span == 0.0:
-        return at_zero
-    return span * math.exp(-slope_at_zero / span * error) + at_infinity
+from .compiled import CompiledSpeeds
 
 
 class VelocityLaw(VelocityController):
@@ -45,6 +35,9 @@ class VelocityLaw(VelocityController):
     #: The drift of rows is a matter of accelerations; only with a dead time does it change φ.
     ignores = (*VelocityController.ignores, "observer")
     ranges: ClassVar[Mapping[str, Declared]] = {"gain": Range(0.2, 20.0), "K": Range(0.3, 10.0)}
+    #: Function of :mod:`vsconstraints.compiled.velocity` for exactly this class; subclasses may
+    #: override any method, and have none unless they declare it.
+    kernel: ClassVar[str] = ""
 
     def __init__(
         self,
@@ -70,6 +63,36 @@ class VelocityLaw(VelocityController):
             return self.gain
         largest = float(np.abs(error).max(initial=0.0))
         return adaptive_gain(largest, self.gain_at_zero, self.gain, self.slope_at_zero)
+
+    def program(self) -> tuple[Demand, Resolver]:
+        """Return the parts of the law that solves the program, with speeds for accelerations."""
+        raise NotImplementedError
+
+    def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
+        """Return the law's fields of :class:`vsconstraints.compiled.velocity.SpeedArrays`."""
+        at_zero = self.gain if self.gain_at_zero is None else self.gain_at_zero
+        return {
+            "period": self.period,
+            "gain": self.gain,
+            "gain_at_zero": at_zero,
+            "slope_at_zero": self.slope_at_zero,
+        }
+
+    def compiled_form(self, rows: Rows, n: int) -> CompiledSpeeds | None:
+        """See :class:`.VelocityController`."""
+        kernel = vars(type(self)).get("kernel", "")
+        replaced = any(callable(getattr(type(self), name, None)) for name in vars(self))
+        if not kernel or replaced or not self.program()[1].compiles:
+            return None
+        options = self.compiled_options(rows, n)
+        law = CompiledSpeeds(kernel, self.program(), rows.labels, self._speeds, options)
+        return law if law.complete else None
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        program = self.program()[1].kernel[0]
+        return (program, "velocity") if vars(type(self)).get("kernel", "") else (program,)
 
     def task_of(self, task: Task) -> tuple[Array, Array]:
         """Return J (k, n) and v (k,) of the task J q̇ = v, with the law's gain."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ...formulas.row import Row
+from ...formulas.velocity import UNBOUNDED
 from ...rows import UNKNOWN, Array, Command, Rows, Task
 from ..demand import Demand
 from ..law import Law
@@ -17,11 +18,11 @@ from ..least_norm import RANK_TOLERANCE
 from ..ranges import positive_number
 from ..resolver import Resolver
 from ..resolvers import AUTO, Filter, Hierarchy
+from .compiled import reason_of
 from .gain import VelocityLaw
 
 #: Damping of the inner program, of no effect: its task contains the damping of the law already.
 TO_ROUNDING = 1e-14
-UNBOUNDED = 1e200  #: Bound h of a row that demands nothing; rows of a program must be finite.
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,22 @@ class QuadraticVelocity(VelocityLaw):
         box = () if self.max_acceleration is None else ("T_s", "memory")
         return (*super().uses, *box)
 
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """See :class:`.Controller`."""
-        return self._program.kernels
+    def program(self) -> tuple[Demand, Resolver]:
+        """See :class:`.VelocityLaw`."""
+        return self._program.demand, self._program.resolver
+
+    def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
+        """See :class:`.VelocityLaw`."""
+        limit = self.max_acceleration
+        options = super().compiled_options(rows, n)
+        if limit is None:
+            return options
+        of_rows = limit == "limits"
+        joints = 0 if of_rows and not len(rows.qdd_max) else n
+        options["acceleration"] = np.nan if of_rows else limit
+        options["least"] = np.empty(joints)
+        options["greatest"] = np.empty(joints)
+        return options
 
     def reset(self, period: float | None = None) -> None:
         """See :class:`.VelocityController`."""
@@ -104,7 +117,7 @@ class QuadraticVelocity(VelocityLaw):
         limit = self.max_acceleration
         if limit is None or (limit == "limits" and not len(rows.qdd_max)):
             return UNKNOWN, UNKNOWN
-        before = self.last if len(self.last) else task.qd
+        before = self.speed_before(task)
         assert self.period is not None
         if limit == "limits":
             return before + self.period * rows.qdd_min, before + self.period * rows.qdd_max
@@ -126,15 +139,7 @@ class QuadraticVelocity(VelocityLaw):
             raise SolverError(f"beyond the range of floating point: {error}") from error
         if answer.status == "failed":
             return answer
-        return replace(answer, qd=answer.qdd, reason=_reason(answer))
-
-
-def _reason(answer: Command) -> str:
-    """Return the reason of a command in terms of speeds."""
-    if answer.status != "relaxed":
-        return answer.reason
-    amounts = ", ".join(f"{label} by {slack:.3g}" for label, slack in answer.slacks.items())
-    return f"no joint speed meets every row; exceeded, in units of φ: {amounts}"
+        return replace(answer, qd=answer.qdd, reason=reason_of(answer))
 
 
 class VelocityQP(QuadraticVelocity):
@@ -162,6 +167,7 @@ class VelocityQP(QuadraticVelocity):
     """
 
     name = "velocity-qp"
+    kernel = "quadratic"
 
     def __init__(
         self,
@@ -181,9 +187,19 @@ class VelocityQP(QuadraticVelocity):
         self.damping = positive_number("damping", damping)
         self.task_weights = task_weights
         if task_weights is not None:
-            self.task_weights = [positive_number("task_weights", each) for each in task_weights]
+            self.task_weights = tuple(
+                positive_number("task_weights", each) for each in task_weights
+            )
         self.weights = weights
         self.solver = solver
+
+    def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
+        """See :class:`.VelocityLaw`."""
+        options = super().compiled_options(rows, n)
+        options["damping"] = self.damping
+        if self.task_weights is not None:
+            options["task_weights"] = np.array(self.task_weights)
+        return options
 
     def weighted_task(self, task: Task) -> tuple[Array, Array]:
         """Return [W J; √μ I] and [W v; 0]: the square of this task's error is the cost."""
@@ -216,6 +232,7 @@ class VelocityHierarchicalQP(QuadraticVelocity):
     """
 
     name = "velocity-hierarchical-qp"
+    kernel = "quadratic"
 
     def __init__(
         self,

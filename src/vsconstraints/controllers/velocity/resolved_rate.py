@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from ...rows import Array, Rows, Task
+from ..demand import Demand
+from ..demands import Nothing
 from ..least_norm import RANK_TOLERANCE, least_norm
 from ..ranges import rank_tolerance as checked_tolerance
+from ..resolver import Priority, Resolver
 from .gain import VelocityLaw
 
 
@@ -25,6 +28,7 @@ class ResolvedRate(VelocityLaw):
     name = "resolved-rate"
     #: Rows change no command.
     ignores = (*VelocityLaw.ignores, "K", "dead_time")
+    kernel = "resolved_rate"
 
     def __init__(
         self,
@@ -45,6 +49,10 @@ class ResolvedRate(VelocityLaw):
     @rank_tolerance.setter
     def rank_tolerance(self, value: float) -> None:
         self._rank_tolerance = checked_tolerance(value)
+
+    def program(self) -> tuple[Demand, Resolver]:
+        """See :class:`.VelocityLaw`."""
+        return Nothing(), Priority(self.rank_tolerance)
 
     def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
         """See :class:`.VelocityController`."""

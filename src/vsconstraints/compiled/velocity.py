@@ -1,0 +1,307 @@
+"""Laws that command joint speeds, compiled: see :mod:`vsconstraints.controllers.velocity`.
+
+They are called like any law. The joint speeds q̇ are written to ``speeds`` of :class:`.LawArrays`,
+and q̈, the change from the speeds commanded before, to the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..formulas.projection import CLOSED, OPENED, opening
+from ..formulas.velocity import adaptive_gain, damped_bound
+from ..rows import Array, BoolArray
+from .compiler import compiled, in_place, inner
+from .laws import RESOLVER, apply_law, bounds, load_law, share_without_baseline
+from .linear import finite
+from .parts import call_int_pointer, share, struct_loader
+from .resolving import checkable, valid
+from .scratch import emptied, matrix, vector
+from .workspace import (
+    BOOL,
+    F8,
+    NEEDS_PYTHON,
+    RELAXED_ROWS,
+    SOLVED,
+    TOLERANCE,
+    Answer,
+    LawArrays,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+    zeros,
+)
+
+
+class SpeedArrays(NamedTuple):
+    """Options of a law that commands joint speeds, and its quadratic program.
+
+    ``program`` is the address of the law that solves the program, with speeds in place of
+    accelerations; 0 if there is none. ``rows``, ``task`` and ``answer`` are those of the program.
+    """
+
+    program: int
+    period: float  #: T_s [s].
+    #: λ_∞, λ₀ and −λ'₀ of :func:`.adaptive_gain`; the first two are the same for a constant gain.
+    gain: float
+    gain_at_zero: float
+    slope_at_zero: float
+    task_weights: Annotated[Array, F8, "k"]  #: Diagonal of W; (0,) for 1.
+    damping: float  #: μ; 0 for a program without.
+    #: Greatest |q̈| between two commands, NaN for those of the rows; least and greatest q̇ that it
+    #: allows, (0,) each without a limit.
+    acceleration: float
+    least: Annotated[Array, F8, "n"]
+    greatest: Annotated[Array, F8, "n"]
+    #: ξ, d_i and d_s of velocity dampers; NaN of other laws.
+    speed: float
+    influence: float
+    security: float
+    #: Options of the avoidance, NaN of other laws; and the (m,) rows that are avoided, or (0,).
+    zone: float
+    full: float
+    tune: float
+    avoided: Annotated[BoolArray, BOOL, "m"]
+    scratch: Scratch
+    rows: RowArrays
+    task: TaskArrays
+    answer: Answer
+
+
+load_speeds = struct_loader(zeros(SpeedArrays))
+
+
+@in_place
+def complete(
+    own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
+) -> bool:
+    """True if rows and task are :func:`.valid` and contain everything that the law uses."""
+    k, n = task.J.shape
+    m = rows.phi.size
+    if task.qd.size != n or law.speeds.size != n or task.error.size != k:
+        return False
+    if task.error_rate.size != k or (own.task_weights.size != k and own.task_weights.size > 0):
+        return False
+    uses_sigma = own.speed > 0.0 or own.zone > 0.0
+    if uses_sigma and (rows.sigma.size != m or rows.K.size != m):
+        return False
+    return valid(law, rows, task, answer)
+
+
+@in_place
+def speed_before(law: LawArrays, task: TaskArrays, j: int) -> float:
+    """Return the last commanded q̇ of joint j, or the present one if there was no command."""
+    last: float = law.speeds[j]
+    return task.qd[j] if math.isnan(last) else last
+
+
+@in_place
+def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
+    """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v."""
+    largest = 0.0
+    for i in range(task.error.size):
+        largest = max(largest, abs(task.error[i]))
+    gain = adaptive_gain(largest, own.gain_at_zero, own.gain, own.slope_at_zero)
+    for i in range(task.error.size):
+        v[i] = -task.error_rate[i] - gain * task.error[i]
+        for j in range(task.qd.size):
+            v[i] += task.J[i, j] * task.qd[j]
+
+
+@inner
+def command_speeds(
+    own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
+) -> bool:
+    """Store the q̇ of an answer, and replace it by the change from the speeds before, per second.
+
+    Return False, with nothing stored, if a number is not finite or the answer is not
+    :func:`.checkable`.
+    """
+    qdd = answer.qdd
+    n = qdd.size
+    speeds = vector(own.scratch, n)
+    for j in range(n):
+        speeds[j] = qdd[j]
+        qdd[j] = (qdd[j] - speed_before(law, task, j)) / own.period
+    if not (finite(speeds) and checkable(law, rows, qdd)):
+        return False
+    for j in range(n):
+        law.speeds[j] = speeds[j]
+    return True
+
+
+@in_place
+def resolve_rate(law: LawArrays, task: TaskArrays, v: Array, qd: Array) -> None:
+    """Write J†v (n,), with the law's rank tolerance."""
+    tolerance = law.options[TOLERANCE]
+    call_int_pointer(law.track, (law.scratch, task.J, v, tolerance, task.rest[:0], qd))
+
+
+@compiled(RESOLVER, from_python=False)
+def resolved_rate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """Compute the command of :class:`vsconstraints.controllers.ResolvedRate`."""
+    law = load_law(address)
+    own = load_speeds(law.demand)
+    if not complete(own, law, rows, task, answer):
+        return NEEDS_PYTHON
+    emptied(law)
+    own.scratch.taken[0] = 0
+    v = vector(own.scratch, task.b.size)
+    write_task(own, task, v)
+    resolve_rate(law, task, v, answer.qdd)
+    for i in range(rows.phi.size):
+        answer.acted[i] = False
+    return SOLVED if command_speeds(own, law, rows, task, answer) else NEEDS_PYTHON
+
+
+@inner
+def project(
+    own: SpeedArrays, law: LawArrays, task: TaskArrays, share: float, x: Array, out: Array
+) -> None:
+    """Write P x (n,) of :func:`vsconstraints.controllers.velocity.avoidance.large_projection`.
+
+    ``share`` is λ̄.
+    """
+    k, n = task.J.shape
+    taken = own.scratch.taken[0]
+    image = vector(own.scratch, k)
+    pull = vector(own.scratch, n)
+    along = size = 0.0
+    for i in range(k):
+        image[i] = 0.0
+        for j in range(n):
+            image[i] += task.J[i, j] * x[j]
+    for j in range(n):
+        pull[j] = 0.0
+        for i in range(k):
+            pull[j] += task.J[i, j] * task.error[i]
+        size += pull[j] * pull[j]
+        along += pull[j] * x[j]
+    resolve_rate(law, task, image, out)
+    for j in range(n):
+        out[j] = x[j] - out[j]
+        if size > 0.0:
+            out[j] = share * (x[j] - pull[j] * along / size) + (1.0 - share) * out[j]
+    own.scratch.taken[0] = taken
+
+
+@compiled(RESOLVER, from_python=False)
+def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """Compute the command of :class:`vsconstraints.controllers.ResolvedRateAvoidance`."""
+    law = load_law(address)
+    own = load_speeds(law.demand)
+    if not complete(own, law, rows, task, answer):
+        return NEEDS_PYTHON
+    n = answer.qdd.size
+    emptied(law)
+    own.scratch.taken[0] = 0
+    v = vector(own.scratch, task.b.size)
+    primary = vector(own.scratch, n)
+    g = vector(own.scratch, n)
+    along = vector(own.scratch, n)
+    write_task(own, task, v)
+    resolve_rate(law, task, v, primary)
+    error = 0.0
+    for i in range(task.error.size):
+        error += task.error[i] * task.error[i]
+    share = opening(np.sqrt(error), CLOSED, OPENED)
+    for j in range(n):
+        answer.qdd[j] = primary[j]
+    for i in range(rows.phi.size):
+        width = 2.0 * own.zone * rows.scale[i]
+        length = np.sqrt(law.squared[i])
+        answer.acted[i] = False
+        if not (own.avoided[i] and rows.K[i] > 0.0 and rows.sigma[i] > -width and length > 0.0):
+            continue
+        speed = effect = 0.0
+        for j in range(n):
+            g[j] = rows.Lg[i, j] / length
+        project(own, law, task, share, g, along)
+        for j in range(n):
+            speed += g[j] * primary[j]
+            effect += g[j] * along[j]
+        if abs(speed) < abs(effect):
+            depth = max((rows.sigma[i] + width) / (own.full * width), 0.0)
+            factor = opening(depth, 0.0, 1.0) * (1.0 + own.tune) * abs(speed / effect)
+            for j in range(n):
+                answer.qdd[j] -= factor * along[j]
+            answer.acted[i] = True
+    return SOLVED if command_speeds(own, law, rows, task, answer) else NEEDS_PYTHON
+
+
+@in_place
+def write_box(own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArrays) -> bool:
+    """Write the least and greatest q̇ within the limit of accelerations, if the law has one.
+
+    Return False if the limits are those of the rows, and these have none.
+    """
+    n = own.least.size
+    of_rows = math.isnan(own.acceleration)
+    if of_rows and rows.qdd_max.size != n:
+        return False
+    for j in range(n):
+        before = speed_before(law, task, j)
+        least = rows.qdd_min[j] if of_rows else -own.acceleration
+        greatest = rows.qdd_max[j] if of_rows else own.acceleration
+        own.least[j] = before + own.period * least
+        own.greatest[j] = before + own.period * greatest
+    return bounds(own.least, own.greatest, n)
+
+
+@inner
+def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
+    """Write rows and task of the quadratic program, with q̇ in place of q̈.
+
+    G q̇ ≤ h becomes rows with φ = −h; see
+    :meth:`vsconstraints.controllers.velocity.quadratic.QuadraticVelocity.solve`.
+    """
+    k, n = task.J.shape
+    m = rows.phi.size
+    damped = n if own.damping > 0.0 else 0
+    none = rows.phi[:0]
+    v = vector(own.scratch, k + damped)
+    J = matrix(own.scratch, k + damped, n)
+    write_task(own, task, v[:k])
+    for i in range(k):
+        weight = own.task_weights[i] if own.task_weights.size > 0 else 1.0
+        v[i] *= weight
+        for j in range(n):
+            J[i, j] = weight * task.J[i, j]
+    for i in range(damped):
+        v[k + i] = 0.0
+        for j in range(n):
+            J[k + i, j] = np.sqrt(own.damping) if i == j else 0.0
+    phi = vector(own.scratch, m)
+    drift = vector(own.scratch, m)
+    for i in range(m):
+        h = -rows.phi[i]
+        for j in range(n):
+            h += rows.Lg[i, j] * task.qd[j]
+        if own.speed > 0.0:
+            damper = own.speed, own.influence, own.security
+            h = damped_bound(h, rows.sigma[i], rows.K[i], rows.scale[i], *damper)
+        phi[i] = -h
+        drift[i] = 0.0
+    gains = rows.switching_gain, rows.scale
+    box = own.least, own.greatest
+    share(own.rows, (phi, rows.Lg, drift, none, none, none, *gains, *box))
+    share(own.task, (J, v, none, none, none, none))
+
+
+@compiled(RESOLVER, from_python=False)
+def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """Compute the command of :class:`vsconstraints.controllers.velocity.QuadraticVelocity`."""
+    law = load_law(address)
+    own = load_speeds(law.demand)
+    if not complete(own, law, rows, task, answer) or not write_box(own, law, rows, task):
+        return NEEDS_PYTHON
+    own.scratch.taken[0] = 0
+    write_program(own, rows, task)
+    share_without_baseline(own.answer, answer)
+    code = apply_law(own.program, own.rows, own.task, own.answer)
+    if code != SOLVED and code < RELAXED_ROWS:
+        return code
+    return code if command_speeds(own, law, rows, task, answer) else NEEDS_PYTHON

@@ -1,0 +1,80 @@
+"""Compiled form of laws that command joint speeds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...compiled import load
+from ...compiled.workspace import Scratch, zeros
+from ...rows import Array, Command, Rows, Task, at_end
+from ..compiled import BOOL, COUNT, EMPTY, NO_SLACK, SCRATCH, CompiledAnswer, CompiledLaw, Wrapped
+from ..demand import Demand
+from ..resolver import Resolver
+
+
+def reason_of(answer: Command) -> str:
+    """Return the reason of a program's answer in terms of speeds."""
+    if answer.status != "relaxed":
+        return answer.reason
+    amounts = ", ".join(f"{label} by {slack:.3g}" for label, slack in answer.slacks.items())
+    return f"no joint speed meets every row; exceeded, in units of φ: {amounts}"
+
+
+class CompiledSpeeds(Wrapped):
+    """Compiled law of joint speeds: a function of :mod:`vsconstraints.compiled.velocity`.
+
+    It is called with the ``program``, a demand and a resolver, and ``options``, fields of
+    :class:`vsconstraints.compiled.velocity.SpeedArrays`; those that are left out have no effect.
+    Every call writes ``speeds`` (n,), the last commanded q̇.
+    """
+
+    def __init__(
+        self,
+        kernel: str,
+        program: tuple[Demand, Resolver],
+        labels: tuple[str, ...],
+        speeds: Array,
+        options: dict[str, Any],
+    ) -> None:
+        self.resolver = program[1]
+        self.speeds = speeds
+        solves = CompiledLaw(*program, labels)
+        self.complete = solves.complete
+        room = np.empty(SCRATCH // 8 * (1 + len(labels) // 32))
+        known = {
+            "program": solves.workspace.address,
+            "scratch": Scratch(room, np.zeros(1, COUNT)),
+            **options,
+        }
+        velocity = load("velocity")
+        own = zeros(velocity.SpeedArrays, {"k": 0, "m": 0, "n": 0}, known)
+        super().__init__(solves, own, getattr(velocity, kernel), speeds=speeds)
+        self._follow = load("laws").follow_whole.bind(self.workspace, typed=True)
+
+    @property
+    def answers(self) -> Any:
+        """Return codes with which there is an answer."""
+        return self.resolver.answers
+
+    def __call__(self, rows: Rows, task: Task) -> CompiledAnswer:
+        """Compute the answer for these rows and this task."""
+        m = len(rows.labels)
+        qdd = EMPTY(task.J.shape[1])
+        active = EMPTY(m, BOOL)
+        slack = EMPTY(m) if self.measures else NO_SLACK
+        count = np.zeros(1, COUNT)
+        _, _, *arguments = self.call(rows, task)
+        code = self._follow(*arguments, qdd, active, slack, count)
+        return CompiledAnswer(code, qdd, active, slack, count.item())
+
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
+        """Return the command for the output of the compiled form; None if it has no answer."""
+        command = self.resolver.command(answer, labels)
+        if command is not None:
+            command.qd = self.speeds.copy()
+            command.reason = reason_of(command)
+            if len(self.own.least):
+                command.saturated = at_end(command.qd, self.own.least, self.own.greatest)
+        return command

@@ -1,0 +1,41 @@
+"""Gain of laws that command joint speeds, and bounds of velocity dampers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from . import formula, where
+
+UNBOUNDED = 1e200  #: Bound h of a row that demands nothing; rows of a program must be finite.
+
+
+@formula
+def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope_at_zero: float) -> float:
+    """Return λ(x) = (λ₀ − λ_∞) exp(−λ'₀ x / (λ₀ − λ_∞)) + λ_∞ [1/s] at x = ``error``.
+
+    λ falls from λ₀ at x = 0, with the slope −λ'₀, to λ_∞. It is the gain of ViSP's
+    ``vpAdaptiveGain`` (Kermorgant and Chaumette, "Dealing with constraints in sensor-based robot
+    control", IEEE Transactions on Robotics 30(1), 2014, section V).
+    """
+    span = at_zero - at_infinity
+    if span == 0.0:
+        return at_zero
+    return span * math.exp(-slope_at_zero / span * error) + at_infinity
+
+
+@formula
+def damped_bound(
+    h: Any, sigma: Any, K: Any, scale: Any, speed: float, influence: float, security: float
+) -> Any:
+    """Return the bound h of G q̇ ≤ h with which a row on σ is a velocity damper.
+
+    ``h`` is −σ − K ∂σ/∂t; the damper replaces −σ by K ξ (d − d_s)/(d_i − d_s), d = −σ in scales of
+    the row, and demands nothing beyond d_i. Bounds of speeds, K = 0, stay as they are. Faverjon and
+    Tournassoud, "A local based approach for path planning of manipulators with a high number of
+    degrees of freedom", ICRA 1987.
+    """
+    distance = -sigma / scale
+    share_left = (distance - security) / (influence - security)
+    damped = h + sigma + K * speed * scale * share_left
+    return where(K > 0.0, where(distance <= influence, damped, UNBOUNDED), h)
