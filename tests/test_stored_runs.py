@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from vsconstraints.bench.evidence import Campaign
-from vsconstraints.bench.evidence.campaign import differences
 from vsconstraints.bench.families import Family
 from vsconstraints.bench.tuning import Budget, Problem
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
@@ -23,6 +22,7 @@ from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
 from vsconstraints.comparisons.runs.files import SUMS, read_arrays, write_arrays
+from vsconstraints.comparisons.runs.identity import differences
 from vsconstraints.comparisons.runs.machine import package_versions
 from vsconstraints.comparisons.runs.spec import ControllerSpec, prepare_laws
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table

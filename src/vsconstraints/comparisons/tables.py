@@ -25,7 +25,7 @@ _KINDS = {
     **{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)},
     **dict.fromkeys(RUN[:-1], "text"),
 }
-_EMPTY: dict[str, str | float | None] = {"text": "", "flag": None}  # for all others NaN
+_EMPTY: dict[str, Any] = {"text": "", "flag": None}  # for all others NaN
 
 
 def cell(value: object) -> str:
@@ -93,12 +93,12 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
             if unusable:
                 why = "or more than one; another version may have written it"
                 raise ValueError(f"it has no column {format_value(unusable[0])}, {why}")
-            empty = {name: _EMPTY.get(_kind(name), math.nan) for name in missing}
+            empty: dict[str, Any] = {name: _EMPTY.get(_kind(name), math.nan) for name in missing}
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-                line = {
+                line: dict[str, Any] = {
                     name: _parsed(name, text, where)
                     for name, text in zip(header, cells, strict=True)
                 }

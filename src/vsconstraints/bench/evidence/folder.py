@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 from ...comparisons.record import RunRecord
 from ...comparisons.runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ...comparisons.runs.folder import MANIFEST, Keep, kept_lines
+from ...comparisons.runs.identity import Identity, differences, in_words
 from ...comparisons.runs.pool import Failure, OpenWorkers
 from ...errors import ConfigurationError
 from ...plugins.processes import deadline
 from ...plugins.provenance import Files
 from ...scenarios.reading import from_table
 from . import parquet
-from .campaign import Campaign, Identity, differences, in_words
+from .campaign import Campaign
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
 from .work import Batch, benches, make_batch

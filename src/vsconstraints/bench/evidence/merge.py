@@ -18,9 +18,9 @@ from ...comparisons.runs.files import (
     write_json,
 )
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
+from ...comparisons.runs.identity import differences, in_words
 from ...comparisons.runs.machine import VERSION
 from ...errors import ConfigurationError
-from .campaign import differences, in_words
 from .folder import (  # fmt: skip
     MARK,
     StoredShard,
