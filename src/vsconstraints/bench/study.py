@@ -120,19 +120,21 @@ class Study:
     @classmethod
     def load(
         cls,
-        path: Path = SHIPPED,
+        path: Path | Sequence[Path] = SHIPPED,
         trust: bool = False,
         on_scene: Callable[[int, int], Any] = max,
         own: bool = False,
     ) -> Study:
-        """Load a stored table, or build the study from a folder of ``vsconstraints evidence``.
+        """Load a stored table, or build the study from folders of ``vsconstraints evidence``.
 
-        The scenes of such a folder are set up again. Laws that do not come with the package are
-        left out unless ``own``; their code is never imported. Raises ConfigurationError that names
-        the problem if the data cannot be read, belongs to another version, or contains no run of a
-        law.
+        Several folders are read as one campaign. Their scenes are set up again. Laws that do not
+        come with the package are left out unless ``own``; their code is never imported. Raises
+        ConfigurationError that names the problem if the data cannot be read, belongs to another
+        version, or contains no run of a law.
         """
-        if path.is_dir():
+        if not isinstance(path, Path):
+            path = path[0] if len(path) == 1 else tuple(path)
+        if not isinstance(path, Path) or path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)
         else:
             facts = parquet.facts_of(path)
