@@ -14,7 +14,7 @@ from typing import Any
 from ...comparisons.runs.files import plain, replaced, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
 from ...comparisons.runs.identity import differences, in_words
-from ...comparisons.runs.machine import loaded_versions, provenance
+from ...comparisons.runs.machine import loaded_versions, new_manifest
 from ...comparisons.runs.spec import prepare_laws
 from ...controllers import Choices
 from ...errors import ConfigurationError
@@ -376,7 +376,7 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
             f"{folder} holds another tuning: {other}. Give another folder with --out"
         )
     manifest = {
-        **provenance(command, {}),
+        **new_manifest(command),
         "tuning": here,
         "evaluations": problem.budget.evaluations,
         "tuner_seeds": problem.budget.seeds,

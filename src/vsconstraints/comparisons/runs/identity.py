@@ -74,13 +74,14 @@ def _law_identity(entry: Law, with_files: bool) -> Identity:
     """Return the options of a law, hashes of its custom files and versions of its solvers."""
     files = entry.files if with_files else ()
     packages = used_versions(entry.options)
-    return plain(
+    law: Identity = plain(
         {
             **entry.table,
             **{f"file {path.name}": digest(path) for path in files},
             **{f"package {name}": version for name, version in packages.items()},
         }
     )
+    return law
 
 
 def different(
