@@ -66,11 +66,9 @@ class ResultsKind:
     #: Write the report of folders, with its options, the folder of a tuning, and a function that
     #: shows progress; return the report's path.
     write_report: Callable[[Sequence[Path], ReportOptions, Path | None, Show], Path]
-    #: Return a summary of the contents of folders, and sentences on missing parts. Raises
-    #: ConfigurationError if they cannot be loaded.
-    contents: Callable[[Sequence[Path]], tuple[str, list[str]]]
-    #: Return the files of a folder that have checksums.
-    files: Callable[[Path], list[Path]]
+    #: Return a summary of the contents of folders, their files, and sentences on missing parts.
+    #: Raises ConfigurationError if they cannot be loaded.
+    contents: Callable[[Sequence[Path]], tuple[str, list[Path], list[str]]]
 
 
 def kind_in(folder: Path) -> ResultsKind:
@@ -240,31 +238,23 @@ def verify(folders: list[Path]) -> None:
         if kind is None or kind == "a tuning":
             raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     names = ", ".join(map(str, folders))
-    results = kind_in(folders[0])
-    contents = ""
-    problems = []
+    problems: list[tuple[object, str]] = []
     try:
-        contents, missing = results.contents(folders)
+        contents, files, missing = kind_in(folders[0]).contents(folders)
         for folder in folders:
-            wrong, remark = check_sums(folder, results.files(folder))
-            wrong += [remark] if remark and not wrong else []
-            problems += [_of_folder(folder, problem) for problem in wrong]
-        problems += [_of_folder(names, problem) for problem in missing]
+            own = [path for path in files if folder in path.parents]
+            wrong, remark = check_sums(folder, own)
+            problems += [(folder, text) for text in wrong or [remark] if text]
+        problems += [(names, text) for text in missing]
     except ConfigurationError as error:
-        problems = [_of_folder(names, str(error))]
-    for problem in problems:
-        errors.print(problem)
+        contents = ""
+        problems = [(names, str(error))]
+    for where, problem in problems:
+        errors.print(problem if problem.startswith(str(where)) else f"{where}: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    console.print(f"{names} {_is(folders)} complete and unchanged: {contents}.")
-
-
-def _of_folder(folder: Path | str, problem: str) -> str:
-    return problem if problem.startswith(str(folder)) else f"{folder}: {problem}"
-
-
-def _is(folders: Sequence[Path]) -> str:
-    return "is" if len(folders) == 1 else "are"
+    verb = "is" if len(folders) == 1 else "are"
+    console.print(f"{names} {verb} complete and unchanged: {contents}.")
 
 
 def _single(folders: Sequence[Path]) -> Path:
@@ -296,13 +286,14 @@ def _write_comparison(
     )
 
 
-def _comparison(folders: Sequence[Path]) -> tuple[str, list[str]]:
-    """Return a summary of a comparison, and missing parts.
+def _comparison(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
+    """Return a summary of a comparison, its files, and missing parts.
 
     Raises ConfigurationError if it cannot be loaded.
     """
     from ..comparisons import StoredComparison
     from ..comparisons.record import run_file
+    from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
     folder = _single(folders)
@@ -316,16 +307,11 @@ def _comparison(folders: Sequence[Path]) -> tuple[str, list[str]]:
         path = run_file(folder, *key)
         if path.is_file() and results.stored.run(*key) is None:
             problems.append(f"{path.name} cannot be read")
-    return f"{results.finished} runs of {len(results.scenarios)} scenarios", problems
+    contents = f"{results.finished} runs of {len(results.scenarios)} scenarios"
+    return contents, stored_files(folder), problems
 
 
-def _files(folder: Path) -> list[Path]:
-    from ..comparisons.stored import stored_files
-
-    return stored_files(folder)
-
-
-COMPARISON = ResultsKind(_write_comparison, _comparison, _files)
+COMPARISON = ResultsKind(_write_comparison, _comparison)
 
 
 def print_laws(folder: Path) -> None:

@@ -35,13 +35,14 @@ def _write_report(
     )
 
 
-def _contents(folders: Sequence[Path]) -> tuple[str, list[str]]:
-    """Return a summary of a campaign, and missing parts.
+def _contents(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
+    """Return a summary of a campaign, its files, and missing parts.
 
     Raises ConfigurationError if it cannot be loaded.
     """
     demand("evidence", "a campaign")
     from ..evidence import Evidence, Shard
+    from ..evidence.folder import stored_files
 
     evidence = Evidence.load(folders, trust=True)  # no part of it is built
     shard = Shard(*evidence.manifest.get("shard", (1, 1)))
@@ -51,13 +52,8 @@ def _contents(folders: Sequence[Path]) -> tuple[str, list[str]]:
         f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of "
         f"{len(evidence.families)} families"
     )
-    return contents, [f"scenes {lost} are missing"] if lost else []
+    files = [path for folder in folders for path in stored_files(folder)]
+    return contents, files, [f"scenes {lost} are missing"] if lost else []
 
 
-def _files(folder: Path) -> list[Path]:
-    from ..evidence.folder import stored_files
-
-    return stored_files(folder)
-
-
-CAMPAIGN = ResultsKind(_write_report, _contents, _files)
+CAMPAIGN = ResultsKind(_write_report, _contents)
