@@ -28,7 +28,7 @@ from vsconstraints.bench.study import SHIPPED, Study
 from vsconstraints.comparisons.metrics import NEGLIGIBLE, TOLERANT
 from vsconstraints.comparisons.runs.files import write_json
 from vsconstraints.comparisons.runs.folder import MANIFEST, manifest_of
-from vsconstraints.comparisons.runs.machine import provenance
+from vsconstraints.comparisons.runs.machine import new_manifest
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
 from vsconstraints.errors import ConfigurationError
 
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     require_same(manifest, study)
     kept = {name: value for name, value in manifest.items() if name not in OF_RUNS}
     command = ["python", "-m", "checks.kept_evidence"]
-    manifest = {**kept, **provenance(command, {}), "runs": len(study.runs)}
+    manifest = {**kept, **new_manifest(command), "runs": len(study.runs)}
     evidence = KeptEvidence(asked.out, manifest)
     write_report_of(Dataset(evidence, figures=not asked.no_figures))
     write_json(asked.out / MANIFEST, manifest)

@@ -196,7 +196,7 @@ def comparison(root: Path) -> Made:
             "figures": (400, write_report),
             "replay": (20, lambda folder: select_run(str(folder / "trajectories" / file))),
             "diff": (40, lambda folder: difference(root / "comparison", folder)),
-            "verify": (2, verify),
+            "verify": (2, lambda folder: verify([folder])),
         },
     )
 
@@ -226,7 +226,7 @@ def campaign(root: Path) -> Made:
             "merge": (4, merged),
             "replay": (40, lambda folder: replay(folder, "quick", 0, "nominal", "sliding-mode")),
             "diff": (40, lambda folder: difference(root / "campaign", folder)),
-            "verify": (2, verify),
+            "verify": (2, lambda folder: verify([folder])),
         },
     )
 

@@ -288,7 +288,7 @@ def test_studies_that_cannot_be_used_are_refused_by_name(folder: Path, tmp_path:
         (table, {"controllers": {**laws, "odd": {}}}, "the law odd is from another version"),
         (table, {"controllers": {**laws, "sliding-mode": {"k": 3}}}, "'k'"),
         (table.slice(1), {"controllers": laws}, "not every law has one run in each scene"),
-        (table.drop_columns("delay"), {"controllers": laws}, "no column 'delay'"),
+        (table.drop_columns("feature"), {"controllers": laws}, "no column 'feature'"),
         (table, {"study": None, "controllers": laws}, "its format is None, not 2"),
         (table, {"controllers": laws, "frozen": None}, "it has no frozen"),
     ):

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from vsconstraints.bench.evidence import Campaign
-from vsconstraints.bench.evidence.campaign import differences
 from vsconstraints.bench.families import Family
 from vsconstraints.bench.tuning import Budget, Problem
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
@@ -23,6 +22,7 @@ from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
 from vsconstraints.comparisons.runs.files import SUMS, read_arrays, write_arrays
+from vsconstraints.comparisons.runs.identity import differences
 from vsconstraints.comparisons.runs.machine import package_versions
 from vsconstraints.comparisons.runs.spec import ControllerSpec, prepare_laws
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
@@ -398,7 +398,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
 
 
 def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: Path) -> None:
-    """Only a number is: an empty text would say that no row was violated."""
+    """Not a text whose empty cell would say that no row was violated."""
     line: dict[str, object] = dict.fromkeys(RESULT_COLUMNS, 1.0)
     line |= {
         "suite": "s",
@@ -410,7 +410,7 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
     }
     line |= {"violated": "", "within_band": "", "violated_tolerant": "", "compiled": True}
     path = tmp_path / "results.csv"
-    for missing in ("acceleration_max", "violated_tolerant"):
+    for missing in ("acceleration_max", "duration_s", "reason", "violated_tolerant"):
         columns = [name for name in RESULT_COLUMNS if name != missing]
         write_table(path, columns, [line])
         if missing == "violated_tolerant":
@@ -418,8 +418,9 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
                 read_table(path, RESULT_COLUMNS)
         else:
             (read,) = read_table(path, RESULT_COLUMNS)
-            assert np.isnan(read.pop(missing))
-            assert read["duration_s"] == 1.0
+            value = read.pop(missing)
+            assert value == "" if missing == "reason" else np.isnan(value)
+            assert read["jerk_rms"] == 1.0
 
 
 # --- one bad thing costs one run ---

@@ -85,7 +85,10 @@ def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tu
     steps = {}
     reasons = []
     for name, asked in situation.said.items():
-        far = {value: distance(name, asked, value) for value in scenes[name].unique()}
+        far = {value: distance(name, asked, value) for value in scenes[name].dropna().unique()}
+        if not far:
+            reasons.append(f"the study has no {name.replace('_', ' ')}")
+            continue
         if name == "constraints":
             reasons += [
                 f"no scene has {kind}" for kind in asked if not any(kind in kinds for kinds in far)

@@ -17,12 +17,12 @@ import numpy as np
 
 from ..comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
 from ..comparisons.runs.folder import kind_of
+from ..comparisons.runs.identity import different, in_words
 from ..comparisons.runs.spec import BASELINE
 from ..comparisons.stored import StoredComparison
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
 from .evidence import Evidence
-from .evidence.campaign import different, in_words
 from .evidence.parquet import RUNS, SCENES
 from .statistics import SCENE, paired, simultaneous
 from .statistics.judged import (

@@ -60,9 +60,11 @@ def secret_seed() -> int:
 def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
     """Draw a share of a study's runs; the order of the study's lines has no influence.
 
-    Runs of laws that are no longer part of the package are not drawn.
+    Runs of laws that are no longer part of the package are not drawn. Lines have no entry for a
+    column that is empty in all runs, which an earlier version may not have written.
     """
     repeatable = study.runs[~study.runs["controller"].isin([*moved_laws(study)])]
+    repeatable = repeatable.dropna(axis="columns", how="all")
     ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
     lines: list[dict[str, Any]] = ordered.to_dict("records")
     return Random(seed).sample(lines, math.ceil(share * len(lines)))
@@ -177,9 +179,11 @@ def repeat_once(
 
 
 def _differences(one: Line, other: Line) -> dict[str, str]:
-    """Return sentences on the differences of two results, by column."""
+    """Return sentences on the differences of two results, by column that both have."""
     found = {}
     for column in OUTCOME:
+        if column.name not in one or column.name not in other:
+            continue
         a = one[column.name]
         b = other[column.name]
         if column.kind == "number":

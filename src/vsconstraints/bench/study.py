@@ -75,24 +75,27 @@ class Situation:
 SCENE = ["family", "scene"]  #: Key of a scene; its conditions are not independent of each other.
 CONDITION = "condition"
 _KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
+_SITUATION_KINDS: Mapping[str, Kind] = {
+    each.name: _KINDS.get(str(each.type).partition(" ")[0], "text") for each in fields(Situation)
+}
+# an empty text would say that a scene has no constraints
 _SITUATION = [
-    Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text"))
-    for each in fields(Situation)
+    Column(name, kind, required=kind == "text") for name, kind in _SITUATION_KINDS.items()
 ]
 #: Result of a run, which does not depend on the machine; see ``results.csv``.
 _NUMBERS = "violation_fraction", "settling_time_s", "utilization", "acceleration_variation"
 OUTCOME = (
-    Column("status", "text", category=True),
-    Column("violated", "text"),
-    *(Column(name, "number") for name in _NUMBERS),
+    Column("status", "text", category=True, required=True),
+    Column("violated", "text", required=True),
+    *(Column(name, "number", required=name == "violation_fraction") for name in _NUMBERS),
 )
 _SUCCESS = (
-    Column("success", "flag"),
-    Column("tolerant_success", "flag"),
+    Column("success", "flag", required=True),
+    Column("tolerant_success", "flag", required=True),
     Column("call_us", "number"),
 )
 #: Columns that are empty for runs that failed immediately or never settled. Cells of all other
-#: columns are never empty.
+#: columns are never empty, except those of a column that an earlier version did not write.
 _MAY_BE_EMPTY = (*_NUMBERS, "call_us")
 #: Columns of a study's table, which has one line for each run of a law: keys, situation, result.
 COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
@@ -117,19 +120,21 @@ class Study:
     @classmethod
     def load(
         cls,
-        path: Path = SHIPPED,
+        path: Path | Sequence[Path] = SHIPPED,
         trust: bool = False,
         on_scene: Callable[[int, int], Any] = max,
         own: bool = False,
     ) -> Study:
-        """Load a stored table, or build the study from a folder of ``vsconstraints evidence``.
+        """Load a stored table, or build the study from folders of ``vsconstraints evidence``.
 
-        The scenes of such a folder are set up again. Laws that do not come with the package are
-        left out unless ``own``; their code is never imported. Raises ConfigurationError that names
-        the problem if the data cannot be read, belongs to another version, or contains no run of a
-        law.
+        Several folders are read as one campaign. Their scenes are set up again. Laws that do not
+        come with the package are left out unless ``own``; their code is never imported. Raises
+        ConfigurationError that names the problem if the data cannot be read, belongs to another
+        version, or contains no run of a law.
         """
-        if path.is_dir():
+        if not isinstance(path, Path):
+            path = path[0] if len(path) == 1 else tuple(path)
+        if not isinstance(path, Path) or path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)
         else:
             facts = parquet.facts_of(path)
@@ -210,7 +215,8 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
     laws = _laws(facts["controllers"])
     for column in COLUMNS:
         empty = int(runs[column.name].isna().sum())
-        if empty and column.name not in _MAY_BE_EMPTY:
+        missing = not column.required and empty == len(runs)
+        if empty and not missing and column.name not in _MAY_BE_EMPTY:
             raise ConfigurationError(
                 f"{path}: {empty} cells of column {column.name} are empty; write the table again "
                 "with --keep"

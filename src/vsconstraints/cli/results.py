@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 class ReportOptions:
     """Options of all commands that write a report.
 
-    Raises ConfigurationError for an unknown format, and if packages that replays need are not
-    installed.
+    ``out`` is the folder of the report if it is not that of the results. Raises ConfigurationError
+    for an unknown format, and if packages that replays need are not installed.
     """
 
     figures: bool = True
@@ -51,6 +51,7 @@ class ReportOptions:
     latex: bool = False
     replays: bool = False
     trust: bool = False
+    out: Path | None = None
 
     def __post_init__(self) -> None:
         formats_of(self.formats or ())
@@ -60,14 +61,14 @@ class ReportOptions:
 
 @dataclass(frozen=True)
 class ResultsKind:
-    """What commands do with one kind of stored results."""
+    """What commands do with one kind of stored results, in one folder or in several."""
 
-    #: Write the report of a folder, with its options, the folder of a tuning, and a function that
+    #: Write the report of folders, with its options, the folder of a tuning, and a function that
     #: shows progress; return the report's path.
-    write_report: Callable[[Path, ReportOptions, Path | None, Show], Path]
-    #: Return a summary of a folder's contents, its files, and sentences on missing parts. Raises
-    #: ConfigurationError if it cannot be loaded.
-    contents: Callable[[Path], tuple[str, list[Path], list[str]]]
+    write_report: Callable[[Sequence[Path], ReportOptions, Path | None, Show], Path]
+    #: Return a summary of the contents of folders, their files, and sentences on missing parts.
+    #: Raises ConfigurationError if they cannot be loaded.
+    contents: Callable[[Sequence[Path]], tuple[str, list[Path], list[str]]]
 
 
 def kind_in(folder: Path) -> ResultsKind:
@@ -79,16 +80,19 @@ def kind_in(folder: Path) -> ResultsKind:
     return kind
 
 
-def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None) -> str:
-    """Write the report of stored results with a progress bar.
+def write_report(
+    folder: Path | Sequence[Path], wanted: ReportOptions, tuning: Path | None = None
+) -> str:
+    """Write the report of stored results, in one folder or in several, with a progress bar.
 
     Return a text that names its file.
     """
     from ..reports.latex import write_tables
     from ..reports.page import where
 
+    folders = [folder] if isinstance(folder, Path) else folder
     with progress() as show:
-        report = kind_in(folder).write_report(folder, wanted, tuning, show)
+        report = kind_in(folders[0]).write_report(folders, wanted, tuning, show)
     if wanted.latex:
         console.print(f"Tables for LaTeX: {write_tables(report)}")
     return where(report)
@@ -200,7 +204,8 @@ def compare(
 
 
 def report(
-    folder: Path,
+    folders: list[Path],
+    out: Path | None = None,
     figures: bool = True,
     all_figures: bool = False,
     formats: Names = None,
@@ -209,47 +214,68 @@ def report(
     trust: bool = False,
     tuning: Path | None = None,
 ) -> None:
-    """Write the report of stored results again."""
-    console.print(
-        write_report(
-            folder, ReportOptions(figures, all_figures, formats, latex, replays, trust), tuning
-        )
-    )
+    """Write the report of stored results again.
+
+    Several folders are parts of one campaign, whose report is written to --out.
+    """
+    options = ReportOptions(figures, all_figures, formats, latex, replays, trust, out)
+    console.print(write_report(folders, options, tuning))
 
 
-def verify(folder: Path) -> None:
+def verify(folders: list[Path]) -> None:
     """Check that stored results are complete and unchanged.
 
-    Every file must be as stored, with every planned run and no other. Exit code 1 if something was
-    changed, is missing, unfinished or carries no checksum; 2 if the folder cannot be read.
+    Every file must be as stored, with every planned run and no other. Several folders are parts of
+    one campaign. Exit code 1 if something was changed, is missing, unfinished or carries no
+    checksum; 2 if a folder cannot be read.
     """
     from ..comparisons.runs.files import check_sums
     from ..comparisons.runs.folder import kind_of
 
-    # an unreadable manifest does not tell the kind of results
-    kind = kind_of(folder) or ("a comparison" if (folder / "results.csv").is_file() else None)
-    if kind is None or kind == "a tuning":
-        raise ConfigurationError(f"{folder} holds no comparison and no campaign")
+    for folder in folders:
+        # an unreadable manifest does not tell the kind of results
+        kind = kind_of(folder) or ("a comparison" if (folder / "results.csv").is_file() else None)
+        if kind is None or kind == "a tuning":
+            raise ConfigurationError(f"{folder} holds no comparison and no campaign")
+    names = ", ".join(map(str, folders))
+    problems: list[tuple[object, str]] = []
     try:
-        contents, files, problems = kind_in(folder).contents(folder)
-        wrong, remark = check_sums(folder, files)
-        problems = [*wrong, *([remark] if remark and not wrong else []), *problems]
+        contents, files, missing = kind_in(folders[0]).contents(folders)
+        for folder in folders:
+            own = [path for path in files if folder in path.parents]
+            wrong, remark = check_sums(folder, own)
+            problems += [(folder, text) for text in wrong or [remark] if text]
+        problems += [(names, text) for text in missing]
     except ConfigurationError as error:
         contents = ""
-        problems = [str(error)]
-    for problem in problems:
-        errors.print(problem if problem.startswith(str(folder)) else f"{folder}: {problem}")
+        problems = [(names, str(error))]
+    for where, problem in problems:
+        errors.print(problem if problem.startswith(str(where)) else f"{where}: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    console.print(f"{folder} is complete and unchanged: {contents}.")
+    verb = "is" if len(folders) == 1 else "are"
+    console.print(f"{names} {verb} complete and unchanged: {contents}.")
 
 
-def _write_comparison(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:
+def _single(folders: Sequence[Path]) -> Path:
+    """Return the only folder; raises ConfigurationError if there are several."""
+    if len(folders) > 1:
+        raise ConfigurationError(
+            f"{folders[0]} holds a comparison, and only campaigns are read from several folders"
+        )
+    return folders[0]
+
+
+def _write_comparison(
+    folders: Sequence[Path], wanted: ReportOptions, tuning: Path | None, show: Show
+) -> Path:
     """Write the report of a comparison."""
     from ..reports.report import write_report as write
 
+    if wanted.out is not None:
+        raise ConfigurationError("--out is for the report of several folders of a campaign")
     return write(
-        folder,
+        _single(folders),
         figures=wanted.figures,
         all_figures=wanted.all_figures,
         formats=formats_of(wanted.formats or ()),
@@ -260,7 +286,7 @@ def _write_comparison(folder: Path, wanted: ReportOptions, tuning: Path | None, 
     )
 
 
-def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
+def _comparison(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
     """Return a summary of a comparison, its files, and missing parts.
 
     Raises ConfigurationError if it cannot be loaded.
@@ -270,6 +296,7 @@ def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
     from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
+    folder = _single(folders)
     # no part of it is built
     results = Results(StoredComparison.load(folder, trust=True))
     problems = []
@@ -280,11 +307,8 @@ def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
         path = run_file(folder, *key)
         if path.is_file() and results.stored.run(*key) is None:
             problems.append(f"{path.name} cannot be read")
-    return (
-        f"{results.finished} runs of {len(results.scenarios)} scenarios",
-        stored_files(folder),
-        problems,
-    )
+    contents = f"{results.finished} runs of {len(results.scenarios)} scenarios"
+    return contents, stored_files(folder), problems
 
 
 COMPARISON = ResultsKind(_write_comparison, _comparison)

@@ -277,8 +277,8 @@ class Metric:
     ``value`` computes the value of a run or, in constraints.csv, of each of its rows; None for the
     ratio ``column / over``. ``better`` is None for facts and noise. A ``kind`` of ``time`` is a
     number that differs between runs on the same machine. Columns are ordered by ``column_order``: a
-    new column gets a greater number than all others. Tables of earlier versions can be read without
-    a column if it is a number.
+    new column gets a greater number than all others. Stored tables without a column are read with
+    it empty, unless it is ``required`` because an empty cell would be read as a result.
 
     In reports, ``header`` (with unit; hidden if empty) is the heading in the table ``group`` of a
     scenario, and ``overall`` in the tables over all scenarios. There, runs are ``condensed`` to the
@@ -304,6 +304,7 @@ class Metric:
     condensed: Literal["median", "worst"] = "median"
     finding: tuple[str, str] = ("", "")
     column_order: int = 0
+    required: bool = False
 
 
 _NUMBERS = {
@@ -328,7 +329,7 @@ def _described(what: str, metrics: Sequence[Metric]) -> tuple[Metric, ...]:
 
 #: Metrics of a run, in the order in which a scenario's tables show them.
 METRICS = _described("run", (
-    Metric("status", lambda m: m.run.status, kind="text"),
+    Metric("status", lambda m: m.run.status, kind="text", required=True),
     Metric("reason", lambda m: m.run.reason, kind="text"),
     Metric("duration_s", lambda m: m.run.t[-1]),
     Metric("settling_time_s", MetricInputs.settling_time, "settling time [s]", group="task"),
@@ -341,7 +342,7 @@ METRICS = _described("run", (
     Metric("utilization", MetricInputs.utilization, "utilization [%]", "more", group="outcome",
            style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%")),
-    Metric("violated", lambda m: m.named(m.violated), kind="text"),
+    Metric("violated", lambda m: m.named(m.violated), kind="text", required=True),
     Metric("violation_depth", lambda m: float((m.violated / m.record.length).max(initial=0.0)),
            "worst depth [% of L]", group="outcome", judged="any", factor=100.0,
            overall="worst depth [% of L]", condensed="worst"),
@@ -371,21 +372,23 @@ METRICS = _described("run", (
            "rows and task, median [µs]", None, kind="time", group="time"),
     Metric("missed_periods", MetricInputs.missed_periods, "missed periods", None, kind="time",
            group="time", style="count"),
-    Metric("compiled", lambda m: m.run.compiled, kind="flag", column_order=1),
-    Metric("within_band", lambda m: m.named(m.within_band), kind="text", column_order=2),
+    Metric("compiled", lambda m: m.run.compiled, kind="flag", column_order=1, required=True),
+    Metric("within_band", lambda m: m.named(m.within_band), kind="text", column_order=2,
+           required=True),
     Metric("held_time_s", lambda m: float(m.held.sum() * m.Ts), column_order=4),
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), column_order=5),
     Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), column_order=6),
-    Metric("violated_tolerant", kind="text", column_order=7,
+    Metric("violated_tolerant", kind="text", column_order=7, required=True,
            value=lambda m: m.named(m.fraction - TOLERANT)),
     Metric("acceleration_max", MetricInputs.largest_acceleration, column_order=8),
 ))  # fmt: skip
 #: Metrics of each row of a run.
 ROW_METRICS = _described("row", (
-    Metric("constraint", lambda m: m.run.labels, kind="text"),
+    Metric("constraint", lambda m: m.run.labels, kind="text", required=True),
     Metric("kind", lambda m: m.record.kinds, kind="text"),
     Metric("unit", lambda m: m.record.units, kind="text"),
-    Metric("challenged", lambda m: m.outside_alone.any(axis=0).tolist(), kind="flag"),
+    Metric("challenged", lambda m: m.outside_alone.any(axis=0).tolist(), kind="flag",
+           required=True),
     Metric("active_time_s", lambda m: m.run.active.sum(axis=0) * m.Ts),
     Metric("first_active_s", lambda m: first_active(m.run.t, m.run.active)),
     Metric("last_active_s", lambda m: first_active(m.run.t[::-1], m.run.active[::-1])),
@@ -415,10 +418,10 @@ STORED = tuple(
 )
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
-#: Columns that tables of earlier versions may lack; they are then read as empty. Only numbers are
-#: permitted, because an empty text has a meaning.
-LATER_COLUMNS = tuple(
-    each.column for each in STORED if each.column_order and each.kind in ("number", "time")
+#: Columns without which no stored table is read. All others may be missing, because an earlier
+#: version did not write them, and are then read as empty.
+REQUIRED_COLUMNS = frozenset(
+    (*RUN, *(metric.column for metric in (*METRICS, *ROW_METRICS) if metric.required))
 )
 #: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")

@@ -28,7 +28,7 @@ from .runs.files import (
 )
 from .runs.folder import MANIFEST, locked
 from .runs.law_process import LawFailedError, LawProcessLostError
-from .runs.machine import loaded_versions, provenance, run_limit, used_versions
+from .runs.machine import loaded_versions, new_manifest, run_limit
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
 from .stored import TABLES, require_arm_kept, require_nothing_lost, stored_files
@@ -101,13 +101,7 @@ def compare(
         if not fresh:
             require_nothing_lost(folder, suite)
         require_arm_kept(folder, runs.values(), fresh)
-        resolved = suite.resolved()
-        manifest = {
-            **provenance(command, used_versions(resolved)),
-            "seed": suite.seed,
-            "configuration": resolved,
-        }
-        manifest["warnings"] = warned
+        manifest = {**new_manifest(command, suite.resolved()), "warnings": warned}
         with storing("results", folder):
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
             if fresh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +20,7 @@ from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, plain, require_unchanged, seal
 from .runs.folder import MANIFEST, Keep, StoredResults, entries, kept_lines, manifest_of
+from .runs.identity import differences, in_words
 from .runs.machine import most_samples
 from .runs.spec import ControllerSpec, RunSpec
 from .suite import Suite
@@ -29,6 +30,8 @@ TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 Number = float | None
 Texts = Sequence[str]
+Part = tuple[str, str]  #: Part of a configuration: its kind and, except for the seed, its name.
+Settings = dict[Part, Any]  #: Settings that results depend on.
 
 #: Additional file that a run on an arm stores in its folder.
 ARM_LOG = Path("arm", "log.npz")
@@ -50,8 +53,8 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
         if (scenario, controller, trial) not in planned:
             why = "is not part of this one"
-        elif any(earlier.get(part, now.get(part)) != now.get(part) for part in parts):
-            why = "has other settings in this one"
+        elif texts := [text for part in parts for text in _differences(part, earlier, now)]:
+            why = f"has other settings in this one: {in_words(texts)}"
         else:
             continue
         lost = (
@@ -81,12 +84,19 @@ def require_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False)
             raise FolderTaken(f"{lost}: {why}, {instead}", f"{lost}: {why}")
 
 
-def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
+def _differences(part: Part, earlier: Settings, now: Settings) -> Iterator[str]:
+    """Yield a sentence for each setting of a part that differs; none if the part is not stored."""
+    if part in earlier:
+        key = " ".join(part).strip()
+        yield from differences({key: earlier[part]}, {key: now.get(part)})
+
+
+def _settings(configuration: Any) -> Settings:
     """Extract the settings that results depend on from a manifest's configuration.
 
     These are the seed, and the scenarios and controllers by name. Invalid entries are ignored.
     """
-    settings: dict[tuple[str, str], Any] = {}
+    settings: Settings = {}
     with suppress(KeyError, TypeError, AttributeError):
         settings["seed", ""] = configuration["seed"]
         settings |= {

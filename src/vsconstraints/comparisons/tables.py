@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import ConfigurationError, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
-from .metrics import LATER_COLUMNS, METRICS, ROW_METRICS, RUN
+from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS, RUN
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
@@ -25,6 +25,7 @@ _KINDS = {
     **{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)},
     **dict.fromkeys(RUN[:-1], "text"),
 }
+_EMPTY: dict[str, Any] = {"text": "", "flag": None}  # for all others NaN
 
 
 def cell(value: object) -> str:
@@ -77,8 +78,8 @@ def append_lines(
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Return the lines of a table: text, flags and floats, NaN where empty.
 
-    Columns that earlier versions did not write are empty. Raises ConfigurationError with file and
-    line.
+    A missing column is read as empty: a text as "", a flag as None. Raises ConfigurationError, with
+    file and line, if a required one is missing (:data:`.metrics.REQUIRED_COLUMNS`).
     """
     lines = []
     try:
@@ -86,28 +87,33 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
-            later = [name for name in columns if name in LATER_COLUMNS and name not in header]
-            if missing := [
-                name for name in columns if header.count(name) != 1 and name not in later
-            ]:
+            missing = [name for name in columns if name not in header]
+            unusable = [name for name in missing if name in REQUIRED_COLUMNS]
+            unusable += [name for name in columns if header.count(name) > 1]
+            if unusable:
                 why = "or more than one; another version may have written it"
-                raise ValueError(f"it has no column {format_value(missing[0])}, {why}")
+                raise ValueError(f"it has no column {format_value(unusable[0])}, {why}")
+            empty: dict[str, Any] = {name: _EMPTY.get(_kind(name), math.nan) for name in missing}
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-                line = {
+                line: dict[str, Any] = {
                     name: _parsed(name, text, where)
                     for name, text in zip(header, cells, strict=True)
                 }
-                lines.append(line | dict.fromkeys(later, math.nan))
+                lines.append(line | empty)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     return lines
 
 
+def _kind(column: str) -> str:
+    return _KINDS.get(column, "number")
+
+
 def _parsed(name: str, text: str, where: str) -> str | bool | float:
-    kind = _KINDS.get(name, "number")
+    kind = _kind(name)
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(
             f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "

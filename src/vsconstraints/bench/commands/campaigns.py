@@ -233,7 +233,7 @@ def advise(
     rows: Names = None,
     unknown_motion: bool | None = None,
     may_use: Names = None,
-    study: Path | None = None,
+    study: list[Path] | None = None,
     keep: Path | None = None,
     as_json: bool = False,
     trust: bool = False,

@@ -1,7 +1,8 @@
-"""What commands do with the folder of a campaign: its report, and whether it is whole."""
+"""What commands do with the folders of a campaign: its report, and whether it is whole."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,14 +13,19 @@ from ...plugins.extras import demand
 from ...reports.formats import formats_of
 
 
-def _write_report(folder: Path, wanted: ReportOptions, tuning: Path | None, show: Show) -> Path:
+def _write_report(
+    folders: Sequence[Path], wanted: ReportOptions, tuning: Path | None, show: Show
+) -> Path:
     """Write the report of a campaign."""
     if wanted.replays:
-        raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
+        raise ConfigurationError(f"--replays is for comparisons, and {folders[0]} holds a campaign")
+    if len(folders) > 1 and wanted.out is None:
+        raise ConfigurationError("the report of several folders needs a folder of its own: --out")
     from ..reports import write_evidence_report  # needs an extra
 
     return write_evidence_report(
-        folder,
+        folders,
+        out=wanted.out,
         tuning=tuning,
         on_written=partial(show, "writing the report"),
         figures=wanted.figures,
@@ -29,25 +35,25 @@ def _write_report(folder: Path, wanted: ReportOptions, tuning: Path | None, show
     )
 
 
-def _contents(folder: Path) -> tuple[str, list[Path], list[str]]:
+def _contents(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
     """Return a summary of a campaign, its files, and missing parts.
 
     Raises ConfigurationError if it cannot be loaded.
     """
     demand("evidence", "a campaign")
     from ..evidence import Evidence, Shard
-    from ..evidence.folder import missing_scenes, shards, stored_files
+    from ..evidence.folder import stored_files
 
-    evidence = Evidence.load(folder, trust=True)  # no part of it is built
-    configuration = evidence.manifest["configuration"]
+    evidence = Evidence.load(folders, trust=True)  # no part of it is built
     shard = Shard(*evidence.manifest.get("shard", (1, 1)))
-    facts = [each.facts for each in shards(folder)]
-    lost = missing_scenes(configuration, facts, shard.scenes(configuration["scenes"]))
+    scenes = evidence.manifest["configuration"]["scenes"]
+    lost = evidence.missing_scenes(shard.scenes(scenes))
     contents = (
         f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of "
         f"{len(evidence.families)} families"
     )
-    return contents, stored_files(folder), [f"scenes {lost} are missing"] if lost else []
+    files = [path for folder in folders for path in stored_files(folder)]
+    return contents, files, [f"scenes {lost} are missing"] if lost else []
 
 
 CAMPAIGN = ResultsKind(_write_report, _contents)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -11,26 +11,15 @@ from typing import Any
 
 from ...comparisons.experiment import Entries, Experiment, entries_of, require_names
 from ...comparisons.runs.files import plain
-from ...comparisons.runs.machine import code_identity, used_versions
+from ...comparisons.runs.identity import Identity, identity, scene_identity
 from ...errors import ConfigurationError, format_value, unknown_name
-from ...plugins.provenance import digest
 from ...scenarios import Scenario
 from ...scenarios.reading import Table, from_table, require_known, require_table
 from ...scenarios.toml import read_toml
 from ..families import HALVES, SHIPPED, Family
 from .own_files import contents, files_of_laws, own_folders
 
-#: Everything that results depend on, as nested JSON tables; the same on every machine.
-Identity = dict[str, Any]
-
-MAX_SHOWN = 3  # maximum number of differences in a message
 MAX_SCENES = 10_000_000  # maximum number of scenes of a family in a campaign
-
-IN_WORDS = {
-    "code": "the package's source",
-    "version": "the package's version",
-    "compiled": "whether runs are compiled",
-}
 
 #: Files of the campaigns shipped with the package, by name. ``comparisons/evidence.toml`` is a link
 #: to the first.
@@ -39,67 +28,10 @@ SHIPPED_CAMPAIGNS = {
 }
 
 
-def of_controllers(entries: Entries) -> Identity:
-    """Return each law's options, hashes of its custom files and versions of its solvers."""
-    identity = {}
-    for entry in entries:
-        files = {f"file {path.name}": digest(path) for path in entry.files}
-        packages = {
-            f"package {name}": version for name, version in used_versions(entry.options).items()
-        }
-        identity[entry.name] = plain({**entry.table, **files, **packages})
-    return identity
-
-
-def of_family(family: Family) -> Identity:
-    """Return the identity of a family.
-
-    It holds the tables of the family, hashes of the files that it names, and the versions of
-    packages that its conditions use.
-    """
-    files = Scenario(family.name, family.tables, family.folder).files
-    return {
-        "tables": plain(family.tables),
-        "files": {path.name: digest(path) for path in files},
-        "packages": used_versions(family.tables),
-    }
-
-
-def different(
-    a: Any, b: Any, path: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Yield the path to each difference with both values, None where a value is missing.
-
-    Tables are compared recursively, as are nonempty lists of tables with equal length.
-    """
-    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
-    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
-        a, b = (dict(enumerate(side)) for side in (a, b))
-    if isinstance(a, Mapping) and isinstance(b, Mapping):
-        for key in dict.fromkeys((*a, *b)):
-            if key in a and key in b:
-                yield from different(a[key], b[key], (*path, str(key)))
-            else:
-                yield (*path, str(key)), a.get(key), b.get(key)
-    elif a != b:
-        yield path, a, b
-
-
-def differences(there: Any, here: Any) -> Iterator[str]:
-    """Yield a sentence for each difference, with both values."""
-    for path, old, new in different(there, here):
-        name = ".".join(path)
-        if old is None or new is None:
-            yield f"{name} is only {'there' if new is None else 'here'}"
-        else:
-            said = f"{name} is {format_value(old)} there and {format_value(new)} here"
-            yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
-
-
-def in_words(texts: Sequence[str]) -> str:
-    """Join the first differences and the number of the remaining ones."""
-    more = len(texts) - MAX_SHOWN
-    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
+def family_identity(family: Family) -> Identity:
+    """Return the identity of a family: its tables, files and packages."""
+    scenario = Scenario(family.name, family.tables, family.folder)
+    return scene_identity(family.tables, scenario.files)
 
 
 @dataclass(frozen=True)
@@ -243,15 +175,15 @@ class Campaign(Experiment):
 
     def identity(self, family: Family) -> Identity:
         """Return everything that the results of a family depend on."""
-        return {
-            **code_identity(),
-            "seed": self.seed,
-            "half": self.half,
-            "conditions": list(self.conditions_of(family)),
-            **({"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}),
-            "controllers": of_controllers(self.controllers),
-            "family": of_family(family),
-        }
+        limits: dict[str, Any] = {"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}
+        return identity(
+            self.controllers,
+            seed=self.seed,
+            half=self.half,
+            conditions=list(self.conditions_of(family)),
+            **limits,
+            family=family_identity(family),
+        )
 
     def identities(self) -> dict[str, Identity]:
         """Return everything that results depend on, by family."""

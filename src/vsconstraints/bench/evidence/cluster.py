@@ -25,6 +25,7 @@ from queue import Empty, SimpleQueue
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+from ...comparisons.runs.identity import differences, in_words
 from ...comparisons.runs.pool import (
     DIED,
     THREAD_VARIABLES,
@@ -36,7 +37,6 @@ from ...comparisons.runs.pool import (
 )
 from ...errors import ConfigurationError, WorkersLost, described
 from ...plugins.extras import demand
-from .campaign import differences, in_words
 
 CONNECT = 5.0  # timeout of the connection to a scheduler [s]
 # time limit for workers to start their processes and return their identity [s]

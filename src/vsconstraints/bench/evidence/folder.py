@@ -12,16 +12,17 @@ from typing import Any, NamedTuple
 from ...comparisons.record import RunRecord
 from ...comparisons.runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ...comparisons.runs.folder import MANIFEST, Keep, kept_lines
+from ...comparisons.runs.identity import Identity, differences, in_words
 from ...comparisons.runs.pool import Failure, OpenWorkers
 from ...errors import ConfigurationError
 from ...plugins.processes import deadline
 from ...plugins.provenance import Files
 from ...scenarios.reading import from_table
 from . import parquet
-from .campaign import Campaign, Identity, differences, in_words
+from .campaign import Campaign
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
-from .work import Batch, benches, make_batch
+from .work import Batch, benches, make_batch, shard_name
 
 MARK = "runs"  # the table that is written last: a shard is complete if it has this part
 MAX_NAMED = 5  # maximum number of scene ranges in a message
@@ -55,16 +56,39 @@ class Facts:
 
 
 class StoredShard(NamedTuple):
-    """Shard of a folder: name, footer, and path of the part that is written last."""
+    """Shard of a folder: name, footer, and path of the part that is written last.
+
+    ``scenes`` are those that are read; the others are read from another folder.
+    """
 
     folder: Path
     name: str
     facts: Facts
     path: Path
+    scenes: tuple[int, ...]
+
+    @property
+    def whole(self) -> bool:
+        """True if all scenes are read."""
+        return self.scenes == self.facts.scenes
+
+    def of(self, scenes: Sequence[int]) -> StoredShard:
+        """Return the shard with only these scenes."""
+        return self._replace(scenes=tuple(scenes))
+
+    @property
+    def name_of_scenes(self) -> str:
+        """Name of a shard that has only the scenes that are read."""
+        return self.name if self.whole else shard_name(self.facts.family, self.scenes)
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
         """Read one table of the shard, with the named columns or all."""
-        return parquet.read([shard_file(self.folder, name, self.name)], TABLES[name], columns)
+        names = columns if columns is None or self.whole else [*columns, "scene"]
+        lines = parquet.read([shard_file(self.folder, name, self.name)], TABLES[name], names)
+        if not self.whole:
+            wanted = set(self.scenes)
+            lines = lines.filter([number in wanted for number in lines["scene"].to_pylist()])
+        return lines if columns is None else lines.select(columns)
 
 
 def shard_file(folder: Path, table: str, name: str) -> Path:
@@ -83,7 +107,12 @@ def shards(folder: Path) -> list[StoredShard]:
     Raises ConfigurationError if a footer cannot be read.
     """
     paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
-    return [StoredShard(folder, path.stem, Facts.of(path), path) for path in paths]
+    return [_stored_shard(folder, path) for path in paths]
+
+
+def _stored_shard(folder: Path, path: Path) -> StoredShard:
+    facts = Facts.of(path)
+    return StoredShard(folder, path.stem, facts, path, facts.scenes)
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -134,8 +163,7 @@ def _complete_shards(folder: Path) -> list[StoredShard]:
         with suppress(ConfigurationError):  # a truncated file has no footer
             for table in TABLES:
                 parquet.line_count(shard_file(folder, table, name))
-            path = shard_file(folder, MARK, name)
-            complete.append(StoredShard(folder, name, Facts.of(path), path))
+            complete.append(_stored_shard(folder, shard_file(folder, MARK, name)))
     return complete
 
 

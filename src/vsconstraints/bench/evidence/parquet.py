@@ -14,8 +14,8 @@ from typing import Any, Literal, NamedTuple
 
 from ...comparisons.metrics import (
     CONSTRAINT_COLUMNS,
-    LATER_COLUMNS,
     METRICS,
+    REQUIRED_COLUMNS,
     RESULT_COLUMNS,
     ROW_METRICS,
     RUN,
@@ -51,18 +51,22 @@ _CELLS: dict[Kind, Callable[[Any], Any]] = {
 
 
 class Column(NamedTuple):
-    """Column of a table: name, kind of value, and True if a few values are repeated (category)."""
+    """Column of a table: name and kind of value.
+
+    A ``category`` has few different values. A table without a ``required`` column cannot be read.
+    """
 
     name: str
     kind: Kind
     category: bool = False
+    required: bool = False
 
 
 #: Columns that identify a run.
 KEYS = (
-    *(Column(name, "text", category=True) for name in ("family", "condition", "half")),
-    Column("scene", "whole"),
-    Column("controller", "text", category=True),
+    *(Column(name, "text", True, required=True) for name in ("family", "condition", "half")),
+    Column("scene", "whole", required=True),
+    Column("controller", "text", category=True, required=True),
 )
 
 
@@ -76,7 +80,11 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     categories = ("status", "constraint", "kind", "unit")
     return (
         *KEYS,
-        *(Column(name, kinds[name], name in categories) for name in names if name not in RUN),
+        *(
+            Column(name, kinds[name], name in categories, name in REQUIRED_COLUMNS)
+            for name in names
+            if name not in RUN
+        ),
     )
 
 
@@ -89,12 +97,12 @@ ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
     *(
-        Column("found", "flag"),
+        Column("found", "flag", required=True),
         Column("attempts", "whole"),
         Column("rejected", "text"),
         Column("challenged", "text"),
     ),
-    *(Column("share_to_hold", "number"), Column("values", "text")),
+    *(Column("share_to_hold", "number"), Column("values", "text", required=True)),
     *(Column("least_time_s", "number"), Column("duration_s", "number")),
 )
 TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the shards.
@@ -113,7 +121,7 @@ def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
     """
     arrays = [
         pa.array([_CELLS[kind](line[name]) for line in lines], _TYPES[kind])
-        for name, kind, _ in columns
+        for name, kind, *_ in columns
     ]
     return pa.Table.from_arrays(arrays, schema=schema(columns))
 
@@ -167,10 +175,11 @@ def read(
 ) -> Any:
     """Read the lines of all files into one table, with the named columns or all.
 
-    Columns that earlier versions did not write are empty. Raises ConfigurationError if a file
-    cannot be read.
+    A missing column is read as empty: a text as "", all others as null. Raises ConfigurationError
+    if a file cannot be read or has no required column.
     """
-    wanted = schema([column for column in columns if names is None or column.name in names])
+    selected = [column for column in columns if names is None or column.name in names]
+    wanted = schema(selected)
     tables = [wanted.empty_table()]
     for path in paths:
         # read single files: pyarrow would derive partition columns from the names of folders
@@ -182,13 +191,17 @@ def read(
                 raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
             lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
-            for name in LATER_COLUMNS:
-                if name in wanted.names and name not in lines.column_names:
-                    lines = lines.append_column(name, pa.nulls(len(lines), pa.float64()))
-            if missing := [name for name in wanted.names if name not in lines.column_names]:
-                raise ValueError(
-                    f"it has no column {missing[0]!r}: it was written by another version, which "
-                    "can report on it"
+            for column in selected:
+                if column.name in lines.column_names:
+                    continue
+                if column.required:
+                    raise ValueError(
+                        f"it has no column {column.name!r}: it was written by another version, "
+                        "which can report on it"
+                    )
+                empty = "" if column.kind == "text" else None
+                lines = lines.append_column(
+                    column.name, pa.array([empty] * len(lines), _TYPES[column.kind])
                 )
             tables.append(lines.select(wanted.names).cast(wanted))
     return pa.concat_tables(tables)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...comparisons.runs.files import seal, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, Keep, locked, manifest_of, parse_keep
-from ...comparisons.runs.machine import loaded_versions, machine, provenance, used_versions
+from ...comparisons.runs.machine import loaded_versions, machine, new_manifest
 from ...comparisons.runs.pool import Failure, OpenWorkers, Workers, processes
 from ...comparisons.runs.spec import BASELINE, prepare_laws
 from ...plugins.processes import INTERRUPTS, signal_of
@@ -133,13 +133,10 @@ def collect(
         for family in {task.family.name: task.family for task in tasks}.values():
             family.require_scenes(campaign.half, campaign.seed)
         prepare_laws(campaign.controllers)
-        configuration = campaign.resolved()
         manifest = {
-            **provenance(command, used_versions(configuration)),
-            "seed": campaign.seed,
+            **new_manifest(command, campaign.resolved()),
             "shard": [plan.shard.number, plan.shard.of],
             "keep": plan.keep,
-            "configuration": configuration,
             **{name: value for name, value in manifest_of(folder).items() if name in OF_WORK},
         }
         with storing("evidence", folder):

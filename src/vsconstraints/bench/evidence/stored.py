@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Self, get_args
 
 from ...comparisons.experiment import require_names
 from ...comparisons.record import RunRecord
@@ -33,23 +33,58 @@ from .folder import (  # fmt: skip
     Facts,
     RunKey,
     StoredShard,
+    missing_scenes,
     require_same_files,
     shard_file,
-    shard_names,
-    shards,
     stored_files,
     trajectory_file,
 )
 from .parquet import KEYS, TABLES
+from .together import combined_manifest, shards_of
 
 MAX_ROWS = 1000  # maximum number of constraint rows of a run in a shard
 
 
 @dataclass(frozen=True)
 class Evidence(StoredResults):
-    """Stored results of a campaign."""
+    """Stored results of a campaign, in one folder or, as ``parts``, in several.
+
+    The manifest of several folders lists what differs between them as ``merged``.
+    """
+
+    parts: tuple[Evidence, ...] = ()
 
     with_code = ("families", "controllers")
+
+    @classmethod
+    def load(cls, folder: Path | Sequence[Path], trust: bool = False) -> Self:
+        """Read one folder, or several as one campaign, see :meth:`.StoredResults.load`.
+
+        Raises ConfigurationError, which names the difference, also if the folders are not parts of
+        one campaign, or if a scene is stored twice with different results.
+        """
+        folders = [folder] if isinstance(folder, Path) else list(dict.fromkeys(folder))
+        parts = tuple(super(Evidence, cls).load(each, trust) for each in folders)
+        if len(parts) == 1:
+            return parts[0]
+        remarks = tuple(text for part in parts for text in part.remarks)
+        evidence = cls(folders[0], parts[0].manifest, trust, remarks, parts)
+        return replace(evidence, manifest=combined_manifest(evidence.manifests, evidence.shards))
+
+    @property
+    def manifests(self) -> Mapping[Path, Mapping[str, Any]]:
+        """Manifest of each folder."""
+        return {part.folder: part.manifest for part in self.parts or (self,)}
+
+    @cached_property
+    def shards(self) -> tuple[StoredShard, ...]:
+        """Shards of all folders, which have each scene once."""
+        return shards_of(self.manifests)
+
+    def missing_scenes(self, wanted: range) -> str:
+        """List the wanted scenes that are not stored, by family; empty if none is missing."""
+        facts = (shard.facts for shard in self.shards)
+        return missing_scenes(self.manifest["configuration"], facts, wanted)
 
     @property
     def families(self) -> dict[str, Family]:
@@ -71,7 +106,7 @@ class Evidence(StoredResults):
     def own_files(self) -> Files:
         """Hashes of files that custom parts loaded or read, see :mod:`.own_files`."""
         files: Files = {}
-        for shard in shards(self.folder):
+        for shard in self.shards:
             files.update(shard.facts.files)
         return files
 
@@ -105,6 +140,9 @@ class Evidence(StoredResults):
         """
         if family not in self.families:
             return None
+        if self.parts:
+            found = (part.record(family, condition, scene, controller) for part in self.parts)
+            return next((record for record in found if record is not None), None)
         path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
         require_unchanged(self.folder, [path], "finished" in self.manifest)
         return RunRecord.load(path, most_samples(self.families[family].tables))
@@ -112,8 +150,8 @@ class Evidence(StoredResults):
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        files = [shard_file(self.folder, name, shard) for shard in shard_names(self.folder)]
-        table = parquet.read(files, TABLES[name]).to_pandas()
+        lines = [parquet.table(TABLES[name], []), *(shard.table(name) for shard in self.shards)]
+        table = parquet.joined(lines).to_pandas()
         orders: dict[str, Sequence[str]] = {
             "family": tuple(self.families),
             "condition": self.conditions,
@@ -140,8 +178,7 @@ class Evidence(StoredResults):
     def _require_planned(self) -> None:
         configuration = self.manifest["configuration"]
         owner = dict[tuple[str, int], str]()
-        stored = shards(self.folder)
-        for shard in stored:
+        for shard in self.shards:
             facts = shard.facts
             path = shard.path
             if any(
@@ -162,7 +199,7 @@ class Evidence(StoredResults):
                     raise ConfigurationError(
                         f"{path}, a shard: {other} has scene {scene} of {facts.family}, too"
                     )
-        require_same_files(stored)
+        require_same_files(self.shards)
 
     @classmethod
     def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:

@@ -92,8 +92,8 @@ class Batch:
 
     @property
     def name(self) -> str:
-        """Name of the shard: family, first and last scene."""
-        return f"part-{self.family.name}-{self.scenes[0]:07d}-{self.scenes[-1]:07d}"
+        """Name of the shard."""
+        return shard_name(self.family.name, self.scenes)
 
     def pieces(self) -> list[Batch]:
         """Split the batch into one batch for each run.
@@ -106,6 +106,11 @@ class Batch:
         return pieces + [
             replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs
         ]
+
+
+def shard_name(family: str, scenes: Sequence[int]) -> str:
+    """Return the name of the shard of these scenes: family, first and last scene."""
+    return f"part-{family}-{scenes[0]:07d}-{scenes[-1]:07d}"
 
 
 ALL = Shard()

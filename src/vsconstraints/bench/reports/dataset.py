@@ -83,9 +83,10 @@ class Dataset:
     """Evidence in the form that the parts of the report need.
 
     ``tuning`` is the folder of the tuning, None if none is shown. ``figures`` is True if figures
-    are drawn, in ``formats``. ``laws``, ``families`` and ``situations`` (families in conditions)
-    are those that have runs, in the campaign's order. ``conditions`` have the same order and omit
-    those that are only levels of ``factorials`` of families.
+    are drawn, in ``formats``. ``folder`` is that of the report, by default the evidence's.
+    ``laws``, ``families`` and ``situations`` (families in conditions) are those that have runs, in
+    the campaign's order. ``conditions`` have the same order and omit those that are only levels of
+    ``factorials`` of families.
     """
 
     def __init__(
@@ -94,12 +95,13 @@ class Dataset:
         tuning: Path | None = None,
         figures: bool = True,
         formats: Formats = PNG,
+        folder: Path | None = None,
     ) -> None:
         self.evidence = evidence
         self.tuning = tuning
         self.figures = figures
         self.formats = formats
-        self.folder = evidence.folder
+        self.folder = folder or evidence.folder
         self.manifest = evidence.manifest
         self.configuration: dict[str, Any] = dict(evidence.manifest["configuration"])
         self._cache: dict[Hashable, Any] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
 from ...comparisons.runs.files import write_json
+from ...comparisons.runs.folder import MANIFEST
 from ...errors import ConfigurationError, StorageError
 from ...reports import groups
 from ...reports.page import render, write_pages
@@ -48,8 +49,9 @@ OnWritten = Callable[[int, int], None]
 
 
 def write_evidence_report(
-    folder: Path,
+    folder: Path | Sequence[Path],
     *,
+    out: Path | None = None,
     figures: bool = True,
     tuning: Path | None = None,
     formats: Formats = PNG,
@@ -59,26 +61,39 @@ def write_evidence_report(
 ) -> Path:
     """Write report.md, details.md, report.html, figures and claims.json from a campaign.
 
-    Return the path of report.md. Without ``figures`` existing figures are kept, and the report
-    shows none. The report shows the first of the ``formats``. ``tuning`` is the folder of the
-    tuned settings, by default ``tuning`` in the campaign's folder. Laws and constraints that the
-    campaign names as ``module:Class`` are imported only with ``trust``. ``on_written`` is called
-    with the number of finished parts and their total, ``on_remark`` with warnings. Raises
-    ConfigurationError if the folder has no evidence, if it was changed after it was stored, or if
-    the runs of an existing report are missing. Raises StorageError if the report cannot be
-    written.
+    Several folders are read as one campaign, see :meth:`.Evidence.load`. The report is written to
+    ``out``, by default the folder of the campaign. Return the path of report.md. Without
+    ``figures`` existing figures are kept, and the report shows none. The report shows the first of
+    the ``formats``. ``tuning`` is the folder of the tuned settings, by default ``tuning`` in the
+    campaign's folder. Laws and constraints that the campaign names as ``module:Class`` are imported
+    only with ``trust``. ``on_written`` is called with the number of finished parts and their total,
+    ``on_remark`` with warnings. Raises ConfigurationError if a folder has no evidence, if it was
+    changed after it was stored, if the runs of an existing report are missing, or if ``out`` holds
+    other results. Raises StorageError if the report cannot be written.
     """
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:
         on_remark(remark)
     if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
         raise ConfigurationError(
-            f"{folder} has none of the {count} runs that its report was made from: runs, rows "
-            "and scenes are missing. The report is left unchanged"
+            f"{evidence.folder} has none of the {count} runs that its report was made from: runs, "
+            "rows and scenes are missing. The report is left unchanged"
         )
-    own = folder / "tuning"
+    if out is not None:
+        _make_report_folder(out)
+    own = evidence.folder / "tuning"
     tuning = tuning if tuning is not None else own if own.is_dir() else None
-    return write_report_of(Dataset(evidence, tuning, figures, formats), on_written)
+    return write_report_of(Dataset(evidence, tuning, figures, formats, out), on_written)
+
+
+def _make_report_folder(folder: Path) -> None:
+    """Create the folder of a report; raises ConfigurationError if it holds results."""
+    if (folder / MANIFEST).exists():
+        raise ConfigurationError(f"{folder} holds results: give another folder with --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
 
 
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:

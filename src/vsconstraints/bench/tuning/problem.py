@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...comparisons.runs.machine import code_identity, module_versions, run_limit
+from ...comparisons.runs.identity import Identity, identity
+from ...comparisons.runs.machine import module_versions, run_limit
 from ...comparisons.runs.pool import Failure, processes, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec
 from ...controllers import Choices, Range, law_ranges
@@ -24,7 +25,7 @@ from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, format_value
 from ...plugins.provenance import Files
 from ..evidence import Batch, Campaign, scored
-from ..evidence.campaign import of_controllers, of_family
+from ..evidence.campaign import family_identity
 from ..evidence.own_files import require_unchanged_files
 from ..evidence.runner import results
 from ..families import Drawn, Family
@@ -243,24 +244,24 @@ class Problem:
         """The campaign's entry of the unconstrained baseline."""
         return next(entry for entry in self.campaign.controllers if entry.name == BASELINE)
 
-    def configuration(self) -> dict[str, Any]:
+    def configuration(self) -> Identity:
         """Return everything that evaluations depend on, as data.
 
         The number of evaluations is not included, since more can be requested later.
         """
         campaign = self.campaign
-        return {
-            **code_identity(),
-            "tuner": {"name": "TPE", **module_versions(("optuna",))},
-            "objectives": ["success", *(objective._asdict() for objective in OBJECTIVES)],
-            "seed": campaign.seed,
-            "scenes": self.budget.scenes,
-            "controllers": of_controllers(campaign.controllers),
-            "families": {
-                each.name: {**of_family(each), "conditions": list(campaign.conditions_of(each))}
-                for each in campaign.families
-            },
+        families = {
+            each.name: {**family_identity(each), "conditions": list(campaign.conditions_of(each))}
+            for each in campaign.families
         }
+        return identity(
+            campaign.controllers,
+            tuner={"name": "TPE", **module_versions(("optuna",))},
+            objectives=["success", *(objective._asdict() for objective in OBJECTIVES)],
+            seed=campaign.seed,
+            scenes=self.budget.scenes,
+            families=families,
+        )
 
     def tasks(
         self,

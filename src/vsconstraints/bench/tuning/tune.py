@@ -13,14 +13,14 @@ from typing import Any
 
 from ...comparisons.runs.files import plain, replaced, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
-from ...comparisons.runs.machine import git_commit, loaded_versions, machine
+from ...comparisons.runs.identity import differences, in_words
+from ...comparisons.runs.machine import loaded_versions, new_manifest
 from ...comparisons.runs.spec import prepare_laws
 from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ...plugins.provenance import Files
 from ...scenarios.toml import toml_items, toml_text
-from ..evidence.campaign import differences, in_words
 from ..evidence.own_files import changed, contents, own_folders
 from .problem import (
     ALL,
@@ -376,13 +376,11 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
             f"{folder} holds another tuning: {other}. Give another folder with --out"
         )
     manifest = {
+        **new_manifest(command),
         "tuning": here,
         "evaluations": problem.budget.evaluations,
         "tuner_seeds": problem.budget.seeds,
         "campaign": plain(problem.campaign.resolved()),
-        "command": list(command),
-        "git_commit": git_commit(),
-        "machine": machine(),
         "loaded": loaded_versions(),
     }
     with storing("evaluations", folder):

@@ -167,11 +167,17 @@ def code_identity() -> dict[str, Any]:
     }
 
 
-def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
-    """Return the manifest entries on version, command as typed, machine and packages.
+def new_manifest(
+    command: Sequence[str], configuration: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the manifest of results before their first run.
 
-    ``used`` are the versions of the optional packages that are used.
+    It holds version, command as typed, machine and packages; with a ``configuration`` also that,
+    its seed, and the versions of the optional packages that it uses.
     """
+    settings = {}
+    if configuration is not None:
+        settings = {"seed": configuration["seed"], "configuration": configuration}
     return {
         "version": VERSION,
         "git_commit": git_commit(),
@@ -179,7 +185,8 @@ def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any
         "command": list(command),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": machine(),
-        "packages": {**package_versions(), **used},
+        "packages": {**package_versions(), **used_versions(configuration or {})},
+        **settings,
     }
 
 

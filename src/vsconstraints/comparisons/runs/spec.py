@@ -21,7 +21,8 @@ from ...plugins.registry import registered
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
-from .machine import code_identity, run_limit, used_versions
+from .identity import Identity, identity, scene_identity
+from .machine import run_limit
 
 MAX_FACTOR = 4.0  #: Maximum ratio between the sampling times of a law and its scene, or inverse.
 MAX_CALL = 10.0  #: Maximum additional delay of a law's commands [s].
@@ -284,7 +285,7 @@ class RunSpec:
         return f"{self.name} with {self.controller.law}" + (f" ({changes})" if changes else "")
 
     @property
-    def _identity(self) -> str:
+    def _key(self) -> str:
         scenario = (
             self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
         )
@@ -292,10 +293,10 @@ class RunSpec:
         return json.dumps(parts, sort_keys=True, default=str)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, RunSpec) and self._identity == other._identity
+        return isinstance(other, RunSpec) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash(self._identity)
+        return hash(self._key)
 
     def load(self) -> Scenario:
         """Return the scenario with its overrides; raises ConfigurationError if unknown."""
@@ -328,16 +329,22 @@ class RunSpec:
         return self.controller.main_process_only or self.load().in_session
 
     @property
-    def fingerprint(self) -> str:
-        """Hash of the run's identity, including the code and True if it runs compiled.
+    def identity(self) -> Identity:
+        """Everything that the run depends on, except the content of files, which records hold."""
+        tables = self.tables
+        return identity(
+            [self.controller],
+            with_files=False,
+            scenario=scene_identity(tables) if tables else str(self),
+            trial=self.trial,
+            seed=self.seed,
+        )
 
-        The content of the files that it uses is not included.
-        """
-        run = self.tables or str(self), self.controller.table, self.trial, self.seed
-        what = *run, code_identity(), used_versions({**self.tables, "law": self.controller.options})
-        return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[
-            :16
-        ]
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the run's identity."""
+        text = json.dumps(self.identity, sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:

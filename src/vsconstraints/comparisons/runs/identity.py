@@ -1,0 +1,121 @@
+"""Identity of results: everything that they depend on, and how two identities differ.
+
+A run of a comparison, a campaign, a tuning, and the runs of the paper have one. Stored results are
+continued or combined only if their identities are equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from ...errors import format_value
+from ...plugins.provenance import digest
+from .files import plain
+from .machine import code_identity, used_versions
+
+#: Everything that results depend on, as nested JSON tables; the same on every machine.
+Identity = dict[str, Any]
+
+MAX_SHOWN = 3  # maximum number of differences in a message
+
+IN_WORDS = {
+    "code": "the package's source",
+    "version": "the package's version",
+    "compiled": "whether runs are compiled",
+}
+
+
+class Law(Protocol):
+    """What identities need of a :class:`.ControllerSpec`."""
+
+    @property
+    def name(self) -> str:
+        """Name in results."""
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Options of the law."""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Law, options and timing."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files in which a custom law is defined."""
+
+
+def identity(controllers: Iterable[Law], *, with_files: bool = True, **others: Any) -> Identity:
+    """Return everything that runs depend on: code, packages, controllers, and ``others``.
+
+    ``others`` are settings, and scenes by :func:`scene_identity`. Unless ``with_files``, hashes of
+    files of custom laws are left out, for runs whose records hold hashes of all files.
+    """
+    laws = {entry.name: _law_identity(entry, with_files) for entry in controllers}
+    return {**code_identity(), **others, "controllers": laws}
+
+
+def scene_identity(tables: Mapping[str, Any], files: Iterable[Path] = ()) -> Identity:
+    """Return the identity of a scenario or a family.
+
+    It holds the tables, hashes of files that they name, and the versions of optional packages that
+    they use.
+    """
+    return {
+        "tables": plain(tables),
+        "files": {path.name: digest(path) for path in files},
+        "packages": used_versions(tables),
+    }
+
+
+def _law_identity(entry: Law, with_files: bool) -> Identity:
+    """Return the options of a law, hashes of its custom files and versions of its solvers."""
+    files = entry.files if with_files else ()
+    packages = used_versions(entry.options)
+    law: Identity = plain(
+        {
+            **entry.table,
+            **{f"file {path.name}": digest(path) for path in files},
+            **{f"package {name}": version for name, version in packages.items()},
+        }
+    )
+    return law
+
+
+def different(
+    a: Any, b: Any, path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield the path to each difference with both values, None where a value is missing.
+
+    Tables are compared recursively, as are nonempty lists of tables with equal length.
+    """
+    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
+    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
+        a, b = (dict(enumerate(side)) for side in (a, b))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        for key in dict.fromkeys((*a, *b)):
+            if key in a and key in b:
+                yield from different(a[key], b[key], (*path, str(key)))
+            else:
+                yield (*path, str(key)), a.get(key), b.get(key)
+    elif a != b:
+        yield path, a, b
+
+
+def differences(there: Any, here: Any) -> Iterator[str]:
+    """Yield a sentence for each difference, with both values."""
+    for path, old, new in different(there, here):
+        name = ".".join(path)
+        if old is None or new is None:
+            yield f"{name} is only {'there' if new is None else 'here'}"
+        else:
+            said = f"{name} is {format_value(old)} there and {format_value(new)} here"
+            yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
+
+
+def in_words(texts: Sequence[str]) -> str:
+    """Join the first differences and the number of the remaining ones."""
+    more = len(texts) - MAX_SHOWN
+    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")

@@ -1,0 +1,114 @@
+"""Tables that lack columns, as those of earlier versions do: what is there is read as before."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from pathlib import Path
+
+import pytest
+
+from vsconstraints.bench.advice import advise
+from vsconstraints.bench.evidence import TABLES, Evidence, parquet
+from vsconstraints.bench.families.frozen import TestSet
+from vsconstraints.bench.repetition import drawn_lines
+from vsconstraints.bench.reports import write_evidence_report
+from vsconstraints.bench.reports.leaderboard import leaderboard
+from vsconstraints.bench.study import COLUMNS, SHIPPED, Situation, Study
+from vsconstraints.comparisons.metrics import REQUIRED_COLUMNS
+from vsconstraints.comparisons.runs.files import SUMS
+from vsconstraints.comparisons.stored import TABLES as CSV_TABLES
+from vsconstraints.comparisons.stored import StoredComparison
+from vsconstraints.reports.report import write_report
+
+REPORTS = Path(__file__).parents[1] / "reports"
+
+
+def without_optional_columns(path: Path, columns: tuple[parquet.Column, ...], to: Path) -> None:
+    table = parquet.read([path], columns)
+    optional = [column.name for column in columns if not column.required]
+    parquet.write(to, table.drop_columns(optional), parquet.facts_of(path))
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Two shards of a kept campaign, whole and without optional columns."""
+    whole = tmp_path_factory.mktemp("whole")
+    for table in TABLES:
+        (whole / table).mkdir()
+        for path in sorted((REPORTS / "real-world" / table).glob("part-*-0000000-*.parquet")):
+            shutil.copy(path, whole / table)
+    shutil.copy(REPORTS / "real-world" / "manifest.json", whole)
+    reduced = tmp_path_factory.mktemp("reduced")
+    shutil.copytree(whole, reduced, dirs_exist_ok=True)
+    for name, columns in TABLES.items():
+        for path in (reduced / name).iterdir():
+            without_optional_columns(path, columns, path)
+    return whole, reduced
+
+
+def test_a_campaign_is_read_and_reported(campaign: tuple[Path, Path]) -> None:
+    whole, reduced = map(Evidence.load, campaign)
+    for name, columns in TABLES.items():
+        before, after = getattr(whole, name), getattr(reduced, name)
+        assert list(after.columns) == list(before.columns)
+        for column in columns:
+            if column.required:
+                assert after[column.name].equals(before[column.name])
+            else:
+                assert (after[column.name].isna() | (after[column.name] == "")).all()
+    report = write_evidence_report(reduced.folder, figures=False)
+    assert "hierarchical-qp" in report.read_text(encoding="utf-8")
+
+
+def test_a_comparison_is_read_and_reported(tmp_path: Path) -> None:
+    shutil.copytree(REPORTS / "default", tmp_path, dirs_exist_ok=True)
+    (tmp_path / SUMS).unlink()
+    for name in CSV_TABLES:
+        with (tmp_path / name).open(newline="", encoding="utf-8") as file:
+            lines = list(csv.DictReader(file))
+        required = [column for column in lines[0] if column in REQUIRED_COLUMNS]
+        with (tmp_path / name).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, required, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(lines)
+    before, after = map(StoredComparison.load, (REPORTS / "default", tmp_path))
+    kept = ("scenario", "controller", "status", "violated")
+    assert [[line[name] for name in kept] for line in after.results] == [
+        [line[name] for name in kept] for line in before.results
+    ]
+    assert all(line["reason"] == "" != line["status"] for line in after.results)
+    assert all(line["utilization"] != line["utilization"] for line in after.constraints)
+    assert "hierarchical-qp" in write_report(tmp_path, figures=False).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """The package's study without optional columns."""
+    path = tmp_path_factory.mktemp("study") / "study.parquet"
+    without_optional_columns(SHIPPED, COLUMNS, path)
+    return Study.load(path)
+
+
+def test_a_leaderboard_lacks_only_the_times_of_calls(study: Study) -> None:
+    whole, reduced = (
+        [
+            line.rpartition("|")[0].rpartition("|")
+            for line in leaderboard({"a": own}, TestSet.load()).splitlines()
+        ]
+        for own in (Study.load(), study)
+    )
+    assert [line[0] for line in reduced] == [line[0] for line in whole]
+    assert {line[2].strip() for line in reduced[2:]} == {"–"}
+
+
+def test_a_missing_column_is_not_repeated(study: Study) -> None:
+    (line,) = drawn_lines(study, 1e-9, 0)
+    assert "settling_time_s" not in line
+    assert {"status", "violated", "violation_fraction"} <= line.keys()
+
+
+def test_advice_names_the_missing_column(study: Study) -> None:
+    advice = advise(study, Situation(joints=6))
+    assert "the study has no joints" in advice.unlike
+    assert len(advice.laws) == len(study.laws)

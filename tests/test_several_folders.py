@@ -1,0 +1,131 @@
+"""Folders of one campaign, read together: what they hold is what one folder would hold."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from campaigns import assert_same
+from vsconstraints.bench.evidence import TABLES, Evidence, merge
+from vsconstraints.bench.evidence.folder import shards, stored_files, write_parts
+from vsconstraints.cli import app
+from vsconstraints.comparisons.runs.files import seal
+from vsconstraints.errors import ConfigurationError
+
+KEPT = Path(__file__).parents[1] / "reports" / "real-world"
+FAMILIES = ("panda", "ur5")
+SCENES = 7
+
+
+def copied(folder: Path, families: tuple[str, ...] = FAMILIES, **changes: Any) -> Path:
+    """Copy the first scenes of the kept campaign, with changes of its configuration."""
+    folder.mkdir()
+    manifest = json.loads((KEPT / "manifest.json").read_text("utf-8"))
+    manifest["configuration"] |= {"scenes": SCENES, **changes}
+    (folder / "manifest.json").write_text(json.dumps(manifest), "utf-8")
+    for table in TABLES:
+        (folder / table).mkdir()
+        for family in families:
+            shutil.copy(KEPT / table / f"part-{family}-0000000-0000006.parquet", folder / table)
+    seal(folder, stored_files(folder))
+    return folder
+
+
+def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.0) -> Path:
+    """Store scenes of the kept campaign as a shard; ``factor`` changes a score of one run."""
+    copied(folder, ())
+    (shard,) = (
+        shard for shard in shards(KEPT) if shard.facts.family == family and 0 in shard.scenes
+    )
+    part = shard.of(scenes)
+    tables = {name: part.table(name) for name in TABLES}
+    runs = tables["runs"]
+    values = runs["acceleration_variation"].to_pylist()
+    values[-1] *= factor
+    place = runs.column_names.index("acceleration_variation")
+    tables["runs"] = runs.set_column(place, runs.field(place), [values])
+    facts = replace(shard.facts, scenes=part.scenes, runs=runs.num_rows)
+    write_parts(folder, part.name_of_scenes, tables, facts)
+    seal(folder, stored_files(folder))
+    return folder
+
+
+def tables(evidence: Evidence) -> dict[str, pd.DataFrame]:
+    return {name: getattr(evidence, name) for name in TABLES}
+
+
+def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
+    whole = copied(tmp_path / "whole")
+    parts = [copied(tmp_path / family, (family,)) for family in FAMILIES]
+    expected = tables(Evidence.load(whole))
+    for folders in (parts, parts[::-1], [parts[0], *parts]):
+        evidence = Evidence.load(folders)
+        assert_same(expected, tables(evidence))
+        assert evidence.missing_scenes(range(SCENES)) == ""
+    runs = len(expected["runs"])
+    assert (evidence.manifest["finished"], evidence.manifest["runs"]) == (2 * SCENES, runs)
+    merged = merge(tmp_path / "merged", parts)
+    assert (merged.scenes, merged.runs) == (2 * SCENES, runs)
+    assert_same(expected, tables(Evidence.load(tmp_path / "merged")))
+
+
+def test_scenes_in_two_folders_count_once(tmp_path: Path) -> None:
+    whole = copied(tmp_path / "whole")
+    some = with_scenes(tmp_path / "some", "panda", [0, 1, 2, 5])
+    assert_same(tables(Evidence.load(whole)), tables(Evidence.load([whole, some])))
+    evidence = Evidence.load([some, copied(tmp_path / "other", ("ur5",))])
+    assert evidence.missing_scenes(range(SCENES)) == "panda 3–4, panda 6–6"
+    assert set(evidence.scenes.loc[evidence.scenes["family"] == "panda", "scene"]) == {0, 1, 2, 5}
+    with pytest.raises(ConfigurationError, match="scenes panda 3–4, panda 6–6 are missing"):
+        merge(tmp_path / "out", [some, tmp_path / "other"])
+
+
+def test_different_results_of_a_scene_are_named(tmp_path: Path) -> None:
+    whole = copied(tmp_path / "whole")
+    changed = with_scenes(tmp_path / "changed", "panda", [2, 3], 1.0 + 1e-15)
+    with pytest.raises(
+        ConfigurationError, match=r"scene 3 of panda is in .* and in .*, with different runs"
+    ):
+        Evidence.load([whole, changed])
+
+
+def test_different_settings_are_named(tmp_path: Path) -> None:
+    folders = [copied(tmp_path / "a"), copied(tmp_path / "b", title="Another")]
+    with pytest.raises(
+        ConfigurationError,
+        match=r"not parts of one campaign: title is .* there and 'Another' here \(.*a and .*b\)",
+    ):
+        Evidence.load(folders)
+
+
+def say(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_commands_take_several_folders(tmp_path: Path) -> None:
+    parts = [copied(tmp_path / family, (family,)) for family in FAMILIES]
+    refused = say("verify", parts[0])
+    assert refused.exit_code == 1
+    assert "scenes ur5 0–6 are missing" in " ".join(refused.output.split())
+    assert say("verify", *parts).exit_code == 0
+    for words, why in (
+        (parts, "needs a folder of its own: --out"),
+        ((*parts, "--out", parts[0]), "holds results"),
+    ):
+        refused = say("report", *words, "--no-figures")
+        assert isinstance(refused.exception, ConfigurationError)
+        assert why in str(refused.exception)
+    before = sorted(tmp_path.rglob("*"))
+    assert say("report", *parts, "--no-figures", "--out", tmp_path / "page").exit_code == 0
+    kept = [path for path in sorted(tmp_path.rglob("*")) if tmp_path / "page" not in path.parents]
+    assert kept == sorted([*before, tmp_path / "page"])
+    assert say("report", copied(tmp_path / "whole"), "--no-figures").exit_code == 0
+    claims = [(tmp_path / name / "claims.json").read_text("utf-8") for name in ("page", "whole")]
+    assert claims[0] == claims[1]
