@@ -14,12 +14,14 @@ from ..errors import ConfigurationError, listed
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
 from ..simulation.units import degrees_question
-from .files import Clock, read_columns
+from .files import Clock, Columns, read_columns
 
 #: Two samples have a gap between them if they are farther apart than this factor times the median
 #: period, and than this time [s].
 GAP = 5.0, 0.02
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
+#: The same, if in addition no joint is faster than this [rad/s or m/s].
+SLOW_AND_STILL = 0.05, 5e-3
 ON_GRID = 1e-6  #: Largest distance of a time from the grid, as a share of the sampling time.
 #: Ratio of the motion by the given speeds to that of the positions, or its inverse, from which on
 #: they contradict. Revolutions per minute are 9.55 times radians per second.
@@ -28,6 +30,12 @@ CONTRADICTION = 8.0
 #: rest, differenced and a sample late, has −0.5.
 OPPOSITE = -0.8
 LONGEST_GAP = 3600.0  #: Time [s] between two samples from which on a clock was set.
+#: Sustained speed of a joint, as a multiple of the robot's own limit, and distance of a position
+#: from the middle of its range, in half ranges, beyond which another unit is suspected.
+IMPLAUSIBLE = 3.0
+#: Sentence on the units of times.
+NAMED_UNITS = "They must be seconds; t_ms, t_us and t_ns name columns in other units"
+SUSTAINED = 0.1  #: Time over which such a speed is measured [s].
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class Recording:
     qdd: Array | None = None  #: (N, n) commanded accelerations, which hold until the next sample.
     pixels: Array | None = None  #: (N, M, 2) markers on the sensor, from its centre [px], or NaN.
     remarks: tuple[str, ...] = ()  #: Remarks for a reader of the scores.
+    begin: float = 0.0  #: Time of the first sample, from the scenario's t = 0 on [s].
 
     def on_grid(self, Ts: float) -> Recording:
         """Return the motion at the times k T_s; unchanged if it is recorded at these.
@@ -90,31 +99,35 @@ def read_recording(
     *,
     start: float = 0.0,
     end: float = math.inf,
+    zero: float = 0.0,
     degrees: bool = False,
     clock: Clock = "header",
     topic: str = "",
 ) -> Recording:
     """Read the motion of a robot's joints from a file; see docs/score.md for its columns.
 
-    It is that from ``start`` to ``end`` [s] after the first sample. With ``degrees``, revolute
+    It is that from ``start`` to ``end`` [s] after the first sample. The scenario begins, t = 0, at
+    ``zero`` [s] after the first sample; earlier samples are left out. With ``degrees``, revolute
     joints are converted to radians. ``clock`` and ``topic`` are of bags. Raises ConfigurationError,
     which names place and remedy: for missing joints, for values that seem to be degrees, and for
-    times that run backwards.
+    times that run backwards or seem to be in another unit.
     """
     raw = read_columns(path, clock, topic)
-    part = _part(raw.t, start, end)
-    columns = {name: values[part] for name, values in raw.columns.items()}
+    part = _part(raw.t, max(start, zero), end)
+    columns = Columns(
+        raw.t[part], {name: values[part] for name, values in raw.columns.items()}, raw.others
+    )
     found = {
-        "t": raw.t[part],
-        "q": _joints(path, robot, columns, "position"),
-        "qd": _joints(path, robot, columns, "velocity"),
-        "qdd": _joints(path, robot, columns, "command"),
+        "t": columns.t,
+        "q": _joints(robot, columns, "position"),
+        "qd": _joints(robot, columns, "velocity"),
+        "qdd": _joints(robot, columns, "command"),
         "pixels": _markers(path, columns, markers),
     }
     motion = {name: values for name, values in found.items() if values is not None}
     if "q" not in motion:
         raise _missing_joints(path, robot, columns)
-    remarks = []
+    remarks = [*_left_out(robot, columns)]
     known = np.isfinite(motion["t"]) & np.isfinite(motion["q"]).all(axis=1)
     if not known.all():
         remarks.append(f"{np.count_nonzero(~known)} samples without all joints are left out")
@@ -125,6 +138,7 @@ def read_recording(
     if again.any():
         remarks.append(f"{np.count_nonzero(again)} samples repeat a time and are left out")
     motion = {name: values[~again] for name, values in motion.items()}
+    begin = float(motion["t"][0]) - zero
     motion["t"] = _seconds(path, motion["t"])
     for name in ("qd", "qdd"):
         if name in motion and not np.isfinite(motion[name]).all():
@@ -138,7 +152,10 @@ def read_recording(
     motion["q"] = np.where(robot.continuous, np.unwrap(motion["q"], axis=0), motion["q"])
     if "qd" in motion:
         _require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
-    return Recording(**motion, remarks=(*remarks, *_gaps(motion["t"])))
+    speeds = _sustained_speeds(motion["t"], motion["q"])
+    _require_motion(path, motion["t"], speeds)
+    remarks += [*_unit_questions(robot, motion["q"], speeds), *_gaps(motion["t"])]
+    return Recording(**motion, remarks=tuple(remarks), begin=begin)
 
 
 def _part(t: Array, start: float, end: float) -> slice:
@@ -164,43 +181,78 @@ def _names(joint: str, number: int, what: str) -> Iterable[str]:
     return (*given, *bare, f"{short}[{number}]", f"{short}{number}")
 
 
-def _joints(path: Path, robot: Robot, columns: dict[str, Array], what: str) -> Array | None:
+def _column_name(columns: Columns, joint: str, number: int, what: str) -> str:
+    """Return the name of the column of a joint; empty if there is none.
+
+    Raises ConfigurationError if that column is not of numbers.
+    """
+    names = list(_names(joint, number, what))
+    for name in names:
+        if name in columns.columns:
+            return name
+    for name in names:
+        if name in columns.others:
+            raise ConfigurationError(columns.others[name])
+    return ""
+
+
+def _joints(robot: Robot, columns: Columns, what: str) -> Array | None:
     """Return the columns (N, n) of all joints; None if one is missing."""
     found = []
     for number, joint in enumerate(robot.joint_names, start=1):
-        name = next((name for name in _names(joint, number, what) if name in columns), None)
-        if name is None:
+        name = _column_name(columns, joint, number, what)
+        if not name:
             return None
-        found.append(columns[name])
+        found.append(columns.columns[name])
     return np.column_stack(found)
 
 
-def _missing_joints(path: Path, robot: Robot, columns: dict[str, Array]) -> ConfigurationError:
-    """Return the error for a recording without the positions of all joints."""
-    missing = [
+def _without(robot: Robot, columns: Columns, what: str) -> list[str]:
+    """Return the names of the joints without a column."""
+    return [
         joint
         for number, joint in enumerate(robot.joint_names, start=1)
-        if not any(name in columns for name in _names(joint, number, "position"))
+        if not _column_name(columns, joint, number, what)
     ]
-    there = ", ".join(listed(list(columns), "columns")) or "none"
+
+
+def _left_out(robot: Robot, columns: Columns) -> Iterable[str]:
+    """Yield a sentence for speeds and for commands that only some joints have."""
+    for what, plural in (("velocity", "speeds"), ("command", "commanded accelerations")):
+        missing = _without(robot, columns, what)
+        if 0 < len(missing) < robot.n:
+            yield (
+                f"{plural} of {', '.join(missing)} are missing: those of the other joints are "
+                "left out"
+            )
+
+
+def _missing_joints(path: Path, robot: Robot, columns: Columns) -> ConfigurationError:
+    """Return the error for a recording without the positions of all joints."""
+    missing = _without(robot, columns, "position")
+    names = [*columns.columns, *columns.others]
+    there = ", ".join(listed(names, "columns")) or "none"
     return ConfigurationError(
         f"{path} has no positions of {', '.join(missing)}, joints of {robot.name}: name the "
         f"columns as the joints, or q1 to q{robot.n} in their order. It has {there}"
     )
 
 
-def _markers(path: Path, columns: dict[str, Array], count: int) -> Array | None:
+def _markers(path: Path, columns: Columns, count: int) -> Array | None:
     """Return pixels (N, count, 2) of the columns u1, v1, …, or u[1], v[1], …; None if none is."""
     pairs = []
     missing = []
     for number in range(1, count + 1):
         for axis in "uv":
             names = (f"{axis}{number}", f"{axis}[{number}]")
-            name = next((name for name in names if name in columns), None)
+            name = next((name for name in names if name in columns.columns), None)
             if name is None:
                 missing.append(names[0])
             else:
-                pairs.append(columns[name])
+                pairs.append(columns.columns[name])
+    unreadable = [columns.others[name] for name in missing if name in columns.others]
+    if unreadable:
+        raise ConfigurationError(unreadable[0])
     if not pairs:
         return None
     if missing:
@@ -236,8 +288,8 @@ def _seconds(path: Path, t: Array) -> Array:
     period = float(np.median(steps))
     if period >= SLOW:
         raise ConfigurationError(
-            f"{path}: samples are {period:.4g} s apart: are the times in ms or ns? They must be "
-            "seconds; a column t_ns has nanoseconds"
+            f"{path}: samples are {period:.4g} s apart: are the times in milliseconds or "
+            f"nanoseconds? {NAMED_UNITS}"
         )
     k = int(steps.argmax())
     if steps[k] > LONGEST_GAP:
@@ -268,6 +320,57 @@ def _require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> 
         raise ConfigurationError(
             f"{path}: speeds of {joints} have the opposite sign of the change of their positions: "
             "give both in the same direction"
+        )
+
+
+def _sustained_speeds(t: Array, q: Array) -> Array:
+    """Return the largest speed (n,) of each joint over :data:`SUSTAINED` [rad/s or m/s].
+
+    One in a hundred of the intervals may be faster, as a glitch or a singularity may cause it.
+    """
+    period = float(np.median(np.diff(t)))
+    width = min(max(1, round(SUSTAINED / period)), len(t) - 1)
+    elapsed = (t[width:] - t[:-width])[:, None]
+    speeds = np.abs(q[width:] - q[:-width]) / elapsed
+    largest: Array = np.quantile(speeds, 0.99, axis=0, method="lower")
+    return largest
+
+
+def _require_motion(path: Path, t: Array, speeds: Array) -> None:
+    """Raise ConfigurationError if rare samples of a joint that hardly moves seem to be in ms."""
+    period = float(np.median(np.diff(t)))
+    rare, still = SLOW_AND_STILL
+    if period >= rare and 0.0 < speeds.max() < still:
+        raise ConfigurationError(
+            f"{path}: samples are {period:.4g} s apart, and no joint is faster than "
+            f"{speeds.max():.3g} rad/s or m/s: are the times in milliseconds? {NAMED_UNITS}"
+        )
+
+
+def _unit_questions(robot: Robot, q: Array, speeds: Array) -> Iterable[str]:
+    """Yield the question whether positions are in degrees, if their size or speed suggests it.
+
+    Unlike positions that :func:`.in_degrees` finds, a simulated arm may have such ones.
+    """
+    known = np.isfinite(robot.qd_max)
+    fast = known & (speeds > IMPLAUSIBLE * robot.qd_max)
+    bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max) & (robot.q_max > robot.q_min)
+    lower = np.where(bounded, robot.q_min, 0.0)
+    upper = np.where(bounded, robot.q_max, 0.0)
+    away = np.abs(q - 0.5 * (lower + upper))
+    far = bounded & (away.max(axis=0) > 0.5 * IMPLAUSIBLE * (upper - lower))
+    unit = "are positions in degrees, which --degrees converts, or times in another unit?"
+    if fast.any():
+        j = int(np.argmax(np.where(fast, speeds, 0.0)))
+        yield (
+            f"{robot.joint_names[j]} moves at {speeds[j]:.3g} rad/s or m/s, "
+            f"{speeds[j] / robot.qd_max[j]:.2g} times the limit of {robot.name}: {unit}"
+        )
+    elif far.any():
+        j = int(np.argmax(far))
+        yield (
+            f"{robot.joint_names[j]} is far beyond its range, at "
+            f"{q[away[:, j].argmax(), j]:.4g}: {unit}"
         )
 
 
