@@ -1,6 +1,7 @@
 """Stacks: what they get, what they may answer, and what becomes of those that fail."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
+from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.results import Results
@@ -82,6 +84,7 @@ FAILING = {
     "answers no UTF-8": (ANSWERS + "os.write(1, b'{\"no_answer\": \"\\xff\"}\\n')", "must be an answer"),
     "computes backwards": (ANSWERS + STILL.replace("}", ", \"compute_s\": -1}"), "compute_s"),
     "answers positions": (ANSWERS + "print('{\"position\": [0, 0, 0, 0, 0, 0]}', flush=True)", "output 'velocity'"),
+    "answers another period": (ANSWERS + STILL.replace("}", ", \"t\": 0.5}"), "answered the period at t = 0.5 s"),
     "closes its output": (GREETS + "os.close(1); time.sleep(9)", "closed its standard output"),
     "writes without end": (GREETS + "while True: os.write(1, b'0' * 65536)", "line of more than"),
     "hangs": (GREETS + "time.sleep(99)", "no answer within"),
@@ -101,6 +104,29 @@ def test_a_stack_that_fails_is_refused_with_the_reason_and_its_last_messages(
     with pytest.raises(StackFailedError, match=reason) as failure:
         asked(setup, code, periods=3)
     assert str(failure.value).count("its last messages") <= 1
+
+
+@pytest.mark.parametrize("pause", ["", "time.sleep(0.02); "])
+def test_a_second_answer_to_one_period_is_not_taken_for_that_to_the_next(setup, pause):
+    """Also if it arrives after the next period was asked."""
+    twice = ANSWERS + STILL.replace("\n", f"; {pause}") + STILL
+    with pytest.raises(StackFailedError, match=r"before it (was asked|had read what it was asked)"):
+        asked(setup, twice, periods=3)
+
+
+def test_a_stack_that_reads_ahead_may_repeat_the_time_of_its_period(setup):
+    """A thread reads, so that only the repeated time tells the second answer from that asked for."""
+    ahead = GREETS + (
+        "import queue, threading\nlines = queue.Queue()\n"
+        "threading.Thread(target=lambda: [lines.put(line) for line in sys.stdin], daemon=True).start()\n"
+        "while True:\n    answer = {'velocity': [0] * 6, 't': json.loads(lines.get())['t']}\n"
+        "    print(json.dumps(answer), flush=True)\n"
+    )
+    assert asked(setup, ahead, periods=3).command is not None
+    with pytest.raises(
+        StackFailedError, match=r"answered the period at t = 0 s when .* at 0\.002 s"
+    ):
+        asked(setup, ahead + "    time.sleep(0.02)\n    print(json.dumps(answer), flush=True)\n", 3)
 
 
 def test_a_late_answer_ends_the_run_after_the_limit_of_a_reply(setup, monkeypatch):
@@ -162,6 +188,47 @@ def test_the_whole_group_of_a_stack_ends_with_its_run(setup, tmp_path):
         assert ended(pid)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="found in /proc")
+def test_what_a_stack_started_in_a_session_of_its_own_ends_with_it(setup, tmp_path):
+    """Also if the process between them has ended, as for a daemon."""
+    pid = tmp_path / "pid"
+    daemon = (
+        "import os, sys, time\nif os.fork(): os._exit(0)\nos.setsid()\n"
+        f"open({str(pid)!r}, 'w').write(str(os.getpid()))\ntime.sleep(99)\n"
+    )
+    code = ANSWERS.replace(
+        "setup =",
+        f"import subprocess\nsubprocess.run([sys.executable, '-c', {daemon!r}])\nsetup =",
+    ) + STILL  # fmt: skip
+    stack = ExternalStack([sys.executable, "-c", code])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    while not (pid.exists() and pid.read_text()):
+        time.sleep(0.01)
+    assert not ended(int(pid.read_text()))
+    stack.end()
+    assert ended(int(pid.read_text()))
+    assert len(stack.run_remarks()) == 1
+
+
+def test_a_stack_that_cannot_be_killed_does_not_hold_the_run(setup, monkeypatch):
+    """As if it waited for a device: signals do not reach it."""
+    monkeypatch.setattr(child, "KILL_LIMIT", 0.3)
+    stack = ExternalStack([sys.executable, "-c", ANSWERS + STILL + "time.sleep(99)\n"])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    process = stack._process._process
+    kill = os.kill
+    monkeypatch.setattr(child.os, "kill", lambda *_: None)
+    monkeypatch.setattr(child.os, "killpg", lambda *_: None)
+    begun = time.monotonic()
+    stack.end()
+    assert time.monotonic() - begun < 5.0
+    assert stack.run_remarks()[-1] == f"processes {process.pid} of the stack could not be killed"
+    kill(process.pid, 9)
+    process.wait()
+
+
 def ended(pid):
     """True if a process is gone within a second; one that init has yet to reap counts as gone."""
     for _ in range(100):
@@ -181,6 +248,17 @@ def test_a_stack_gets_only_what_it_declares(setup):
     )
     given = asked(setup, echo).reason.split()
     assert given == ["protocol", "units", "settings", "period", "joints", "t", "q"]
+
+
+def test_a_stack_without_a_name_has_that_of_its_script(setup, tmp_path):
+    file = tmp_path / "my_stack.py"
+    file.write_text(ANSWERS + STILL, encoding="utf-8")
+    stack = ExternalStack([sys.executable, str(file), "--fast"])
+    try:
+        stack.begin(setup)
+        assert stack.run_remarks() == ["my_stack uses q and commands velocities"]
+    finally:
+        stack.end()
 
 
 class Sparing(Stack):
@@ -448,9 +526,11 @@ def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
         ({"adapter": "pinc"}, "Did you mean 'pink'"),
         ({"command": ["a"], "python": "python3"}, "a command names its own"),
         ({"command": [1]}, "must be a list of texts"),
+        ({"command": ["a"], "gain": float("inf")}, r"settings\.gain of a stack must be finite, not inf"),
+        ({"command": ["a"], "K": {"p": [1.0, float("nan")]}}, r"settings\.K\.p\[1\] .*not nan"),
         ({"command": "python3 'mine.py"}, "No closing quotation"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_stack_is_refused_before_it_runs(options, reason):
     with pytest.raises(ConfigurationError, match=reason):
         ExternalStack(**options)
@@ -462,7 +542,14 @@ def test_a_command_line_names_its_stack(tmp_path, monkeypatch):
     spec = ControllerSpec.of_stack("python3 -u my_stack.py --fast")
     assert spec.name == "my_stack"
     assert spec.options["command"][2] == str(tmp_path / "my_stack.py")
+    (tmp_path / "arm.yaml").write_text("", encoding="utf-8")
+    assert ControllerSpec.of_stack("python3 my_stack.py arm.yaml").name == "my_stack"
     assert ControllerSpec.of_stack("/usr/bin/servo").name == "servo"
+    # a program on the command line is too long for a path
+    assert len(ControllerSpec.of_stack(f"python3 -c '{5000 * 'x'}'").files) == 1
+    suite = Suite("one", "one", (Scenario.load("ur5-fov"),), (spec,))
+    with pytest.raises(ConfigurationError, match="my_stack"):
+        suite.with_stacks(["python3 -O my_stack.py"])
     with pytest.raises(ConfigurationError, match="takes a command"):
         ControllerSpec.of_stack("")
 
