@@ -462,7 +462,7 @@ def test_a_part_of_a_recording_is_not_scored_at_another_time_of_the_scenario(
         recorded_trajectory(moving, late, "it")
     # nothing depends on time without a motion
     assert len(recorded_trajectory(scenario.setup(), late, "it").t) == 401
-    found = recorded_trajectory(moving, read_recording(file, robot, zero=0.4), "it")
+    found = recorded_trajectory(moving, late, "it", zero=0.4)
     np.testing.assert_allclose(found.q, run.q[200:], atol=1e-12)
     if key == "target.motion":
         # 0.02 m in the base frame since t = 0 of the scenario, which is at 0.4 s of the recording

@@ -47,14 +47,13 @@ def score(
         recording,
         setup.scene.robot,
         len(setup.scene.markers),
-        start=start,
+        start=max(start, zero),
         end=end,
-        zero=zero,
         degrees=degrees,
         clock=cast("Clock", clock),
         topic=topic,
     )
-    trajectory = recorded_trajectory(setup, found, recording.name)
+    trajectory = recorded_trajectory(setup, found, recording.name, zero)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{chosen.name}--{law}--{stamp}"
     with locked(out, "a comparison"):

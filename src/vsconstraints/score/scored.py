@@ -39,15 +39,18 @@ class Recorded(Controller):
         raise InvalidInput("a recorded run cannot be simulated again: score its recording")
 
 
-def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Trajectory:
+def recorded_trajectory(
+    setup: Setup, recording: Recording, where: str, zero: float = 0.0
+) -> Trajectory:
     """Return the trajectory of a recording, scored as a simulation is.
 
     The robot takes its recorded positions; camera and rows are those of the model there. Where
     pixels are recorded, the clearances of rows in the image are those of the pixels. ``where``
-    names the recording. Raises ConfigurationError if it is shorter than a sampling time, if it
+    names the recording. The scenario begins, t = 0, at ``zero`` [s] after the first sample of the
+    file. Raises ConfigurationError if it is shorter than a sampling time, if it
     begins after the scenario and the scenario depends on time, or if its start is q0 in degrees.
     """
-    _require_beginning(setup, recording)
+    _require_beginning(setup, recording.begin - zero)
     _require_start_in_radians(setup, recording.q[0])
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
@@ -75,17 +78,19 @@ def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Traje
     )
 
 
-def _require_beginning(setup: Setup, recording: Recording) -> None:
-    """Raise ConfigurationError if a scenario that depends on time begins before a recording.
+def _require_beginning(setup: Setup, late: float) -> None:
+    """Raise ConfigurationError if a scenario that depends on time begins before its motion.
+
+    The motion begins at the scenario's time ``late`` [s].
 
     Runs, and the baseline among them, begin at the scenario's t = 0.
     """
     depends = _dependence_on_time(setup)
-    if depends and recording.begin > setup.Ts:
+    if depends and late > setup.Ts:
         raise ConfigurationError(
-            f"the first scored sample is {recording.begin:.6g} s after t = 0 of the scenario, "
-            f"whose {depends} by then, and results begin at t = 0: score from there on. If the "
-            f"scenario begins with this sample, add {recording.begin:.9g} to --zero"
+            f"the first scored sample is {late:.6g} s after t = 0 of the scenario, whose {depends} "
+            "by then, and results begin at t = 0: score from there on. If the scenario begins "
+            f"with this sample, add {late:.9g} to --zero"
         )
 
 
