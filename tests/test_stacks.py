@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,7 +20,7 @@ from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.results import Results
 from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
-from vsconstraints.scenarios import Scenario
+from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.programs import Observation
 from vsconstraints.simulation.recorded import Recorded, replay
@@ -464,6 +465,105 @@ def test_pixels_pose_and_intrinsics_are_those_of_opencv(distorted):
     markers = np.array(data["target"]["markers"])
     seen, _ = cv2.projectPoints(markers, turn, target_in_camera[:3, 3], K, lens)
     assert np.abs(seen[:, 0] - now["pixels"]).max() < 1e-6
+
+
+def test_measurements_are_those_of_the_period(setup):
+    q = setup.q0 + 0.1
+    now = observed(setup)._replace(q=q, qd=-q, goal=3, t=0.4, taken=0.1)
+    data = Measured(setup, ("goals", "q", "qd", "pixels"))(now)
+    assert data["goal"] == 3
+    assert (data["t"], data["taken"]) == (0.4, 0.1)
+    assert np.array_equal(data["q"], q)
+    assert np.array_equal(data["qd"], -q)
+
+
+def test_a_pose_is_estimated_through_the_lens_and_once_per_image():
+    scenario = Scenario.load("ur5-fov").with_override("disturbances.pixel_noise", 1e-9)
+    lens = {"model": "brown-conrady", "coefficients": [-0.3, 0.1, 0.0, 0.0]}
+    setup = scenario.with_override("camera.distortion", lens).setup()
+    measured = Measured(setup, ("pose",))
+    now = observed(setup)
+    assert not now.exact
+    found = measured(now)["camera_in_target"]
+    true = setup.scene.camera_pose(setup.q0)
+    assert np.abs(found[:3, :3] - true.R).max() < 1e-6
+    assert np.abs(found[:3, 3] - true.t).max() < 1e-6
+    # the image that was taken at 0 is also the newest one at 0.1 s; another one at 0.2 s is not
+    moved = now._replace(pixels=now.pixels + 5.0)
+    assert np.array_equal(measured(moved._replace(t=0.1))["camera_in_target"], found)
+    again = measured(moved._replace(t=0.2, taken=0.15))["camera_in_target"]
+    assert np.abs(again - found).max() > 1e-3
+
+
+NARROW = [
+    {"type": "joint-range", "K": 0.1, "switching_gain": 1.0, "margin": 0.2,
+     "joints": [1], "lower": [-1.0], "upper": [2.0]},
+    {"type": "joint-speed", "switching_gain": 1.0, "margin": 0.1,
+     "joints": [2], "lower": [-0.5], "upper": [0.7]},
+]  # fmt: skip
+
+
+def test_limits_are_where_the_rows_with_their_margins_are_zero():
+    setup = Scenario.load("ur5-fov").with_override("constraints", NARROW).setup()
+    given = describe(setup, ["limits"])["limits"]
+    robot = setup.scene.robot
+    assert given["lower"][1:] == robot.q_min[1:].tolist()
+    assert given["upper"][1:] == robot.q_max[1:].tolist()
+    assert given["velocity"][2:] == robot.qd_max[2:].tolist()
+    world = setup.world()
+    labels = setup.constraints.labels
+    for side in ("lower", "upper"):
+        q = setup.q0.copy()
+        q[0] = given[side][0]
+        sigma = world.evaluate(0.0, q, np.zeros(6)).sigma
+        assert sigma[labels.index(f"range[joint 1].{side}")] == pytest.approx(0.0, abs=1e-12)
+    # a stack has one speed for both directions: the slower one, here downwards
+    qd = np.zeros(6)
+    qd[1] = -given["velocity"][1]
+    sigma = world.evaluate(0.0, setup.q0, qd).sigma
+    assert sigma[labels.index("speed[joint 2].lower")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_limits_that_the_controller_does_not_know_are_not_given(setup):
+    given = describe(setup, ["limits"])["limits"]
+    assert given["acceleration"] == setup.limits.of_joint("acceleration", 6).tolist()
+    unknown = replace(setup, limits=replace(setup.limits, known=False))
+    assert describe(unknown, ["limits"])["limits"]["acceleration"] is None
+
+
+def test_camera_target_and_goals_are_in_the_frames_that_are_named(setup):
+    """The camera is where the tip carries it, and sees the goal's pixels at the goal's pose."""
+    data = describe(setup, ["camera", "target", "goals"])
+    tip = setup.scene.robot.pose(setup.q0)
+    camera = setup.scene.camera_pose(setup.q0)
+    in_tip = np.array(data["camera"]["camera_in_tip"])
+    assert np.abs(tip.R @ in_tip[:3, :3] - camera.R).max() < 1e-12
+    assert np.abs(tip.R @ in_tip[:3, 3] + tip.t - camera.t).max() < 1e-12
+    assert data["target"]["frame"] == "base"
+    assert data["target"]["moves"] is False
+    (goal,) = data["goals"]
+    pose = np.array(goal["camera_in_target"])
+    in_camera = (np.array(data["target"]["markers"]) - pose[:3, 3]) @ pose[:3, :3]
+    f, c = np.reshape(data["camera"]["intrinsics"], (2, 2))
+    assert np.abs(f * in_camera[:, :2] / in_camera[:, 2:] + c - goal["pixels"]).max() < 1e-9
+
+
+def test_later_goals_a_fixed_camera_and_what_controllers_believe():
+    scenario = Scenario.load("ur5-fov")
+    goals = [{"camera_at_q": scenario.tables["q0"], "from_time": at} for at in (0.0, 1.5)]
+    later = scenario.with_override("task.goals", goals).setup()
+    assert [goal["from"] for goal in describe(later, ["goals"])["goals"]] == [0.0, 1.5]
+    wrong = scenario.with_override("disturbances.focal_factor", [1.1, 0.9]).setup()
+    assert describe(wrong, ["camera"])["camera"]["intrinsics"][:2] == [660.0, 540.0]
+    hand = Scenario.load(
+        next(name for name in shipped_scenarios() if "eye-to-hand" in name)
+    ).setup()
+    data = describe(hand, ["camera", "target"])
+    assert data["target"]["frame"] == "tip"
+    assert (
+        np.abs(np.array(data["camera"]["camera_in_base"])[:3, 3] - hand.scene.camera.fixed.t).max()
+        == 0.0
+    )
 
 
 def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(setup):
