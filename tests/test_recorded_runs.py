@@ -161,6 +161,30 @@ def test_a_marker_that_left_the_image_is_not_scored_where_it_was_last_seen(
     assert f"replace {2 * len(run.t) - 100} of a marker that is not seen" in found.reason
 
 
+def test_measured_pixels_are_those_of_the_lens(run: Trajectory) -> None:
+    """The sensor has the pixels that OpenCV's model of the lens distorts."""
+    lens = {"model": "brown-conrady", "coefficients": [-0.1, 0.02, 0.0, 0.0]}
+    scenario = Scenario.load("ur5-fov").with_override("duration", 1.2)
+    setup = scenario.with_override("camera.distortion", lens).setup()
+    pixels = setup.scene.camera.distort(run.features_px)
+    assert np.abs(pixels - run.features_px).max() > 4.0
+    found = recorded_trajectory(setup, Recording(run.t, run.q, run.qd, pixels=pixels), "it")
+    np.testing.assert_allclose(found.features_px, run.features_px, atol=1e-6)
+
+
+def test_measured_pixels_are_compared_with_the_goal_of_their_time(run: Trajectory) -> None:
+    scenario = Scenario.load("ur5-image").with_override("duration", 1.2)
+    first, second = ({"camera_at_q": run.q[k].tolist(), "from_time": run.t[k]} for k in (0, 300))
+    scenario = scenario.with_override("sampling_time", 0.002)
+    setup = scenario.with_override("task.goals", [first, second]).setup()
+    recording = Recording(run.t, run.q, run.qd, pixels=run.features_px)
+    found = recorded_trajectory(setup, recording, "it")
+    for k, goal in ((0, 0), (299, 0), (300, 1), (600, 1)):
+        wanted = setup.task.goals[goal].pixels
+        expected = np.linalg.norm(run.features_px[k] - wanted, axis=1).max()
+        assert found.feature_error_px[k] == pytest.approx(expected, abs=1e-9)
+
+
 def test_measured_pixels_leave_the_error_of_a_feature(run: Trajectory, robot: Robot) -> None:
     """A line may be reached with its markers anywhere on it."""
     setup = Scenario.load("ur5-fov").with_override("duration", 0.02)
@@ -196,7 +220,9 @@ def write_bag(path: Path, run: Trajectory, names: tuple[str, ...], storage: str)
                 (["finger"], [0.0], [0.0]),
             ):
                 message = kinds[kind](header, joints, np.array(q), np.array(qd), none)
-                bag.write(connection, at + 1_000_000, store.serialize_cdr(message, kind))
+                # recorded later and later, by 1 ms at first and 10 µs more per message
+                logged = at + 1_000_000 + 10_000 * k
+                bag.write(connection, logged, store.serialize_cdr(message, kind))
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
@@ -211,6 +237,8 @@ def test_joint_states_of_bags_are_matched_by_name(
         np.testing.assert_array_equal(found.q, run.q)
         np.testing.assert_array_equal(found.qd, run.qd)
         assert found.remarks == (f"{len(run.t)} samples without all joints are left out",)
+    late = read_recording(bag, robot, clock="log")
+    np.testing.assert_allclose(late.t, run.t + 1e-5 * np.arange(len(run.t)), atol=1e-6)
     with pytest.raises(
         ConfigurationError, match=r"no /arm of sensor_msgs/msg/JointState; .*states"
     ):
@@ -270,6 +298,48 @@ def test_remedies_work(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
     back = write(tmp_path / "back.csv", bad(run, t=jumping(run.t, 300, -0.25)))
     found = read_recording(back, robot, end=run.t[299])
     np.testing.assert_array_equal(found.q, run.q[:299])
+
+
+def test_degrees_are_those_of_joints_that_turn(tmp_path: Path) -> None:
+    """Positions, speeds and commands alike; a joint that slides is in metres."""
+    robot = Robot.from_dh(np.full((2, 4), 0.1), prismatic=[2])
+    t = 0.01 * np.arange(100)
+    q = np.column_stack((0.1 * t * t, 0.2 * t * t))
+    scale = np.array([180.0 / np.pi, 1.0])
+    columns = {"t": t}
+    given = {
+        "q": scale * q,
+        "qd": scale * [0.2, 0.4] * t[:, None],
+        "qdd": 0.0 * q + scale * [0.2, 0.4],
+    }
+    for name, values in given.items():
+        columns |= {f"{name}{i + 1}": values[:, i] for i in (0, 1)}
+    found = read_recording(write(tmp_path / "run.csv", columns), robot, degrees=True)
+    assert found.qd is not None
+    assert found.qdd is not None
+    np.testing.assert_allclose(found.q, q, atol=1e-12)
+    np.testing.assert_allclose(found.qd, t[:, None] * [0.2, 0.4], atol=1e-12)
+    np.testing.assert_allclose(found.qdd, 0.0 * q + [0.2, 0.4], atol=1e-12)
+
+
+def test_a_continuous_joint_may_be_reported_within_a_turn(tmp_path: Path) -> None:
+    """A joint with a range is taken as it is reported: a jump of its encoder is no turn."""
+    t = 0.01 * np.arange(200)
+    angle = 3.0 + t
+    within = np.where(angle > np.pi, angle - 2.0 * np.pi, angle)
+    file = write(tmp_path / "run.csv", {"t": t, "q1": within})
+    one = np.full((1, 4), 0.1)
+    np.testing.assert_allclose(read_recording(file, Robot.from_dh(one)).q[:, 0], angle, atol=1e-12)
+    bounded = Robot.from_dh(one, q_min=[-4.0], q_max=[4.0])
+    np.testing.assert_array_equal(read_recording(file, bounded).q[:, 0], within)
+
+
+def test_samples_without_a_time_are_left_out(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
+    t = run.t.copy()
+    t[50] = np.nan
+    found = read_recording(write(tmp_path / "run.csv", bad(run, t=t)), robot)
+    np.testing.assert_array_equal(found.q, np.delete(run.q, 50, axis=0))
+    assert found.remarks == ("1 samples without all joints are left out",)
 
 
 def test_gaps_and_repeated_times_are_named(run: Trajectory, robot: Robot, tmp_path: Path) -> None:

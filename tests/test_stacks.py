@@ -374,6 +374,26 @@ def test_an_arm_that_takes_accelerations_takes_no_positions(setup):
     assert "commands positions" in run.reason
 
 
+@pytest.mark.parametrize("answer", [[np.nan, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, -np.inf]])
+def test_one_number_that_is_not_finite_ends_the_run(setup, answer):
+    class Partial(Posed):
+        def step(self, now):
+            return answer
+
+    run = simulate(setup, Partial())
+    assert run.status == "failed"
+    assert "its velocity is not finite" in run.reason
+
+
+@pytest.mark.parametrize("answer", [np.zeros((6, 1)), np.zeros((2, 3)), np.zeros(7), 0.0])
+def test_an_answer_has_one_number_per_joint(setup, answer):
+    class Shaped(Posed):
+        def step(self, now):
+            return answer
+
+    assert "its velocity must be 6 numbers, one per joint" in simulate(setup, Shaped()).reason
+
+
 def test_rows_and_a_task_are_refused(setup):
     with pytest.raises(InvalidInput, match="gets measurements"):
         Posed().command(Rows.none(6), Task(np.eye(6), np.zeros(6)))
