@@ -78,6 +78,18 @@ def test_matrices_are_the_derivatives_of_the_values(kind: type[ViewFeature]) -> 
     assert np.linalg.matrix_rank(given) == min(3 if kind is Depth else 6, len(given))
 
 
+@pytest.mark.parametrize("name", ["polar", "depth", "ellipse", "area-centroid"])
+def test_matrices_are_the_derivatives_for_any_number_of_markers(name: str) -> None:
+    """Six markers on a circle, seen at different depths: means are not sums over four."""
+    angle = np.linspace(0.1, 5.5, 6)
+    view = View(0.2 * np.column_stack((np.cos(angle), np.sin(angle))), 1.0 + 0.05 * angle, None)
+    feature = FEATURES[name]()
+    assert isinstance(feature, ViewFeature)
+    given = feature.interaction_matrix(view, view)
+    differences = ViewFeature.interaction_matrix(feature, view, view)
+    np.testing.assert_allclose(given, differences, rtol=1e-7, atol=1e-9)
+
+
 def test_a_line_has_the_matrix_of_its_plane() -> None:
     """Espiau, Chaumette and Rives (1992), for a plane A X + B Y + C Z + D = 0 through the line.
 
@@ -155,6 +167,12 @@ def test_angles_are_differenced_on_the_circle() -> None:
     goal = Goal(0.0, np.zeros((3, 2)), here * (1.0, -1.0), None, np.ones(3))
     found = Segment().evaluate(state, goal, None).error
     np.testing.assert_allclose(found, [0.0, 0.1 * np.sin(3.1), 0.0, 6.2 - 2 * np.pi], atol=1e-12)
+    across = np.array([-np.sin(3.1), np.cos(3.1)])
+    here = np.array([[-0.1, 0.05], [-0.1, 0.05] + 0.1 * across, [0.2, 0.1]])
+    turned = replace(state, normalised=replace(state.normalised, position=here))
+    mirrored = Goal(0.0, np.zeros((3, 2)), here * (-1.0, 1.0), None, np.ones(3))
+    line = Line((1, 2)).evaluate(turned, mirrored, None).error
+    assert line[1] == pytest.approx(6.2 - 2 * np.pi)
     beyond = Segment().evaluate(state, goal, np.array([0.0, 0.0, 0.0, 6.0])).error
     assert beyond[3] == pytest.approx(6.2)
 

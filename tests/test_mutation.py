@@ -95,6 +95,20 @@ assert list(runner.judge([named], until=0.0)) == []
 runner.longest = 0.0
 assert len(runner.tests_for(named)) == 1
 runner.longest = 60.0
+broken = tree / "copy" / "tests" / "test_broken.py"
+broken.write_text("import no_such_module", encoding="utf-8")
+wrong = [f"tests/{name}" for name in ("test_broken.py::test_a", "test_gone.py::test_b", "test_module.py::test_c")]
+assert runner.missing_tests([*tests, *wrong]) == wrong
+runner.known = {named.key: wrong[2]}
+runner.reached |= {wrong[2]: Reached(0.1)}
+try:
+    list(runner.judge([named]))
+except RuntimeError as error:
+    assert "test_module.py::test_c" in str(error)
+else:
+    raise AssertionError("a test that does not exist has noticed a mutant")
+runner.known = None
+del runner.reached[wrong[2]]
 for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
     print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 """

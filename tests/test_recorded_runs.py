@@ -161,6 +161,30 @@ def test_a_marker_that_left_the_image_is_not_scored_where_it_was_last_seen(
     assert f"replace {2 * len(run.t) - 100} of a marker that is not seen" in found.reason
 
 
+def test_measured_pixels_are_those_of_the_lens(run: Trajectory) -> None:
+    """The sensor has the pixels that OpenCV's model of the lens distorts."""
+    lens = {"model": "brown-conrady", "coefficients": [-0.1, 0.02, 0.0, 0.0]}
+    scenario = Scenario.load("ur5-fov").with_override("duration", 1.2)
+    setup = scenario.with_override("camera.distortion", lens).setup()
+    pixels = setup.scene.camera.distort(run.features_px)
+    assert np.abs(pixels - run.features_px).max() > 4.0
+    found = recorded_trajectory(setup, Recording(run.t, run.q, run.qd, pixels=pixels), "it")
+    np.testing.assert_allclose(found.features_px, run.features_px, atol=1e-6)
+
+
+def test_measured_pixels_are_compared_with_the_goal_of_their_time(run: Trajectory) -> None:
+    scenario = Scenario.load("ur5-image").with_override("duration", 1.2)
+    first, second = ({"camera_at_q": run.q[k].tolist(), "from_time": run.t[k]} for k in (0, 300))
+    scenario = scenario.with_override("sampling_time", 0.002)
+    setup = scenario.with_override("task.goals", [first, second]).setup()
+    recording = Recording(run.t, run.q, run.qd, pixels=run.features_px)
+    found = recorded_trajectory(setup, recording, "it")
+    for k, goal in ((0, 0), (299, 0), (300, 1), (600, 1)):
+        wanted = setup.task.goals[goal].pixels
+        expected = np.linalg.norm(run.features_px[k] - wanted, axis=1).max()
+        assert found.feature_error_px[k] == pytest.approx(expected, abs=1e-9)
+
+
 def test_measured_pixels_leave_the_error_of_a_feature(run: Trajectory, robot: Robot) -> None:
     """A line may be reached with its markers anywhere on it."""
     setup = Scenario.load("ur5-fov").with_override("duration", 0.02)
@@ -196,7 +220,9 @@ def write_bag(path: Path, run: Trajectory, names: tuple[str, ...], storage: str)
                 (["finger"], [0.0], [0.0]),
             ):
                 message = kinds[kind](header, joints, np.array(q), np.array(qd), none)
-                bag.write(connection, at + 1_000_000, store.serialize_cdr(message, kind))
+                # recorded later and later, by 1 ms at first and 10 µs more per message
+                logged = at + 1_000_000 + 10_000 * k
+                bag.write(connection, logged, store.serialize_cdr(message, kind))
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
@@ -211,6 +237,8 @@ def test_joint_states_of_bags_are_matched_by_name(
         np.testing.assert_array_equal(found.q, run.q)
         np.testing.assert_array_equal(found.qd, run.qd)
         assert found.remarks == (f"{len(run.t)} samples without all joints are left out",)
+    late = read_recording(bag, robot, clock="log")
+    np.testing.assert_allclose(late.t, run.t + 1e-5 * np.arange(len(run.t)), atol=1e-6)
     with pytest.raises(
         ConfigurationError, match=r"no /arm of sensor_msgs/msg/JointState; .*states"
     ):
@@ -243,7 +271,7 @@ def jumping(t: Array, at: int, by: float) -> Array:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda run: {"t": 1e3 * run.t}, "2 s apart: are the times in ms or ns"),
+        (lambda run: {"t": 1e3 * run.t}, "2 s apart: are the times in milliseconds or nanoseconds"),
         (lambda run: {"t": jumping(run.t, 300, -0.25)}, "backwards by 0.248 s after sample 300.*--start"),
         (lambda run: {"t": 0.0 * run.t}, "all samples have the same time"),
         (lambda run: {f"q{i + 1}": np.rad2deg(run.q[:, i]) for i in range(6)}, "degrees, not rad.*--degrees"),
@@ -270,6 +298,48 @@ def test_remedies_work(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
     back = write(tmp_path / "back.csv", bad(run, t=jumping(run.t, 300, -0.25)))
     found = read_recording(back, robot, end=run.t[299])
     np.testing.assert_array_equal(found.q, run.q[:299])
+
+
+def test_degrees_are_those_of_joints_that_turn(tmp_path: Path) -> None:
+    """Positions, speeds and commands alike; a joint that slides is in metres."""
+    robot = Robot.from_dh(np.full((2, 4), 0.1), prismatic=[2])
+    t = 0.01 * np.arange(100)
+    q = np.column_stack((0.1 * t * t, 0.2 * t * t))
+    scale = np.array([180.0 / np.pi, 1.0])
+    columns = {"t": t}
+    given = {
+        "q": scale * q,
+        "qd": scale * [0.2, 0.4] * t[:, None],
+        "qdd": 0.0 * q + scale * [0.2, 0.4],
+    }
+    for name, values in given.items():
+        columns |= {f"{name}{i + 1}": values[:, i] for i in (0, 1)}
+    found = read_recording(write(tmp_path / "run.csv", columns), robot, degrees=True)
+    assert found.qd is not None
+    assert found.qdd is not None
+    np.testing.assert_allclose(found.q, q, atol=1e-12)
+    np.testing.assert_allclose(found.qd, t[:, None] * [0.2, 0.4], atol=1e-12)
+    np.testing.assert_allclose(found.qdd, 0.0 * q + [0.2, 0.4], atol=1e-12)
+
+
+def test_a_continuous_joint_may_be_reported_within_a_turn(tmp_path: Path) -> None:
+    """A joint with a range is taken as it is reported: a jump of its encoder is no turn."""
+    t = 0.01 * np.arange(200)
+    angle = 3.0 + t
+    within = np.where(angle > np.pi, angle - 2.0 * np.pi, angle)
+    file = write(tmp_path / "run.csv", {"t": t, "q1": within})
+    one = np.full((1, 4), 0.1)
+    np.testing.assert_allclose(read_recording(file, Robot.from_dh(one)).q[:, 0], angle, atol=1e-12)
+    bounded = Robot.from_dh(one, q_min=[-4.0], q_max=[4.0])
+    np.testing.assert_array_equal(read_recording(file, bounded).q[:, 0], within)
+
+
+def test_samples_without_a_time_are_left_out(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
+    t = run.t.copy()
+    t[50] = np.nan
+    found = read_recording(write(tmp_path / "run.csv", bad(run, t=t)), robot)
+    np.testing.assert_array_equal(found.q, np.delete(run.q, 50, axis=0))
+    assert found.remarks == ("1 samples without all joints are left out",)
 
 
 def test_gaps_and_repeated_times_are_named(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
@@ -309,6 +379,165 @@ def test_files_of_other_kinds(robot: Robot, tmp_path: Path) -> None:
         (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 damaged")
         with pytest.raises(ConfigurationError, match=words):
             read_recording(tmp_path / name, robot)
+
+
+def test_columns_of_texts_are_ignored_unless_they_are_needed(
+    run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    file = write(tmp_path / "run.csv", bad(run, mode=np.full(len(run.t), "servo"), finger=run.t))
+    np.testing.assert_array_equal(read_recording(file, robot).q, run.q)
+    for name in ("qd2", "v1", "q4"):
+        texts = np.where(run.t < 0.5, "0.5", "off")
+        given = {f"u{i}": run.t for i in range(1, 5)} | {f"v{i}": run.t for i in range(1, 5)}
+        file = write(tmp_path / "run.csv", bad(run, **{**given, name: texts}))
+        with pytest.raises(ConfigurationError, match=f"line 252: 'off' is no number.*{name}"):
+            read_recording(file, robot, markers=4)
+
+
+def test_texts_in_parquet_are_ignored_unless_they_are_needed(
+    run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    file = tmp_path / "run.parquet"
+    table = pandas.DataFrame(bad(run))
+    table.assign(mode="servo").to_parquet(file)
+    np.testing.assert_array_equal(read_recording(file, robot).q, run.q)
+    table.assign(q2="servo").to_parquet(file)
+    with pytest.raises(ConfigurationError, match=r"values of type .*string.* in column q2"):
+        read_recording(file, robot)
+
+
+def test_speeds_of_some_joints_are_left_out_by_name(
+    run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    speeds = {f"qd{i + 1}": run.qd[:, i] for i in range(6) if i != 2}
+    found = read_recording(write(tmp_path / "run.csv", bad(run, **speeds)), robot)
+    assert found.qd is None
+    assert found.remarks == (
+        "speeds of elbow_joint are missing: those of the other joints are left out",
+    )
+
+
+@pytest.mark.parametrize("unit", ["", "_ms", "_us", "_ns"])
+def test_arrays_have_the_times_of_columns(
+    run: Trajectory, robot: Robot, tmp_path: Path, unit: str
+) -> None:
+    scale = {"": 1.0, "_ms": 1e3, "_us": 1e6, "_ns": 1e9}[unit]
+    np.savez(tmp_path / "run.npz", **{f"time{unit}": scale * run.t, "q": run.q})
+    np.testing.assert_allclose(read_recording(tmp_path / "run.npz", robot).t, run.t, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"q": np.zeros((3, 6))}, "no array of times: one of t, time"),
+        ({"t": np.arange(3.0)}, "no array 'q'"),
+        ({"t": np.float64(0.0), "q": np.zeros((3, 6))}, "t has the shape"),
+        ({"t": np.arange(3.0), "q": np.zeros((3, 6)), "names": ["a", "b"]}, "6 columns for 2 joints"),
+        ({"t": np.arange(3.0), "q": np.zeros((3, 6)), "qd": np.zeros((3, 5))}, "qd has 5 columns for 6"),
+    ],
+)  # fmt: skip
+def test_arrays_that_do_not_fit_are_refused(
+    arrays: Mapping[str, Any], words: str, robot: Robot, tmp_path: Path
+) -> None:
+    np.savez(tmp_path / "run.npz", **arrays)
+    with pytest.raises(ConfigurationError, match=words):
+        read_recording(tmp_path / "run.npz", robot)
+
+
+# --- numbers in another unit that are within all limits ---
+
+
+def swaying(amplitude: float, period: float = 0.01) -> dict[str, Array]:
+    """Return 400 samples of six joints that sway about zero."""
+    t = period * np.arange(400)
+    q = amplitude * np.sin(2.0 * t)
+    return {"t": t, **{f"q{i + 1}": (0.5 + 0.1 * i) * q for i in range(6)}}
+
+
+def test_small_angles_in_degrees_are_named_by_their_speed(robot: Robot, tmp_path: Path) -> None:
+    """A sway of 0.1 rad at 0.2 rad/s is 5.7° at 11.5°/s: within 2π, but not within 3.14 rad/s."""
+    inside = read_recording(write(tmp_path / "run.csv", swaying(0.1)), robot)
+    assert inside.remarks == ()
+    degrees = write(tmp_path / "run.csv", swaying(np.rad2deg(0.1)))
+    (remark,) = read_recording(degrees, robot).remarks
+    assert "wrist_3_joint moves at 11." in remark
+    assert "in degrees, which --degrees converts" in remark
+    assert read_recording(degrees, robot, degrees=True).remarks == ()
+    # one wrong sample of an encoder is not a wrong unit
+    glitch = swaying(0.1)
+    glitch["q2"][200] += 5.0
+    assert read_recording(write(tmp_path / "run.csv", glitch), robot).remarks == ()
+
+
+def test_small_angles_in_degrees_are_named_by_the_range(robot: Robot, tmp_path: Path) -> None:
+    narrow = Robot.from_dh(
+        np.full((3, 4), 0.1),
+        q_min=[-1.0] * 3, q_max=[1.0] * 3,
+    )  # fmt: skip
+    still = {"t": swaying(0.0)["t"]} | {f"q{i}": np.full(400, 5.0) for i in (1, 2, 3)}
+    (remark,) = read_recording(write(tmp_path / "run.csv", still), narrow).remarks
+    assert "far beyond its range, at 5: are positions in degrees" in remark
+
+
+def test_the_start_of_the_scenario_in_another_unit_is_refused(
+    setup: Setup, run: Trajectory
+) -> None:
+    degrees = Recording(run.t, np.rad2deg(run.q), np.rad2deg(run.qd))
+    with pytest.raises(
+        ConfigurationError, match=r"rad from q0, .*degrees, not rad.* --degrees converts them"
+    ):
+        recorded_trajectory(setup, degrees, "it")
+    twice = Recording(run.t, np.deg2rad(run.q), np.deg2rad(run.qd))
+    with pytest.raises(ConfigurationError, match="before --degrees converted them"):
+        recorded_trajectory(setup, twice, "it")
+
+
+def test_milliseconds_of_a_fast_recording_are_named(robot: Robot, tmp_path: Path) -> None:
+    """At 5 kHz, samples are 0.2 ms apart, which would be a period of 0.2 s."""
+    motion = swaying(0.1, period=2e-4)
+    as_seconds = {**motion, "t": 1e3 * motion["t"]}
+    with pytest.raises(ConfigurationError, match=r"0\.2 s apart, and no joint .*milliseconds\?"):
+        read_recording(write(tmp_path / "run.csv", as_seconds), robot)
+    del as_seconds["t"]
+    as_named = {**as_seconds, "t_ms": 1e3 * motion["t"]}
+    found = read_recording(write(tmp_path / "run.csv", as_named), robot)
+    np.testing.assert_allclose(found.t, motion["t"], atol=1e-12)
+    assert found.remarks == ()
+
+
+# --- time of the scenario ---
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("target.motion", {"velocity": [0.05, 0.0, 0.0]}, "target has moved"),
+        ("task.goals.0.reach_in", 1.0, "goal has changed"),
+    ],
+)
+def test_a_part_of_a_recording_is_not_scored_at_another_time_of_the_scenario(
+    run: Trajectory, robot: Robot, tmp_path: Path, key: str, value: Any, words: str
+) -> None:
+    """At --start 0.4 the target would be where the scenario has it at t = 0."""
+    file = write(tmp_path / "run.csv", bad(run))
+    scenario = Scenario.load("ur5-fov").with_override("duration", 1.2)
+    moving = scenario.with_override(key, value).setup()
+    late = read_recording(file, robot, start=0.4)
+    assert late.begin == pytest.approx(0.4)
+    with pytest.raises(
+        ConfigurationError, match=rf"0\.4 s after t = 0 .*{words}.* add 0\.4 to --zero"
+    ):
+        recorded_trajectory(moving, late, "it")
+    # nothing depends on time without a motion
+    assert len(recorded_trajectory(scenario.setup(), late, "it").t) == 401
+    found = recorded_trajectory(moving, late, "it", zero=0.4)
+    np.testing.assert_allclose(found.q, run.q[200:], atol=1e-12)
+    if key == "target.motion":
+        # 0.02 m in the base frame since t = 0 of the scenario, which is at 0.4 s of the recording
+        expected = moving.scene.evaluate(0.4, run.q[400], run.qd[400]).pixels.position
+        np.testing.assert_allclose(found.features_px[200], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(

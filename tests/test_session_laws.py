@@ -120,6 +120,21 @@ def test_laws_that_hold_something_else_have_another_digest(value: object) -> Non
     assert digest(value) not in [digest(other) for other in others]
 
 
+def test_texts_of_a_law_that_look_like_numbers_of_classes_count() -> None:
+    import cloudpickle
+
+    texts = [
+        "0123456789ab4cde8f0123456789abcd",
+        "fedcba9876544321a0fedcba98765432",
+        "runs/ipykernel_1/2.py",
+        "runs/ipykernel_1/3.py",
+        "<ipython-input-a>",
+        "<ipython-input-b>",
+    ]
+    digests = {stable_digest(cloudpickle.dumps({"file": text})) for text in texts}
+    assert len(digests) == len(texts)
+
+
 def test_a_copy_shares_code_and_nothing_else() -> None:
     from vsconstraints.controllers import Tracking
 

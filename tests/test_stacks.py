@@ -1,9 +1,11 @@
 """Stacks: what they get, what they may answer, and what becomes of those that fail."""
 
 import json
+import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,12 +14,13 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
+from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.results import Results
 from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
-from vsconstraints.scenarios import Scenario
+from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.programs import Observation
 from vsconstraints.simulation.recorded import Recorded, replay
@@ -82,6 +85,7 @@ FAILING = {
     "answers no UTF-8": (ANSWERS + "os.write(1, b'{\"no_answer\": \"\\xff\"}\\n')", "must be an answer"),
     "computes backwards": (ANSWERS + STILL.replace("}", ", \"compute_s\": -1}"), "compute_s"),
     "answers positions": (ANSWERS + "print('{\"position\": [0, 0, 0, 0, 0, 0]}', flush=True)", "output 'velocity'"),
+    "answers another period": (ANSWERS + STILL.replace("}", ", \"t\": 0.5}"), "answered the period at t = 0.5 s"),
     "closes its output": (GREETS + "os.close(1); time.sleep(9)", "closed its standard output"),
     "writes without end": (GREETS + "while True: os.write(1, b'0' * 65536)", "line of more than"),
     "hangs": (GREETS + "time.sleep(99)", "no answer within"),
@@ -101,6 +105,29 @@ def test_a_stack_that_fails_is_refused_with_the_reason_and_its_last_messages(
     with pytest.raises(StackFailedError, match=reason) as failure:
         asked(setup, code, periods=3)
     assert str(failure.value).count("its last messages") <= 1
+
+
+@pytest.mark.parametrize("pause", ["", "time.sleep(0.02); "])
+def test_a_second_answer_to_one_period_is_not_taken_for_that_to_the_next(setup, pause):
+    """Also if it arrives after the next period was asked."""
+    twice = ANSWERS + STILL.replace("\n", f"; {pause}") + STILL
+    with pytest.raises(StackFailedError, match=r"before it (was asked|had read what it was asked)"):
+        asked(setup, twice, periods=3)
+
+
+def test_a_stack_that_reads_ahead_may_repeat_the_time_of_its_period(setup):
+    """A thread reads, so that only the repeated time tells the second answer from that asked for."""
+    ahead = GREETS + (
+        "import queue, threading\nlines = queue.Queue()\n"
+        "threading.Thread(target=lambda: [lines.put(line) for line in sys.stdin], daemon=True).start()\n"
+        "while True:\n    answer = {'velocity': [0] * 6, 't': json.loads(lines.get())['t']}\n"
+        "    print(json.dumps(answer), flush=True)\n"
+    )
+    assert asked(setup, ahead, periods=3).command is not None
+    with pytest.raises(
+        StackFailedError, match=r"answered the period at t = 0 s when .* at 0\.002 s"
+    ):
+        asked(setup, ahead + "    time.sleep(0.02)\n    print(json.dumps(answer), flush=True)\n", 3)
 
 
 def test_a_late_answer_ends_the_run_after_the_limit_of_a_reply(setup, monkeypatch):
@@ -162,6 +189,47 @@ def test_the_whole_group_of_a_stack_ends_with_its_run(setup, tmp_path):
         assert ended(pid)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="found in /proc")
+def test_what_a_stack_started_in_a_session_of_its_own_ends_with_it(setup, tmp_path):
+    """Also if the process between them has ended, as for a daemon."""
+    pid = tmp_path / "pid"
+    daemon = (
+        "import os, sys, time\nif os.fork(): os._exit(0)\nos.setsid()\n"
+        f"open({str(pid)!r}, 'w').write(str(os.getpid()))\ntime.sleep(99)\n"
+    )
+    code = ANSWERS.replace(
+        "setup =",
+        f"import subprocess\nsubprocess.run([sys.executable, '-c', {daemon!r}])\nsetup =",
+    ) + STILL  # fmt: skip
+    stack = ExternalStack([sys.executable, "-c", code])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    while not (pid.exists() and pid.read_text()):
+        time.sleep(0.01)
+    assert not ended(int(pid.read_text()))
+    stack.end()
+    assert ended(int(pid.read_text()))
+    assert len(stack.run_remarks()) == 1
+
+
+def test_a_stack_that_cannot_be_killed_does_not_hold_the_run(setup, monkeypatch):
+    """As if it waited for a device: signals do not reach it."""
+    monkeypatch.setattr(child, "KILL_LIMIT", 0.3)
+    stack = ExternalStack([sys.executable, "-c", ANSWERS + STILL + "time.sleep(99)\n"])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    process = stack._process._process
+    kill = os.kill
+    monkeypatch.setattr(child.os, "kill", lambda *_: None)
+    monkeypatch.setattr(child.os, "killpg", lambda *_: None)
+    begun = time.monotonic()
+    stack.end()
+    assert time.monotonic() - begun < 5.0
+    assert stack.run_remarks()[-1] == f"processes {process.pid} of the stack could not be killed"
+    kill(process.pid, 9)
+    process.wait()
+
+
 def ended(pid):
     """True if a process is gone within a second; one that init has yet to reap counts as gone."""
     for _ in range(100):
@@ -181,6 +249,17 @@ def test_a_stack_gets_only_what_it_declares(setup):
     )
     given = asked(setup, echo).reason.split()
     assert given == ["protocol", "units", "settings", "period", "joints", "t", "q"]
+
+
+def test_a_stack_without_a_name_has_that_of_its_script(setup, tmp_path):
+    file = tmp_path / "my_stack.py"
+    file.write_text(ANSWERS + STILL, encoding="utf-8")
+    stack = ExternalStack([sys.executable, str(file), "--fast"])
+    try:
+        stack.begin(setup)
+        assert stack.run_remarks() == ["my_stack uses q and commands velocities"]
+    finally:
+        stack.end()
 
 
 class Sparing(Stack):
@@ -295,6 +374,26 @@ def test_an_arm_that_takes_accelerations_takes_no_positions(setup):
     assert "commands positions" in run.reason
 
 
+@pytest.mark.parametrize("answer", [[np.nan, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, -np.inf]])
+def test_one_number_that_is_not_finite_ends_the_run(setup, answer):
+    class Partial(Posed):
+        def step(self, now):
+            return answer
+
+    run = simulate(setup, Partial())
+    assert run.status == "failed"
+    assert "its velocity is not finite" in run.reason
+
+
+@pytest.mark.parametrize("answer", [np.zeros((6, 1)), np.zeros((2, 3)), np.zeros(7), 0.0])
+def test_an_answer_has_one_number_per_joint(setup, answer):
+    class Shaped(Posed):
+        def step(self, now):
+            return answer
+
+    assert "its velocity must be 6 numbers, one per joint" in simulate(setup, Shaped()).reason
+
+
 def test_rows_and_a_task_are_refused(setup):
     with pytest.raises(InvalidInput, match="gets measurements"):
         Posed().command(Rows.none(6), Task(np.eye(6), np.zeros(6)))
@@ -388,6 +487,105 @@ def test_pixels_pose_and_intrinsics_are_those_of_opencv(distorted):
     assert np.abs(seen[:, 0] - now["pixels"]).max() < 1e-6
 
 
+def test_measurements_are_those_of_the_period(setup):
+    q = setup.q0 + 0.1
+    now = observed(setup)._replace(q=q, qd=-q, goal=3, t=0.4, taken=0.1)
+    data = Measured(setup, ("goals", "q", "qd", "pixels"))(now)
+    assert data["goal"] == 3
+    assert (data["t"], data["taken"]) == (0.4, 0.1)
+    assert np.array_equal(data["q"], q)
+    assert np.array_equal(data["qd"], -q)
+
+
+def test_a_pose_is_estimated_through_the_lens_and_once_per_image():
+    scenario = Scenario.load("ur5-fov").with_override("disturbances.pixel_noise", 1e-9)
+    lens = {"model": "brown-conrady", "coefficients": [-0.3, 0.1, 0.0, 0.0]}
+    setup = scenario.with_override("camera.distortion", lens).setup()
+    measured = Measured(setup, ("pose",))
+    now = observed(setup)
+    assert not now.exact
+    found = measured(now)["camera_in_target"]
+    true = setup.scene.camera_pose(setup.q0)
+    assert np.abs(found[:3, :3] - true.R).max() < 1e-6
+    assert np.abs(found[:3, 3] - true.t).max() < 1e-6
+    # the image that was taken at 0 is also the newest one at 0.1 s; another one at 0.2 s is not
+    moved = now._replace(pixels=now.pixels + 5.0)
+    assert np.array_equal(measured(moved._replace(t=0.1))["camera_in_target"], found)
+    again = measured(moved._replace(t=0.2, taken=0.15))["camera_in_target"]
+    assert np.abs(again - found).max() > 1e-3
+
+
+NARROW = [
+    {"type": "joint-range", "K": 0.1, "switching_gain": 1.0, "margin": 0.2,
+     "joints": [1], "lower": [-1.0], "upper": [2.0]},
+    {"type": "joint-speed", "switching_gain": 1.0, "margin": 0.1,
+     "joints": [2], "lower": [-0.5], "upper": [0.7]},
+]  # fmt: skip
+
+
+def test_limits_are_where_the_rows_with_their_margins_are_zero():
+    setup = Scenario.load("ur5-fov").with_override("constraints", NARROW).setup()
+    given = describe(setup, ["limits"])["limits"]
+    robot = setup.scene.robot
+    assert given["lower"][1:] == robot.q_min[1:].tolist()
+    assert given["upper"][1:] == robot.q_max[1:].tolist()
+    assert given["velocity"][2:] == robot.qd_max[2:].tolist()
+    world = setup.world()
+    labels = setup.constraints.labels
+    for side in ("lower", "upper"):
+        q = setup.q0.copy()
+        q[0] = given[side][0]
+        sigma = world.evaluate(0.0, q, np.zeros(6)).sigma
+        assert sigma[labels.index(f"range[joint 1].{side}")] == pytest.approx(0.0, abs=1e-12)
+    # a stack has one speed for both directions: the slower one, here downwards
+    qd = np.zeros(6)
+    qd[1] = -given["velocity"][1]
+    sigma = world.evaluate(0.0, setup.q0, qd).sigma
+    assert sigma[labels.index("speed[joint 2].lower")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_limits_that_the_controller_does_not_know_are_not_given(setup):
+    given = describe(setup, ["limits"])["limits"]
+    assert given["acceleration"] == setup.limits.of_joint("acceleration", 6).tolist()
+    unknown = replace(setup, limits=replace(setup.limits, known=False))
+    assert describe(unknown, ["limits"])["limits"]["acceleration"] is None
+
+
+def test_camera_target_and_goals_are_in_the_frames_that_are_named(setup):
+    """The camera is where the tip carries it, and sees the goal's pixels at the goal's pose."""
+    data = describe(setup, ["camera", "target", "goals"])
+    tip = setup.scene.robot.pose(setup.q0)
+    camera = setup.scene.camera_pose(setup.q0)
+    in_tip = np.array(data["camera"]["camera_in_tip"])
+    assert np.abs(tip.R @ in_tip[:3, :3] - camera.R).max() < 1e-12
+    assert np.abs(tip.R @ in_tip[:3, 3] + tip.t - camera.t).max() < 1e-12
+    assert data["target"]["frame"] == "base"
+    assert data["target"]["moves"] is False
+    (goal,) = data["goals"]
+    pose = np.array(goal["camera_in_target"])
+    in_camera = (np.array(data["target"]["markers"]) - pose[:3, 3]) @ pose[:3, :3]
+    f, c = np.reshape(data["camera"]["intrinsics"], (2, 2))
+    assert np.abs(f * in_camera[:, :2] / in_camera[:, 2:] + c - goal["pixels"]).max() < 1e-9
+
+
+def test_later_goals_a_fixed_camera_and_what_controllers_believe():
+    scenario = Scenario.load("ur5-fov")
+    goals = [{"camera_at_q": scenario.tables["q0"], "from_time": at} for at in (0.0, 1.5)]
+    later = scenario.with_override("task.goals", goals).setup()
+    assert [goal["from"] for goal in describe(later, ["goals"])["goals"]] == [0.0, 1.5]
+    wrong = scenario.with_override("disturbances.focal_factor", [1.1, 0.9]).setup()
+    assert describe(wrong, ["camera"])["camera"]["intrinsics"][:2] == [660.0, 540.0]
+    hand = Scenario.load(
+        next(name for name in shipped_scenarios() if "eye-to-hand" in name)
+    ).setup()
+    data = describe(hand, ["camera", "target"])
+    assert data["target"]["frame"] == "tip"
+    assert (
+        np.abs(np.array(data["camera"]["camera_in_base"])[:3, 3] - hand.scene.camera.fixed.t).max()
+        == 0.0
+    )
+
+
 def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(setup):
     q = setup.q0
     step = 1e-6
@@ -448,9 +646,11 @@ def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
         ({"adapter": "pinc"}, "Did you mean 'pink'"),
         ({"command": ["a"], "python": "python3"}, "a command names its own"),
         ({"command": [1]}, "must be a list of texts"),
+        ({"command": ["a"], "gain": float("inf")}, r"settings\.gain of a stack must be finite, not inf"),
+        ({"command": ["a"], "K": {"p": [1.0, float("nan")]}}, r"settings\.K\.p\[1\] .*not nan"),
         ({"command": "python3 'mine.py"}, "No closing quotation"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_stack_is_refused_before_it_runs(options, reason):
     with pytest.raises(ConfigurationError, match=reason):
         ExternalStack(**options)
@@ -462,7 +662,14 @@ def test_a_command_line_names_its_stack(tmp_path, monkeypatch):
     spec = ControllerSpec.of_stack("python3 -u my_stack.py --fast")
     assert spec.name == "my_stack"
     assert spec.options["command"][2] == str(tmp_path / "my_stack.py")
+    (tmp_path / "arm.yaml").write_text("", encoding="utf-8")
+    assert ControllerSpec.of_stack("python3 my_stack.py arm.yaml").name == "my_stack"
     assert ControllerSpec.of_stack("/usr/bin/servo").name == "servo"
+    # a program on the command line is too long for a path
+    assert len(ControllerSpec.of_stack(f"python3 -c '{5000 * 'x'}'").files) == 1
+    suite = Suite("one", "one", (Scenario.load("ur5-fov"),), (spec,))
+    with pytest.raises(ConfigurationError, match="my_stack"):
+        suite.with_stacks(["python3 -O my_stack.py"])
     with pytest.raises(ConfigurationError, match="takes a command"):
         ControllerSpec.of_stack("")
 

@@ -156,11 +156,27 @@ def test_joints_may_mimic_one_that_mimics(tmp_path: Path) -> None:
     assert found.points[0, 0] == pytest.approx(0.2 + 3.0 * 0.2 + 0.01)
 
 
-def test_a_joint_that_mimics_none_that_is_there_is_neutral(tmp_path: Path) -> None:
+@pytest.mark.parametrize("tip", ["hand", "left"])
+def test_a_joint_that_mimics_none_that_is_there_is_refused_unless_it_is_locked(
+    tmp_path: Path, tip: str
+) -> None:
     finger = joint("grip", "hand", "left", "prismatic", mimic("nobody", 2.0, 0.3), axis="1 0 0")
     path = written(tmp_path / "arm.urdf", "base hand left", joint("j1", "base", "hand"), finger)
-    found = Robot.from_urdf(path, "hand").kinematics(np.zeros(1), np.zeros(1), [RobotPoint("left")])
-    assert found.points[0, 0] == 0.0
+    with pytest.raises(
+        ConfigurationError, match=r"'grip' .* mimics 'nobody', and there is no such"
+    ):
+        Robot.from_urdf(path, tip)
+    robot = Robot.from_urdf(path, tip, locked={"grip": 0.2})
+    found = robot.kinematics(np.zeros(1), np.zeros(1), [RobotPoint("left")])
+    assert found.points[0, 0] == pytest.approx(0.2)
+
+
+def test_a_joint_may_mimic_a_fixed_one(tmp_path: Path) -> None:
+    mount = joint("mount", "base", "plate", "fixed")
+    arm = joint("j1", "plate", "hand")
+    finger = joint("grip", "hand", "left", "prismatic", mimic("mount", 2.0, 0.3), axis="1 0 0")
+    path = written(tmp_path / "arm.urdf", "base plate hand left", mount, arm, finger)
+    assert Robot.from_urdf(path, "hand").n == 1
 
 
 @pytest.mark.parametrize(

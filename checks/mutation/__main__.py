@@ -143,6 +143,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             file=sys.stderr,
             flush=True,
         )
+        missing = runner.missing_tests(sorted(set(known_tests.values()))) if chosen.named else []
+        if missing:
+            os.chdir(ROOT)
+            print("tests of noticed.tsv that cannot be run:", *missing, sep="\n    ")
+            return 1
         verdicts = []
         wanted_mutants = [*named, *mutants]
         until = time.monotonic() + 60.0 * chosen.minutes

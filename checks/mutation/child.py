@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType
@@ -27,6 +27,9 @@ IMPORTS = 300
 
 MEMORY = 8 * 2**30
 """Memory limit of a process [bytes]: a wrong size must not exhaust the machine."""
+
+NOTHING_RUN = 71
+"""Exit code of a process that found none of the tests that it was to run."""
 
 QUIET = ("-o", "addopts=", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", "--no-header",
          "--no-summary", "--tb=no",
@@ -80,13 +83,27 @@ def judge(mutant: Mutant | None, root: Path, limits: Mapping[str, float], result
     """Run tests, in this order, on a mutant, or on the tree as it is; return 0 if none fails.
 
     The name of the test that fails is written to ``result``. ``limits`` [s] are those of the tests:
-    SIGALRM ends the process if one takes longer.
+    SIGALRM ends the process if one takes longer. If none of the tests can be run, the result is
+    :data:`NOTHING_RUN`: it is not that the tests have noticed the mutant.
     """
     if mutant is not None:
         _replace_sources({str(root / mutant.file): mutant.source})
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
     signal.alarm(IMPORTS)
-    return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
+    ended = pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)])
+    if ended in (pytest.ExitCode.NO_TESTS_COLLECTED, pytest.ExitCode.USAGE_ERROR):
+        return NOTHING_RUN
+    return int(ended)
+
+
+def list_missing(tests: Iterable[str], result: Path) -> int:
+    """Write the names of the tests that cannot be run on the tree as it is, one a line."""
+    collected = _Collected()
+    files = {test.split("::")[0] for test in tests}
+    pytest.main([*QUIET, *filter(os.path.exists, sorted(files))], plugins=[collected])
+    missing = sorted(set(tests) - collected.tests)
+    result.write_text("\n".join(missing), encoding="utf-8")
+    return 0
 
 
 def _late(*_: object) -> None:
@@ -133,6 +150,17 @@ class _Watcher:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:
             self.passed.add(report.nodeid)
+
+
+class _Collected:
+    """Pytest plugin that notes the names of the tests in files, and runs none."""
+
+    def __init__(self) -> None:
+        self.tests: set[str] = set()
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        self.tests = {item.nodeid for item in items}
+        items.clear()
 
 
 class _Chosen:

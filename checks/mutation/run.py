@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from .child import fork, judge, watch
+from .child import NOTHING_RUN, fork, judge, list_missing, watch
 from .coverage import CoverageCache, Reached, instrumented
 from .mutants import Mutant
 from .targets import QUICK, RUNS
@@ -241,11 +241,21 @@ class Runner:
             return result.read_text(encoding="utf-8")
         return f"one of {len(tests)} tests"
 
+    def missing_tests(self, tests: Sequence[str]) -> list[str]:
+        """Return those of the tests that do not exist, or whose file cannot be imported."""
+        result = self.folder / "missing.txt"
+        output = Path(f"{result}.log")
+        os.waitpid(fork(lambda: list_missing(tests, result), output), 0)
+        if not result.exists():
+            raise RuntimeError(f"tests cannot be listed:\n{output.read_text(encoding='utf-8')}")
+        return result.read_text(encoding="utf-8").splitlines()
+
     def judge(self, mutants: Sequence[Mutant], until: float = math.inf) -> Iterator[Verdict]:
         """Judge mutants; yield verdicts in the order in which they are known.
 
         No mutant is begun after the time ``until`` of ``time.monotonic``. Those that were begun are
         finished: to leave out what takes long would leave out the mutants that no test notices.
+        Raises RuntimeError if none of a mutant's tests can be run.
         """
         waiting = list(enumerate(mutants))[::-1]
         running: dict[int, tuple[Mutant, Path]] = {}
@@ -277,6 +287,9 @@ class Runner:
             ended, status = os.waitpid(process, os.WNOHANG)
             if ended:
                 del running[process]
+                if os.WIFEXITED(status) and os.WEXITSTATUS(status) == NOTHING_RUN:
+                    named = ", ".join(self.tests_for(mutant))
+                    raise RuntimeError(f"no test was run for {mutant}: there is no {named}")
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
                 late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
                 yield Verdict(

@@ -1,4 +1,4 @@
-"""Features that not every operating system has: file locks, some signals, signal masks.
+"""Features that not every operating system has: file locks, sizes of pipes, signals and masks.
 
 The rest of the package uses them through this module, so that it can be imported on any system.
 """
@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import errno
 import signal
+import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import IO, Any
 
@@ -22,6 +23,7 @@ def _module(name: str) -> Any:
 
 
 fcntl = _module("fcntl")  #: Locks of files; None where there are none.
+termios = _module("termios")  #: Requests to devices and pipes; None where there are none.
 
 
 def signals(*names: str) -> tuple[signal.Signals, ...]:
@@ -53,6 +55,15 @@ def lock(file: IO[Any], wait: bool) -> None:
     if fcntl is None:
         raise OSError(errno.ENOTSUP, "this platform has no locks of files")
     fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def unread(pipe: int) -> int:
+    """Return the number of bytes in a pipe, given by its descriptor; 0 if the system cannot say."""
+    size = bytearray(4)
+    if fcntl is not None and termios is not None:
+        with suppress(OSError):
+            fcntl.ioctl(pipe, termios.FIONREAD, size)
+    return int.from_bytes(size, sys.byteorder)
 
 
 @contextmanager

@@ -165,7 +165,8 @@ def _locked_positions(
 ) -> Array:
     """Return the coordinates with joints locked.
 
-    They are the given ones, else neutral. A joint that mimics another one follows it.
+    They are the given ones, else neutral. A joint that mimics another one follows it. Raises
+    ConfigurationError if that one does not exist.
     """
     positions: Array = pin.neutral(model)
     at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
@@ -181,6 +182,11 @@ def _locked_positions(
                 raise ConfigurationError(
                     f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with "
                     f"locked={{…}}"
+                )
+            if leader not in at and not model.existFrame(leader, pin.FrameType.FIXED_JOINT):
+                raise ConfigurationError(
+                    f"joint {joint!r} of {file} mimics {leader!r}, and there is no such joint: "
+                    f"name one in its mimic element, or lock {joint!r} with locked={{…}}"
                 )
             if leader in at:
                 return factor * position(leader, (*following, leader)) + offset

@@ -18,6 +18,7 @@ def score(
     scenario: str,
     start: float = 0.0,
     end: float = math.inf,
+    zero: float = 0.0,
     degrees: bool = False,
     clock: str = "header",
     topic: str = "",
@@ -46,13 +47,13 @@ def score(
         recording,
         setup.scene.robot,
         len(setup.scene.markers),
-        start=start,
+        start=max(start, zero),
         end=end,
         degrees=degrees,
         clock=cast("Clock", clock),
         topic=topic,
     )
-    trajectory = recorded_trajectory(setup, found, recording.name)
+    trajectory = recorded_trajectory(setup, found, recording.name, zero)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{chosen.name}--{law}--{stamp}"
     with locked(out, "a comparison"):

@@ -17,17 +17,31 @@ from ..rows import Array
 #: Time of a sample of a bag: that in its header, or that of its recording.
 Clock = Literal["header", "log"]
 
-TIMES = ("t", "time", "time_s", "timestamp", "stamp")  #: Columns of times in seconds.
-TIMES_NS = ("t_ns", "time_ns", "timestamp_ns")  #: The same in nanoseconds.
 JOINT_STATE = "sensor_msgs/msg/JointState"
 NANO = 1e-9
+#: Names of columns of times, and their unit [s].
+TIMES: Mapping[str, float] = {
+    **dict.fromkeys(("t", "time", "time_s", "timestamp", "stamp"), 1.0),
+    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms"), 1e-3),
+    **dict.fromkeys(("t_us", "time_us", "timestamp_us"), 1e-6),
+    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns"), NANO),
+}
+
+
+class Table(NamedTuple):
+    """Columns of a file by name: (N,) numbers, and what makes others unreadable."""
+
+    numbers: dict[str, Array]
+    #: For each column that is not of numbers, one sentence on its first other value.
+    others: Mapping[str, str] = {}
 
 
 class Columns(NamedTuple):
-    """Recorded samples: times t (N,) from the first one [s], and (N,) columns by name."""
+    """Recorded samples: times t (N,) from the first one [s], and the columns of a table."""
 
     t: Array
     columns: Mapping[str, Array]
+    others: Mapping[str, str] = {}
 
 
 def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Columns:
@@ -53,23 +67,26 @@ def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Column
     return _timed(path, found)
 
 
-def _timed(path: Path, columns: dict[str, Array]) -> Columns:
+def _timed(path: Path, table: Table) -> Columns:
     """Split the column of times from the others."""
-    for names, unit in ((TIMES, 1.0), (TIMES_NS, NANO)):
-        for name in names:
-            if name in columns:
-                t = columns.pop(name)
-                if not len(t):
-                    raise ConfigurationError(f"{path} has no samples")
-                # differences first: nanoseconds since 1970 exceed the precision of seconds
-                return Columns(unit * (t - t[0]), columns)
+    columns = dict(table.numbers)
+    for name, unit in TIMES.items():
+        if name in columns:
+            t = columns.pop(name)
+            if not len(t):
+                raise ConfigurationError(f"{path} has no samples")
+            # differences first: nanoseconds since 1970 exceed the precision of seconds
+            return Columns(unit * (t - t[0]), columns, table.others)
+    for name in TIMES:
+        if name in table.others:
+            raise ConfigurationError(table.others[name])
     raise ConfigurationError(
-        f"{path} has no column of times: one of {', '.join((*TIMES, *TIMES_NS))}. Its columns are "
-        f"{', '.join(columns) or 'none'}"
+        f"{path} has no column of times: one of {', '.join(TIMES)}. Its columns are "
+        f"{', '.join((*columns, *table.others)) or 'none'}"
     )
 
 
-def _csv(path: Path) -> dict[str, Array]:
+def _csv(path: Path) -> Table:
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = csv.reader(file)
         header = [name.strip() for name in next(lines, [])]
@@ -88,10 +105,17 @@ def _csv(path: Path) -> dict[str, Array]:
                 raise ConfigurationError(
                     f"{path}, line {number}: {len(line)} values for {len(header)} columns"
                 )
-            rows.append([_number(text, f"{path}, line {number}") for text in line])
-    values: Array = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
-    columns: dict[str, Array] = dict(zip(header, values.T, strict=True))
-    return columns
+            rows.append((number, line))
+    numbers: dict[str, Array] = {}
+    others: dict[str, str] = {}
+    for i, name in enumerate(header):
+        try:
+            values = [_number(line[i], f"{path}, line {number}") for number, line in rows]
+        except ConfigurationError as error:
+            others[name] = f"{error}, in column {name}"
+        else:
+            numbers[name] = np.array(values, dtype=np.float64)
+    return Table(numbers, others)
 
 
 def _number(text: str, where: str) -> float:
@@ -101,50 +125,72 @@ def _number(text: str, where: str) -> float:
         raise ConfigurationError(f"{where}: {format_value(text)} is no number") from error
 
 
-def _parquet(path: Path) -> dict[str, Array]:
+def _parquet(path: Path) -> Table:
     demand("evidence", "a recording in Parquet")
     from pyarrow.parquet import read_table
 
-    table = read_table(path)
-    return {
-        name: np.asarray(table.column(name).to_numpy(zero_copy_only=False), dtype=np.float64)
-        for name in table.column_names
-    }
+    stored = read_table(path)
+    numbers: dict[str, Array] = {}
+    others: dict[str, str] = {}
+    for name in stored.column_names:
+        column = stored.column(name)
+        values = column.to_numpy(zero_copy_only=False)
+        try:
+            numbers[name] = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError):
+            others[name] = f"{path}: values of type {column.type} are no numbers, in column {name}"
+    return Table(numbers, others)
 
 
-def _npz(path: Path) -> dict[str, Array]:
+def _npz(path: Path) -> Table:
     """Read the arrays of a stored trajectory: t (N,), q (N, n), and qd, qdd_command if present.
 
-    Further arrays are names (n,) of the joints and measured pixels (N, M, 2).
+    Times have the names of columns. Further arrays are names (n,) of the joints and measured
+    pixels (N, M, 2).
     """
     with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in stored.files}
-    for name in ("t", "q"):
-        if name not in arrays:
-            raise ConfigurationError(f"{path} has no array {name!r}; it has {', '.join(arrays)}")
-    columns: dict[str, Array] = {"t": np.asarray(arrays["t"], dtype=np.float64)}
-    q = np.asarray(arrays["q"])
+    time = next((name for name in TIMES if name in arrays), None)
+    if time is None or "q" not in arrays:
+        missing = "'q'" if time is not None else f"of times: one of {', '.join(TIMES)}"
+        raise ConfigurationError(f"{path} has no array {missing}; it has {', '.join(arrays)}")
+    t = np.asarray(arrays[time], dtype=np.float64)
+    _require_axes(path, time, t, 1, len(t) if t.ndim else 0)
+    names = arrays.get("names")
     for name, axes in (("q", 2), ("qd", 2), ("qdd_command", 2), ("pixels", 3)):
+        if name in arrays:
+            _require_axes(path, name, arrays[name], axes, len(t))
+    n = arrays["q"].shape[1]
+    if names is None:
+        names = np.arange(1, n + 1)
+    columns: dict[str, Array] = {time: t}
+    for name, prefix in (("q", "q"), ("qd", "qd"), ("qdd_command", "qdd")):
         if name not in arrays:
             continue
-        shape = arrays[name].shape
-        if len(shape) != axes or shape[0] != len(columns["t"]):
+        values = np.asarray(arrays[name], dtype=np.float64)
+        if values.shape[1] != len(names):
             raise ConfigurationError(
-                f"{path}: {name} has the shape {shape} for {len(columns['t'])} times; its first "
-                f"axis is time, and it has {axes} axes"
+                f"{path}: {name} has {values.shape[1]} columns for {len(names)} joints"
             )
-    names = [str(name) for name in arrays.get("names", range(1, q.shape[1] + 1))]
-    for array, prefix in (("q", "q"), ("qd", "qd"), ("qdd_command", "qdd")):
-        for name, values in zip(names, np.asarray(arrays.get(array, q[:, :0])).T, strict=False):
-            columns[f"{prefix}[{name}]"] = values.astype(np.float64)
-    pixels = np.asarray(arrays.get("pixels", np.empty((len(q), 0, 2))), dtype=np.float64)
+        for joint, column in zip(names, values.T, strict=True):
+            columns[f"{prefix}[{joint}]"] = column
+    pixels = np.asarray(arrays.get("pixels", np.empty((len(t), 0, 2))), dtype=np.float64)
     for i in range(pixels.shape[1]):
         columns[f"u[{i + 1}]"] = pixels[:, i, 0]
         columns[f"v[{i + 1}]"] = pixels[:, i, 1]
-    return columns
+    return Table(columns)
 
 
-READERS: Mapping[str, Callable[[Path], dict[str, Array]]] = {
+def _require_axes(path: Path, name: str, values: Array, axes: int, samples: int) -> None:
+    """Raise ConfigurationError unless an array has so many axes, the first of them time."""
+    if values.ndim != axes or len(values) != samples:
+        raise ConfigurationError(
+            f"{path}: {name} has the shape {values.shape} for {samples} times; its first axis is "
+            f"time, and it has {axes} axes"
+        )
+
+
+READERS: Mapping[str, Callable[[Path], Table]] = {
     ".csv": _csv,
     ".parquet": _parquet,
     ".npz": _npz,

@@ -13,21 +13,20 @@ from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 from ..errors import ConfigurationError, listed
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
-from ..simulation.units import degrees_question
-from .files import Clock, read_columns
+from .files import Clock, Columns, read_columns
+from .plausible import (
+    require_motion,
+    require_radians,
+    require_speeds,
+    seconds,
+    sustained_speeds,
+    unit_questions,
+)
 
 #: Two samples have a gap between them if they are farther apart than this factor times the median
 #: period, and than this time [s].
 GAP = 5.0, 0.02
-SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
 ON_GRID = 1e-6  #: Largest distance of a time from the grid, as a share of the sampling time.
-#: Ratio of the motion by the given speeds to that of the positions, or its inverse, from which on
-#: they contradict. Revolutions per minute are 9.55 times radians per second.
-CONTRADICTION = 8.0
-#: Cosine of given and differenced speeds below which their signs contradict. Noise of a joint at
-#: rest, differenced and a sample late, has −0.5.
-OPPOSITE = -0.8
-LONGEST_GAP = 3600.0  #: Time [s] between two samples from which on a clock was set.
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,7 @@ class Recording:
     qdd: Array | None = None  #: (N, n) commanded accelerations, which hold until the next sample.
     pixels: Array | None = None  #: (N, M, 2) markers on the sensor, from its centre [px], or NaN.
     remarks: tuple[str, ...] = ()  #: Remarks for a reader of the scores.
+    begin: float = 0.0  #: Time of the first of these samples, after the first one of the file [s].
 
     def on_grid(self, Ts: float) -> Recording:
         """Return the motion at the times k T_s; unchanged if it is recorded at these.
@@ -99,22 +99,24 @@ def read_recording(
     It is that from ``start`` to ``end`` [s] after the first sample. With ``degrees``, revolute
     joints are converted to radians. ``clock`` and ``topic`` are of bags. Raises ConfigurationError,
     which names place and remedy: for missing joints, for values that seem to be degrees, and for
-    times that run backwards.
+    times that run backwards or seem to be in another unit.
     """
     raw = read_columns(path, clock, topic)
     part = _part(raw.t, start, end)
-    columns = {name: values[part] for name, values in raw.columns.items()}
+    columns = Columns(
+        raw.t[part], {name: values[part] for name, values in raw.columns.items()}, raw.others
+    )
     found = {
-        "t": raw.t[part],
-        "q": _joints(path, robot, columns, "position"),
-        "qd": _joints(path, robot, columns, "velocity"),
-        "qdd": _joints(path, robot, columns, "command"),
+        "t": columns.t,
+        "q": _joints(robot, columns, "position"),
+        "qd": _joints(robot, columns, "velocity"),
+        "qdd": _joints(robot, columns, "command"),
         "pixels": _markers(path, columns, markers),
     }
     motion = {name: values for name, values in found.items() if values is not None}
     if "q" not in motion:
         raise _missing_joints(path, robot, columns)
-    remarks = []
+    remarks = [*_left_out(robot, columns)]
     known = np.isfinite(motion["t"]) & np.isfinite(motion["q"]).all(axis=1)
     if not known.all():
         remarks.append(f"{np.count_nonzero(~known)} samples without all joints are left out")
@@ -125,7 +127,8 @@ def read_recording(
     if again.any():
         remarks.append(f"{np.count_nonzero(again)} samples repeat a time and are left out")
     motion = {name: values[~again] for name, values in motion.items()}
-    motion["t"] = _seconds(path, motion["t"])
+    begin = float(motion["t"][0])
+    motion["t"] = seconds(path, motion["t"])
     for name in ("qd", "qdd"):
         if name in motion and not np.isfinite(motion[name]).all():
             remarks.append(f"incomplete columns of {name} are left out")
@@ -133,12 +136,15 @@ def read_recording(
     if degrees:
         factor = np.where(robot.prismatic, 1.0, np.pi / 180.0)
         motion |= {name: factor * motion[name] for name in ("q", "qd", "qdd") if name in motion}
-    _require_radians(path, robot, motion["q"])
+    require_radians(path, robot, motion["q"])
     # a continuous joint may be reported within a turn
     motion["q"] = np.where(robot.continuous, np.unwrap(motion["q"], axis=0), motion["q"])
     if "qd" in motion:
-        _require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
-    return Recording(**motion, remarks=(*remarks, *_gaps(motion["t"])))
+        require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
+    speeds = sustained_speeds(motion["t"], motion["q"])
+    require_motion(path, motion["t"], speeds)
+    remarks += [*unit_questions(robot, motion["q"], speeds), *_gaps(motion["t"])]
+    return Recording(**motion, remarks=tuple(remarks), begin=begin)
 
 
 def _part(t: Array, start: float, end: float) -> slice:
@@ -146,14 +152,6 @@ def _part(t: Array, start: float, end: float) -> slice:
     begin = int(np.argmax(t >= start)) if (t >= start).any() else len(t)
     after = np.flatnonzero(t[begin:] >= end)
     return slice(begin, begin + int(after[0]) if len(after) else None)
-
-
-def _require_radians(path: Path, robot: Robot, q: Array) -> None:
-    """Raise ConfigurationError if positions (N, n) seem to be degrees."""
-    farthest = q[np.abs(q).argmax(axis=0), np.arange(robot.n)]
-    question = degrees_question(f"{path}: the largest position", robot, farthest)
-    if question:
-        raise ConfigurationError(f"{question} --degrees converts them")
 
 
 def _names(joint: str, number: int, what: str) -> Iterable[str]:
@@ -164,43 +162,78 @@ def _names(joint: str, number: int, what: str) -> Iterable[str]:
     return (*given, *bare, f"{short}[{number}]", f"{short}{number}")
 
 
-def _joints(path: Path, robot: Robot, columns: dict[str, Array], what: str) -> Array | None:
+def _column_name(columns: Columns, joint: str, number: int, what: str) -> str:
+    """Return the name of the column of a joint; empty if there is none.
+
+    Raises ConfigurationError if that column is not of numbers.
+    """
+    names = list(_names(joint, number, what))
+    for name in names:
+        if name in columns.columns:
+            return name
+    for name in names:
+        if name in columns.others:
+            raise ConfigurationError(columns.others[name])
+    return ""
+
+
+def _joints(robot: Robot, columns: Columns, what: str) -> Array | None:
     """Return the columns (N, n) of all joints; None if one is missing."""
     found = []
     for number, joint in enumerate(robot.joint_names, start=1):
-        name = next((name for name in _names(joint, number, what) if name in columns), None)
-        if name is None:
+        name = _column_name(columns, joint, number, what)
+        if not name:
             return None
-        found.append(columns[name])
+        found.append(columns.columns[name])
     return np.column_stack(found)
 
 
-def _missing_joints(path: Path, robot: Robot, columns: dict[str, Array]) -> ConfigurationError:
-    """Return the error for a recording without the positions of all joints."""
-    missing = [
+def _without(robot: Robot, columns: Columns, what: str) -> list[str]:
+    """Return the names of the joints without a column."""
+    return [
         joint
         for number, joint in enumerate(robot.joint_names, start=1)
-        if not any(name in columns for name in _names(joint, number, "position"))
+        if not _column_name(columns, joint, number, what)
     ]
-    there = ", ".join(listed(list(columns), "columns")) or "none"
+
+
+def _left_out(robot: Robot, columns: Columns) -> Iterable[str]:
+    """Yield a sentence for speeds and for commands that only some joints have."""
+    for what, plural in (("velocity", "speeds"), ("command", "commanded accelerations")):
+        missing = _without(robot, columns, what)
+        if 0 < len(missing) < robot.n:
+            yield (
+                f"{plural} of {', '.join(missing)} are missing: those of the other joints are "
+                "left out"
+            )
+
+
+def _missing_joints(path: Path, robot: Robot, columns: Columns) -> ConfigurationError:
+    """Return the error for a recording without the positions of all joints."""
+    missing = _without(robot, columns, "position")
+    names = [*columns.columns, *columns.others]
+    there = ", ".join(listed(names, "columns")) or "none"
     return ConfigurationError(
         f"{path} has no positions of {', '.join(missing)}, joints of {robot.name}: name the "
         f"columns as the joints, or q1 to q{robot.n} in their order. It has {there}"
     )
 
 
-def _markers(path: Path, columns: dict[str, Array], count: int) -> Array | None:
+def _markers(path: Path, columns: Columns, count: int) -> Array | None:
     """Return pixels (N, count, 2) of the columns u1, v1, …, or u[1], v[1], …; None if none is."""
     pairs = []
     missing = []
     for number in range(1, count + 1):
         for axis in "uv":
             names = (f"{axis}{number}", f"{axis}[{number}]")
-            name = next((name for name in names if name in columns), None)
+            name = next((name for name in names if name in columns.columns), None)
             if name is None:
                 missing.append(names[0])
             else:
-                pairs.append(columns[name])
+                pairs.append(columns.columns[name])
+    unreadable = [columns.others[name] for name in missing if name in columns.others]
+    if unreadable:
+        raise ConfigurationError(unreadable[0])
     if not pairs:
         return None
     if missing:
@@ -226,49 +259,6 @@ def _repeated(path: Path, t: Array) -> BoolArray:
             "part with --start and --end; for a bag, --clock log takes the times of recording"
         )
     return np.concatenate(([False], steps == 0.0))
-
-
-def _seconds(path: Path, t: Array) -> Array:
-    """Return increasing times from 0; raise ConfigurationError if they cannot be seconds."""
-    if len(t) < 2:
-        raise ConfigurationError(f"{path}: all samples have the same time")
-    steps = np.diff(t)
-    period = float(np.median(steps))
-    if period >= SLOW:
-        raise ConfigurationError(
-            f"{path}: samples are {period:.4g} s apart: are the times in ms or ns? They must be "
-            "seconds; a column t_ns has nanoseconds"
-        )
-    k = int(steps.argmax())
-    if steps[k] > LONGEST_GAP:
-        raise ConfigurationError(
-            f"{path}: time stamps jump by {steps[k]:.4g} s after sample {k + 1}, {t[k]:.4g} s "
-            "after the first: a clock was set, or a first stamp is 0. Score one part with --start "
-            "and --end; for a bag, --clock log takes the times of recording"
-        )
-    since: Array = t - t[0]
-    return since
-
-
-def _require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> None:
-    """Raise ConfigurationError if speeds contradict the positions in size or in sign."""
-    moved = np.diff(q, axis=0)
-    told = 0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None]
-    size = float(np.abs(moved).sum())
-    ratio = float(np.abs(told).sum()) / size if size > 0.0 else 1.0
-    if not 1.0 / CONTRADICTION < ratio < CONTRADICTION and size > ON_GRID:
-        raise ConfigurationError(
-            f"{path}: speeds are {ratio:.3g} times what the positions change: are they in degrees "
-            "per second or in revolutions per minute, or the times in another unit?"
-        )
-    sizes = np.linalg.norm(told, axis=0) * np.linalg.norm(moved, axis=0)
-    turned = ((told * moved).sum(axis=0) < OPPOSITE * sizes) & (np.abs(moved).sum(axis=0) > ON_GRID)
-    if turned.any():
-        joints = ", ".join(robot.joint_names[j] for j in np.flatnonzero(turned))
-        raise ConfigurationError(
-            f"{path}: speeds of {joints} have the opposite sign of the change of their positions: "
-            "give both in the same direction"
-        )
 
 
 def _gaps(t: Array) -> list[str]:

@@ -11,8 +11,9 @@ import numpy as np
 from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
 from ..comparisons.record import RunRecord, run_file
+from ..constraints import PerformanceFunnel
 from ..controllers import Controller
-from ..errors import InvalidInput
+from ..errors import ConfigurationError, InvalidInput
 from ..plugins.provenance import digests
 from ..rows import Array, Command, Rows, Task
 from ..simulation import Setup, Trajectory
@@ -23,6 +24,9 @@ from .recording import Recording
 NAME_OF_LAW = "vsconstraints.score.scored:Recorded"
 #: Largest distance of a joint from q0 [rad or m] at which a recording starts as the baseline does.
 SAME_START = 0.01
+#: Largest distance of a joint from q0 [rad], after a change of unit, at which the start of a
+#: recording in another unit is recognized.
+NEAR_START = 0.05
 
 
 class Recorded(Controller):
@@ -35,13 +39,19 @@ class Recorded(Controller):
         raise InvalidInput("a recorded run cannot be simulated again: score its recording")
 
 
-def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Trajectory:
+def recorded_trajectory(
+    setup: Setup, recording: Recording, where: str, zero: float = 0.0
+) -> Trajectory:
     """Return the trajectory of a recording, scored as a simulation is.
 
     The robot takes its recorded positions; camera and rows are those of the model there. Where
     pixels are recorded, the clearances of rows in the image are those of the pixels. ``where``
-    names the recording. Raises ConfigurationError if it is shorter than a sampling time.
+    names the recording. The scenario begins, t = 0, at ``zero`` [s] after the first sample of the
+    file. Raises ConfigurationError if it is shorter than a sampling time, if it
+    begins after the scenario and the scenario depends on time, or if its start is q0 in degrees.
     """
+    _require_beginning(setup, recording.begin - zero)
+    _require_start_in_radians(setup, recording.q[0])
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
     states = np.stack([motion.q, motion.qd], axis=1)
@@ -66,6 +76,54 @@ def recorded_trajectory(setup: Setup, recording: Recording, where: str) -> Traje
         rows_time=unknown,
         step_time=unknown,
     )
+
+
+def _require_beginning(setup: Setup, late: float) -> None:
+    """Raise ConfigurationError if a scenario that depends on time begins before its motion.
+
+    The motion begins at the scenario's time ``late`` [s].
+
+    Runs, and the baseline among them, begin at the scenario's t = 0.
+    """
+    depends = _dependence_on_time(setup)
+    if depends and late > setup.Ts:
+        raise ConfigurationError(
+            f"the first scored sample is {late:.6g} s after t = 0 of the scenario, whose {depends} "
+            "by then, and results begin at t = 0: score from there on. If the scenario begins "
+            f"with this sample, add {late:.9g} to --zero"
+        )
+
+
+def _dependence_on_time(setup: Setup) -> str:
+    """Describe what in a scenario depends on time; empty if nothing does."""
+    constraints = setup.constraints.constraints
+    goals = setup.task.goals
+    if setup.scene.motion is not None:
+        return "target has moved"
+    if any(getattr(constraint, "motion", None) is not None for constraint in constraints):
+        return "forbidden regions have moved"
+    if any(isinstance(constraint, PerformanceFunnel) for constraint in constraints):
+        return "funnel has narrowed"
+    if len(goals) > 1 or goals[0].reference is not None:
+        return "goal has changed"
+    return ""
+
+
+def _require_start_in_radians(setup: Setup, q: Array) -> None:
+    """Raise ConfigurationError if the first positions (n,) are q0 in another unit."""
+    turning = ~np.array(setup.scene.robot.prismatic, dtype=np.bool_)
+    wanted = setup.q0[turning]
+    given = q[turning]
+    apart = np.abs(given - wanted).max(initial=0.0)
+    for converted, remedy in (
+        (np.deg2rad(given), "are these degrees, not rad? --degrees converts them"),
+        (np.rad2deg(given), "were these rad before --degrees converted them? Leave it out"),
+    ):
+        if apart > 2.0 * NEAR_START and np.abs(converted - wanted).max() < NEAR_START:
+            raise ConfigurationError(
+                f"the recording starts {apart:.3g} rad from q0, and would start there if "
+                f"{given[0]:.4g} of its first joint were {converted[0]:.4g}: {remedy}"
+            )
 
 
 def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajectory, str]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from os.path import isfile  # unlike Path.is_file, it takes a text that is too long for a path
+from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -26,6 +29,15 @@ COMMANDS: dict[str, str] = {
     "position": "positions",
     "acceleration": "accelerations",
 }
+
+
+def program_name(command: Sequence[str]) -> str:
+    """Return a short name of a command: that of its script, or of the program.
+
+    The script is the first file among the arguments.
+    """
+    script = next(filter(isfile, command[1:]), command[0])
+    return Path(script).stem
 
 
 class Observation(NamedTuple):

@@ -1,6 +1,7 @@
 """Process of a stack: lines to its standard input, lines from its standard output, time limits.
 
-The process leads a group of its own, which is killed as a whole at the end of a run.
+The process leads a group of its own, which is killed as a whole at the end of a run. So are
+processes that it has started in other groups; on Linux, they are found by their environment.
 """
 
 from __future__ import annotations
@@ -12,10 +13,13 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from ..errors import format_value
+from ..plugins.portable import unread
 from ..plugins.processes import PR_SET_PDEATHSIG
 from .protocol import StackFailedError
 
@@ -24,6 +28,9 @@ TAIL = 4_000  #: Part of the standard error that is kept, its end [bytes].
 SHOWN_LINES = 8  #: Number of last lines of the output in the reason of a failure.
 TICK = 0.1  #: Longest time between two checks of a time limit [s].
 GRACE = 1.0  #: Time that a stack has to end after its standard input is closed [s].
+KILL_LIMIT = 5.0  #: Time that the system has to end killed processes [s].
+#: Environment variable of all processes of a stack.
+MARK = "VSCONSTRAINTS_STACK_PROCESS"
 READ = 65_536  #: Largest number of bytes that are read at once.
 
 
@@ -39,6 +46,7 @@ class StackProcess:
         self._waited = 0.0
         self._received = b""
         self._errors = b""
+        self._mark = uuid.uuid4().hex
         try:
             process = subprocess.Popen(
                 command,
@@ -47,6 +55,7 @@ class StackProcess:
                 stderr=subprocess.PIPE,
                 bufsize=0,
                 start_new_session=True,
+                env={**os.environ, MARK: self._mark},
                 preexec_fn=_ending_with_parent(),
             )
         except (OSError, ValueError) as error:
@@ -72,7 +81,8 @@ class StackProcess:
     def ask(self, message: bytes, limit: float) -> bytes:
         """Write a line, and return the line that answers it within ``limit`` [s].
 
-        Raises StackFailedError if there is no such line, or if there was one already.
+        Raises StackFailedError if there is no such line, if there was one already, or if the stack
+        wrote one before it had read the question.
         """
         if self._received or self._ready(self._readable, 0.0, self._out):
             if not self._received:
@@ -83,7 +93,15 @@ class StackProcess:
                 "everything else belongs on standard error"
             )
         self._write(message + b"\n", limit)
-        return self.line(limit)
+        line = self.line(limit)
+        # a parser of JSON may leave the end of the line
+        if unread(self._in) > 1:
+            early = line[:200].decode("utf-8", "replace")
+            raise self.failure(
+                f"it wrote {early!r} before it had read what it was asked: one line answers one "
+                "period"
+            )
+        return line
 
     def line(self, limit: float) -> bytes:
         """Return the next line, without its end; raises StackFailedError after ``limit`` [s]."""
@@ -185,8 +203,11 @@ class StackProcess:
         said = " | ".join(lines[-SHOWN_LINES:])
         return StackFailedError(f"{reason}; its last messages: {said}" if said else reason)
 
-    def end(self) -> None:
-        """Let the process end, kill its group, and release everything."""
+    def end(self) -> str:
+        """Let the process end, kill it with all that it has started, and release everything.
+
+        Return a sentence if processes are left that cannot be killed; empty otherwise.
+        """
         process = self._process
         streams = process.stdin, process.stdout, process.stderr
         if process.stdin is not None:
@@ -203,10 +224,43 @@ class StackProcess:
                 self._read_errors()
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        left = self._kill_others()
         for stream in streams:
             if stream is not None:
                 stream.close()
+        return left
+
+    def _kill_others(self) -> str:
+        """Kill what is left of the stack in other groups, and wait for its process.
+
+        Return as :meth:`end`. A process that waits for a device cannot be killed before it answers.
+        """
+        deadline = time.monotonic() + KILL_LIMIT
+        left = _marked(self._mark)
+        while left and time.monotonic() < deadline:
+            for number in left:
+                with suppress(OSError):
+                    os.kill(number, signal.SIGKILL)
+            time.sleep(0.01)
+            left = _marked(self._mark)
+        try:
+            self._process.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            left = left or [self._process.pid]
+        numbers = ", ".join(map(str, left))
+        return f"processes {numbers} of the stack could not be killed" if left else ""
+
+
+def _marked(mark: str) -> list[int]:
+    """Return the ids of all processes with a mark in their environment; empty without /proc."""
+    wanted = f"{MARK}={mark}".encode()
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        # it has ended, or is another user's
+        with suppress(OSError):
+            if wanted in (folder / "environ").read_bytes().split(b"\0"):
+                found.append(int(folder.name))
+    return found
 
 
 def _ending_with_parent() -> Callable[[], object] | None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, format_value, unknown_name
-from ..simulation.programs import COMMANDS, Answer, Observation
+from ..simulation.programs import COMMANDS, Answer, Observation, program_name
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .description import describe
@@ -23,6 +23,7 @@ from .protocol import (
     one_line,
     read_declaration,
     read_reply,
+    require_finite_settings,
     setup_message,
 )
 from .stack import Measured, MeasuredProgram
@@ -64,7 +65,8 @@ class ExternalStack(MeasuredProgram):
     Raises
     ------
     ConfigurationError
-        unless exactly one of command and adapter is given, or if the adapter is unknown.
+        unless exactly one of command and adapter is given, if the adapter is unknown, or if a
+        setting is not finite.
     """
 
     name = "external-stack"
@@ -82,14 +84,17 @@ class ExternalStack(MeasuredProgram):
         self.adapter = adapter
         self.python = python
         self.settings = settings
+        require_finite_settings(settings)
         self._arguments = _arguments(command, adapter, python)
         self._process: StackProcess | None = None
         self._declared = ""
+        self._left = ""
 
     def begin(self, setup: Setup) -> None:
         """Start the process and send it the setup; see :class:`.RobotProgram`."""
         super().begin(setup)
         self._declared = ""
+        self._left = ""
         self._process = process = StackProcess(self._arguments, RUN_LIMIT)
         line = process.line(START_LIMIT)
         try:
@@ -97,7 +102,7 @@ class ExternalStack(MeasuredProgram):
             uses, self.output = checked_declaration(declaration.uses, declaration.output)
         except StackFailedError as error:
             raise self._with_messages(error) from error
-        named = one_line(declaration.name or Path(self._arguments[-1]).name)
+        named = one_line(declaration.name) or program_name(self._arguments)
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
         )
@@ -118,19 +123,19 @@ class ExternalStack(MeasuredProgram):
         line = self._process.ask(self._setup + encode(message), limit)
         self._setup = b""
         try:
-            return self.counted(read_reply(line, self.output, self._n))
+            return self.counted(read_reply(line, self.output, self._n, now.t))
         except StackFailedError as error:
             raise self._with_messages(error) from error
 
     def end(self) -> None:
-        """End the process with its group; see :class:`.RobotProgram`."""
+        """End the process and all that it has started; see :class:`.RobotProgram`."""
         if self._process is not None:
-            self._process.end()
+            self._left = self._process.end()
             self._process = None
 
     def run_remarks(self) -> list[str]:
-        """Return what the stack declared, and how often it had no answer."""
-        return [text for text in (self._declared, *super().run_remarks()) if text]
+        """Return what the stack declared, how often it had no answer, and what is left of it."""
+        return [text for text in (self._declared, *super().run_remarks(), self._left) if text]
 
     def _with_messages(self, error: StackFailedError) -> StackFailedError:
         assert self._process is not None

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..errors import format_value, unknown_name
+from ..errors import ConfigurationError, format_value, unknown_name
 from ..simulation.programs import OUTPUTS, Answer, Output
 
 VERSION = 1  #: Version of the protocol.
@@ -65,6 +65,7 @@ class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     position: list[float] | None = None
     acceleration: list[float] | None = None
     no_answer: str | None = None
+    t: float | None = None  #: Time of the period that it answers, if the stack repeats it.
     compute_s: float | None = None
 
 
@@ -110,8 +111,11 @@ def read_declaration(line: bytes) -> Declaration:
     return declaration
 
 
-def read_reply(line: bytes, output: Output, n: int) -> Answer:
-    """Return the answer in a line for n joints; raises StackFailedError if it is not one."""
+def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:
+    """Return the answer in a line for n joints to the period at time t [s].
+
+    Raises StackFailedError if it is not one.
+    """
     try:
         reply = _decode_reply(line)
     except UNREADABLE as error:
@@ -126,11 +130,18 @@ def read_reply(line: bytes, output: Output, n: int) -> Answer:
     time = math.nan if reply.compute_s is None else reply.compute_s
     if time < 0.0:
         raise StackFailedError(f"its compute_s must be a time in seconds, not {time}")
+    if reply.t is not None and not abs(reply.t - t) <= SAME_TIME:
+        raise StackFailedError(
+            f"it answered the period at t = {reply.t:.9g} s when it was asked at {t:.9g} s: one "
+            "line answers one period"
+        )
     if reply.no_answer is not None:
         return Answer(None, time, one_line(reply.no_answer) or "it gave no reason")
     return checked_answer(getattr(reply, output), output, n, time)
 
 
+#: Rounding of a repeated time [s].
+SAME_TIME = 1e-6
 #: Largest number in an answer; the differences of larger ones may be infinite.
 LARGEST = 1e12
 
@@ -156,6 +167,23 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
             f"its {output} is beyond {LARGEST:g}, which no arm reaches: {numbers}"
         )
     return Answer(numbers, compute_time)
+
+
+def require_finite_settings(value: object, name: str = "settings") -> None:
+    """Raise ConfigurationError, with its name, if a setting is infinite or NaN: JSON has neither.
+
+    Settings may be tables and lists.
+    """
+    if isinstance(value, Mapping):
+        for key, each in value.items():
+            require_finite_settings(each, f"{name}.{key}")
+    elif isinstance(value, list | tuple):
+        for i, each in enumerate(value):
+            require_finite_settings(each, f"{name}[{i}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigurationError(
+            f"{name} of a stack must be finite, not {value}: leave it out, or give a large number"
+        )
 
 
 def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -279,6 +279,8 @@ def least_time(setup: Setup, ends: Ends) -> float:
     It is the time of the slowest joint. Each joint keeps the actuators' acceleration limit. Its
     speed is limited by the joint-speed rows with their sampling band, and by the robot's own limits
     where these are enforced. Jerk limits, obstacles and the image would add to the time.
+    Continuous joints go to the goal's configuration as it is stated: turning the other way may be
+    shorter.
 
     NaN without actuator limits, if the robot does not start at rest, or if the goal does not
     determine the configuration: it is given by its image only, the target moves, or the arm is
@@ -291,6 +293,7 @@ def least_time(setup: Setup, ends: Ends) -> float:
     there = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
     if np.linalg.matrix_rank(there.task.J) < robot.n:
         return math.nan
+    # not Robot.difference: stored scenes of the test set have this time, of a fixed definition
     way = goal - setup.q0
     speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
     for rows in setup.constraints.constraints:

@@ -26,6 +26,8 @@ from .pool import Failure, Pool
 from .spec import AS_THE_SCENE, ControllerSpec
 
 #: Maximum number of law processes kept for further runs; the one unused for longest ends first.
+#: They are not counted as workers: only one of them computes at a time, while its caller waits. The
+#: others take memory alone.
 MAX_PROCESSES = 8
 EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
 
@@ -38,7 +40,12 @@ _finalizers: list[Finalize] = []
 
 
 class LawProcess:
-    """The process of one law, and the state of the files that its code has read."""
+    """The process of one law, and the state of the files that its code has read.
+
+    It has no time limit of its own. The limit of a run is that of the worker that waits for it, and
+    the process ends with the worker. Without workers, a run waits for its law until it is
+    interrupted, as for a law in the same process.
+    """
 
     def __init__(self) -> None:
         self.pool: Pool[dict[str, Any]] = Pool(record, 1, plain=True)

@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from os.path import isfile  # unlike Path.is_file, it takes a text that is too long for a path
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from ...plugins.registry import registered
 from ...scenarios import Scenario
 from ...scenarios.reading import checked, from_table, require_table
 from ...simulation import Setup
+from ...simulation.programs import program_name
 from .identity import Identity, identity, scene_identity
 from .machine import run_limit
 
@@ -162,7 +164,7 @@ class ControllerSpec:
     def of_stack(cls, command: str) -> ControllerSpec:
         """Return the stack with a command line; raises ConfigurationError if it is empty.
 
-        Its name is that of the last file among the arguments or, if there is none, the program's.
+        Its name is that of :func:`.program_name`.
         """
         try:
             parts = shlex.split(command)
@@ -170,9 +172,7 @@ class ControllerSpec:
             raise ConfigurationError(f"--stack {command!r}: {error}") from error
         if not parts:
             raise ConfigurationError("--stack takes a command, such as 'python3 my_stack.py'")
-        files = [part for part in parts[1:] if Path(part).is_file()]
-        name = Path(files[-1] if files else parts[0]).stem
-        return cls.from_table(name, {"command": parts}, "--stack", Path())
+        return cls.from_table(program_name(parts), {"command": parts}, "--stack", Path())
 
     @property
     def main_process_only(self) -> bool:
@@ -205,7 +205,7 @@ class ControllerSpec:
         is_stack = ":" in self.law and self.law == stack_law()
         command = self.options.get("command", ()) if is_stack else ()
         parts = command if isinstance(command, list | tuple) else ()
-        own = [Path(part) for part in parts if isinstance(part, str) and Path(part).is_file()]
+        own = [Path(part) for part in parts if isinstance(part, str) and isfile(part)]
         return (*module_files([self.law], self.folder), *own)
 
     def make(self) -> Controller:
@@ -226,7 +226,7 @@ def _from_folder(options: dict[str, Any], folder: Path | None) -> dict[str, Any]
 
     def found(part: object) -> object:
         path = (folder or Path()) / str(part)
-        return str(path.absolute()) if isinstance(part, str) and path.is_file() else part
+        return str(path.absolute()) if isinstance(part, str) and isfile(path) else part
 
     changed = dict(options)
     if isinstance(changed.get("command"), list):

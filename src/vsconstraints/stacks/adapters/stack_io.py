@@ -47,5 +47,6 @@ def serve(stack):
             reply = {stack.output: command}
         except NoAnswer as error:
             reply = {"no_answer": str(error)}
+        reply["t"] = now["t"]
         reply["compute_s"] = time.perf_counter() - begun
         say(reply)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 import pickletools
 import re
+from collections.abc import Collection
 from importlib import import_module
 from importlib.util import find_spec
 from io import BytesIO
@@ -15,11 +17,8 @@ from typing import Any
 from ...controllers import Controller
 from ...plugins.classes import IN_SESSION
 
-#: Texts in a packed class that differ between sessions: cloudpickle's number of the class, and
-#: the file name of a cell.
-_OF_SESSION = re.compile(
-    r"[0-9a-f]{12}4[0-9a-f]{3}[89ab][0-9a-f]{15}|.*ipykernel_\d+\W\d+\.py|<ipython-input-.*>"
-)
+#: File name of a cell of this session.
+_CELL = re.compile(rf".*ipykernel_{os.getpid()}\W\d+\.py|<ipython-input-\d+-[0-9a-f]+>")
 _UNORDERED = ("FROZENSET", "ADDITEMS")
 _ENDING_GROUPS = (
     "TUPLE",
@@ -84,8 +83,9 @@ def stable_digest(data: bytes) -> str:
     """Return a hash of a packed law that is the same in every session.
 
     It omits everything that differs between sessions: numbers of classes, names of cells, and the
-    order of sets.
+    order of sets. The law was packed in this session.
     """
+    numbers = _class_numbers()
     groups: list[list[str]] = [[]]
     known: list[str] = []
     for operation, argument, _ in pickletools.genops(data):
@@ -104,11 +104,21 @@ def stable_digest(data: bytes) -> str:
             groups[-1].append(f"{name} {_hash(items)}")
         elif name.endswith("GET") and isinstance(argument, int):
             groups[-1].append(known[argument])
-        elif isinstance(argument, str) and _OF_SESSION.fullmatch(argument):
+        elif isinstance(argument, str) and (argument in numbers or _CELL.fullmatch(argument)):
             groups[-1].append(f"{_ATOM}of the session")
         else:
             groups[-1].append(f"{_ATOM if operation.stack_before == [] else ''}{name} {argument!r}")
     return _hash(groups[0])[:16]
+
+
+def _class_numbers() -> Collection[str]:
+    """Return the numbers that cloudpickle has given to classes of this session."""
+    try:
+        cloudpickle: Any = import_module("cloudpickle.cloudpickle")
+    except ImportError:
+        return ()
+    # without this private table, numbers count, and a law is run again in every session
+    return frozenset(getattr(cloudpickle, "_DYNAMIC_CLASS_TRACKER_BY_ID", ()))
 
 
 def _hash(texts: list[str]) -> str:
