@@ -32,4 +32,4 @@ def draw_disturbance(view: View) -> Sheet | None:
 
 
 #: Figure of each scenario whose arm has a mass; drawn from a :class:`.View`.
-DISTURBANCE = Figure.told("disturbance", draw_disturbance)
+DISTURBANCE = Figure.named("disturbance", draw_disturbance)

@@ -51,8 +51,8 @@ def render(template: Path, **context: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for function in (bold, bullets, code, enumeration, number, percentage, plain):
-        environment.filters[function.__name__] = function
+    for text_filter in (bold, bullets, code, enumeration, number, percentage, plain):
+        environment.filters[text_filter.__name__] = text_filter
     environment.filters["table"] = _table
     for function in (counted, first_names, median, of_length, over_trials, percent):
         environment.globals[function.__name__] = function

@@ -193,9 +193,9 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         half = -(-len(own) // 2)
         bars = BAR * len(ranks.groups) + 0.08
         height = bars + NAME_LINE * half + 0.1
-        sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
-        ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
-        sheet.at += 0.12
+        sheet.text(0.1, sheet.bottom + 0.1, title, fontsize=9.0, va="center", color=INK)
+        ax = sheet.axes(MARGIN, sheet.bottom + 0.5, WIDTH - 2.0 * MARGIN, height)
+        sheet.bottom += 0.12
         ax.set(
             xlim=(0.9, count + 0.1),
             ylim=(height, 0.0),
@@ -270,8 +270,8 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     return sheet
 
 
-TOLERANCE = Figure.told("tolerance", draw_tolerance)
-PROFILES = Figure.told("profiles", draw_profiles)
-LEVELS = Figure.told("levels", draw_levels)
-CRITICAL_DIFFERENCE = Figure.told("ranks", draw_critical_difference)
-BUDGETS = Figure.told("budgets", draw_budgets)
+TOLERANCE = Figure.named("tolerance", draw_tolerance)
+PROFILES = Figure.named("profiles", draw_profiles)
+LEVELS = Figure.named("levels", draw_levels)
+CRITICAL_DIFFERENCE = Figure.named("ranks", draw_critical_difference)
+BUDGETS = Figure.named("budgets", draw_budgets)

@@ -238,7 +238,7 @@ class SweepFigure:
         for series in every:
             entries.setdefault(series.look.get("label", ""), series.look)
         sheet.legend([look for label, look in entries.items() if label], self.legend)
-        sheet.at += self.above
+        sheet.bottom += self.above
         scenarios = [None] if self.columns else list(grouped(points, "scenario"))
         places = list(product(self.measures, scenarios))
         made = sheet.panels(

@@ -85,7 +85,7 @@ def draw_tracks(view: View) -> Sheet | None:
     if taken < columns and tall > needed:
         # The space above that place has the numbers and the label of a panel.
         left = LEFT + taken * (room + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.at - 0.5 * (tall + needed)), labelspacing=0.7)
+        sheet.legend(entries, 1, (left, sheet.bottom - 0.5 * (tall + needed)), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet

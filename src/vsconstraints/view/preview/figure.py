@@ -70,8 +70,8 @@ def draw_preview(preview: Preview) -> Sheet:
     columns = min(len(preview.moments), COLUMNS)
     width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
     headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
-    sheet.text(LEFT, sheet.at + 0.16, headline, fontsize=10, fontweight="bold")
-    sheet.at += 0.2
+    sheet.text(LEFT, sheet.bottom + 0.16, headline, fontsize=10, fontweight="bold")
+    sheet.bottom += 0.2
     _images(sheet, preview, columns, width)
     _space(sheet, preview, columns, width)
     _rows(sheet, preview)
@@ -83,9 +83,9 @@ def draw_preview(preview: Preview) -> Sheet:
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
     for line in lines:
-        sheet.text(LEFT, sheet.at + 0.12, line, fontsize=8, color=OUTSIDE)
-        sheet.at += 0.16
-    sheet.at += 0.08 if lines else 0.0
+        sheet.text(LEFT, sheet.bottom + 0.12, line, fontsize=8, color=OUTSIDE)
+        sheet.bottom += 0.16
+    sheet.bottom += 0.08 if lines else 0.0
     return sheet
 
 
@@ -124,7 +124,7 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     if not known:
         return
-    top = sheet.at + 0.12
+    top = sheet.bottom + 0.12
     height = min(width, 2.5)
     viewpoint = viewpoint_of(preview.setup, known, width / height)
     for first in range(0, len(preview.moments), columns):
@@ -143,7 +143,7 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
                 ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
         top += tall
-    sheet.at = top + 0.1
+    sheet.bottom = top + 0.1
 
 
 def _rows(sheet: Sheet, preview: Preview) -> None:
@@ -151,14 +151,14 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
-        sheet.text(LEFT, sheet.at + 0.1, "No rows and no joint limits.")
-        sheet.at += 0.3
+        sheet.text(LEFT, sheet.bottom + 0.1, "No rows and no joint limits.")
+        sheet.bottom += 0.3
         return
     names = [moment.name for moment in preview.moments]
     marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
     each = len(names) <= COLUMNS
     cells = CELL * len(names) if each else NEAREST
-    top = sheet.at + 0.38
+    top = sheet.bottom + 0.38
     where = WIDTH - cells - 0.1
     _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
     if each:
@@ -177,11 +177,11 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
             colour = OUTSIDE if row.usage[k] > 1.0 else INK
             place = where + column * CELL, top + ROW * (y + 0.5)
             sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
-    sheet.at = top + ROW * len(shown) + 0.45
+    sheet.bottom = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
         note = "limit[…]: a range of the robot that no row bounds"
-        sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
-        sheet.at += 0.16
+        sheet.text(LABELS, sheet.bottom + 0.12, note, fontsize=7.5)
+        sheet.bottom += 0.16
 
 
 def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
@@ -211,4 +211,4 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
 
 
 #: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.
-FIGURE = Figure.told("preview", draw_preview)
+FIGURE = Figure.named("preview", draw_preview)

@@ -89,7 +89,7 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
             (run, colour, image, space, frames.samples(run), frames.states(run), things_of(run))
         )
     # Films need even numbers of pixels.
-    sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
+    sheet.bottom = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
     sheet.figure.set_dpi(DPI)
     sheet.placed()
     for k, t in enumerate(frames.t.tolist()):
