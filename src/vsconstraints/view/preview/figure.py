@@ -75,11 +75,9 @@ def draw_preview(preview: Preview) -> Sheet:
     _images(sheet, preview, columns, width)
     _space(sheet, preview, columns, width)
     _rows(sheet, preview)
-    lines = [
-        line
-        for warning in preview.warnings
-        for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
-    ]
+    lines = list[str]()
+    for warning in preview.warnings:
+        lines += wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
     for line in lines:
@@ -91,24 +89,22 @@ def draw_preview(preview: Preview) -> Sheet:
 
 def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     plane = Plane.of(preview.setup)
-    grid: dict[str, Any] = {
-        "width": width,
-        "gap": GAP,
-        "above": TITLE,
-        "labels": ("u [px]", "v [px], downwards"),
-    }
-    height = width * plane.half[1] / plane.half[0]
-    panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
+    panels = sheet.panels(
+        len(preview.moments),
+        columns,
+        height=width * plane.half[1] / plane.half[0],
+        width=width,
+        gap=GAP,
+        above=TITLE,
+        labels=("u [px]", "v [px], downwards"),
+        same_y=True,
+    )
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
         if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
-            ax.plot(
-                *np.concatenate((moment.pixels, moment.pixels[:1])).T,
-                color="#909090",
-                linewidth=0.9,
-                zorder=3.5,
-            )
+            outline = np.concatenate((moment.pixels, moment.pixels[:1]))
+            ax.plot(*outline.T, color="#909090", linewidth=0.9, zorder=3.5)
         numbered(ax, moment.pixels, within=plane.half)
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
         if count := len(moment.problems):
@@ -133,12 +129,8 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
         for column, moment in enumerate(row):
             left = LEFT + column * (width + GAP)
             if moment.q is None:
-                sheet.text(
-                    left + 0.1,
-                    top + 0.5 * tall,
-                    f"{moment.name}: no configuration found",
-                    color=OUTSIDE,
-                )
+                text = f"{moment.name}: no configuration found"
+                sheet.text(left + 0.1, top + 0.5 * tall, text, color=OUTSIDE)
             else:
                 ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
@@ -155,15 +147,19 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         sheet.bottom += 0.3
         return
     names = [moment.name for moment in preview.moments]
-    marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
-    each = len(names) <= COLUMNS
-    cells = CELL * len(names) if each else NEAREST
+    marks = [STARTED, *[EARLIER] * (len(names) - 2)]
+    if len(names) > 1:
+        marks.append(GOAL)
+    # Many moments have no room beside each other: only the nearest of each row is written.
+    every_moment = len(names) <= COLUMNS
+    cells = CELL * len(names) if every_moment else NEAREST
     top = sheet.bottom + 0.38
-    where = WIDTH - cells - 0.1
-    _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
-    if each:
+    cells_left = WIDTH - cells - 0.1
+    _usage(sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown)), shown, marks)
+    if every_moment:
         for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
-            sheet.legend([mark | {"label": name}], 1, (where + k * CELL - 0.08, top - 0.22))
+            left = cells_left + k * CELL
+            sheet.legend([mark | {"label": name}], 1, (left - 0.08, top - 0.22))
     else:
         entries = [
             STARTED | {"label": names[0]},
@@ -172,11 +168,13 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         ]
         sheet.legend(entries, 3, (LABELS, top - 0.22))
     for y, row in enumerate(shown):
-        for column, k in enumerate(range(len(names)) if each else [int(np.nanargmax(row.usage))]):
-            text = row.text(k) if each else f"{names[k]}: {row.text(k)}"
+        height = top + ROW * (y + 0.5)
+        written = range(len(names)) if every_moment else [int(np.nanargmax(row.usage))]
+        for column, k in enumerate(written):
+            text = row.text(k) if every_moment else f"{names[k]}: {row.text(k)}"
             colour = OUTSIDE if row.usage[k] > 1.0 else INK
-            place = where + column * CELL, top + ROW * (y + 0.5)
-            sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
+            left = cells_left + column * CELL
+            sheet.text(left, height, text, fontsize=7.5, color=colour, va="center")
     sheet.bottom = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
         note = "limit[…]: a range of the robot that no row bounds"
@@ -190,9 +188,16 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     ax.set_xlim(-0.04, end)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
-    turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "zorder": 1.0}
     ax.text(
-        0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned
+        0.5 * (1.0 + end),
+        0.5 * (len(shown) - 1),
+        "outside",
+        fontsize=7.5,
+        color=OUTSIDE,
+        rotation=90,
+        ha="center",
+        va="center",
+        zorder=1.0,
     )
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
@@ -202,9 +207,8 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     for y, row in enumerate(shown):
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
         ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        ax.plot(
-            [np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0
-        )
+        extent = [np.nanmin(usage), np.nanmax(usage)]
+        ax.plot(extent, [y, y], color="#909090", linewidth=1.4, zorder=2.0)
         for u, mark in zip(usage, marks, strict=True):
             if np.isfinite(u):
                 ax.plot(u, y, **mark, zorder=4.0, clip_on=False)
