@@ -231,8 +231,9 @@ def _picture(number: int, texels: int) -> Array:
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     bits = cv2.aruco.generateImageMarker(family, number, CELLS)
     bordered_bits = np.pad(bits, BORDER, constant_values=255)
-    grey = np.where(bordered_bits > 127, np.float32(WHITE), np.float32(BLACK))
-    return np.kron(grey, np.ones((texels, texels), dtype=np.float32))
+    grey: Array = np.where(bordered_bits > 127, np.float32(WHITE), np.float32(BLACK))
+    picture: Array = np.kron(grey, np.ones((texels, texels), dtype=np.float32))
+    return picture
 
 
 @lru_cache(maxsize=2)
@@ -255,7 +256,7 @@ def _bent(
     grid = pinhole.from_corner(np.stack(np.meshgrid(*knots), axis=-1))
     ideal, certain = distortion.remove(pinhole.normalised(grid))
 
-    def interpolated(values: Array, degree: int) -> Array:
+    def interpolated(values: Array | BoolArray, degree: int) -> Array:
         spline = RectBivariateSpline(knots[1], knots[0], values, kx=degree, ky=degree)
         return np.asarray(spline(fine[1], fine[0]))
 

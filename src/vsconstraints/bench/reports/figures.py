@@ -134,9 +134,11 @@ def draw_levels(
     """
     first, *others = factorial.factors
     # The second factor varies along a row of panels.
-    panels = [(*column, *rest) for *rest, column in product(*others[1:], _columns(others))]
+    panels: list[tuple[str, ...]] = []
     titles = []
-    for panel in panels:
+    for *rest, column in product(*others[1:], _columns(others)):
+        panel = (*column, *map(str, rest))
+        panels.append(panel)
         changed = [level for level in panel if level != NOMINAL]
         titles.append(", ".join(changed) or NOMINAL)
     sheet = Sheet(left=0.62, right=0.2)

@@ -28,8 +28,8 @@ def require_whole(study: Study, testset: TestSet, where: str) -> None:
     for family in testset.families:
         file = FILE.format(family.name, HALF)
         known = family.tables["frozen"][HALF]
-        run = study.frozen.get(family.name, {})
-        if any(run.get(key) != known[key] for key in ("seed", "sha256")):
+        stored = study.frozen.get(family.name, {})
+        if any(stored.get(key) != known[key] for key in ("seed", "sha256")):
             raise ConfigurationError(
                 f"{where}: {file} of test set {testset.version} is not the file that was run"
             )

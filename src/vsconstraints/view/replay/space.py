@@ -78,7 +78,7 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
     for k, colour in enumerate(colours_of(runs)):
-        look = {"colour": paler(colour), "opacity": OTHERS if k else 1.0}
+        look: dict[str, Any] = {"colour": paler(colour), "opacity": OTHERS if k else 1.0}
         parts = []
         for part, mesh in zip(arm, meshes, strict=True):
             parts.append(part._replace(mesh=inset(mesh, k * INSET * scale), **look))
@@ -123,8 +123,8 @@ def _recorded(
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
         places = []
         for i in np.unique(shown):
-            frame = setup_frames(run.setup, run.trajectory.q[i], 0.0)[name]
-            places.append(frame.pose.t)
+            placement = setup_frames(run.setup, run.trajectory.q[i], 0.0)[name]
+            places.append(placement.pose.t)
         if len(places) > 1:
             pieces = np.stack((places[:-1], places[1:]), axis=1)
             server.scene.add_line_segments(
