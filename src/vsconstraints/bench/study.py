@@ -136,9 +136,10 @@ class Study:
         """Load a stored table, or build the study from a folder of ``vsconstraints evidence``.
 
         The scenes of such a folder are set up again. Laws that do not come with the package are
-        left out unless ``custom_laws``; their code is never imported. Raises ConfigurationError that names
-        the problem if the data cannot be read, belongs to another version, or contains no run of a
-        law.
+        left out unless ``custom_laws``; their code is never imported.
+
+        Raises ConfigurationError that names the problem if the data cannot be read, belongs to
+        another version, or contains no run of a law.
         """
         if path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)

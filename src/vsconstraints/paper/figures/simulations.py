@@ -158,7 +158,7 @@ def frame_times(run: Run) -> list[float]:
         phases(run, BORDERS[1])[1],
         phases(run, SPHERE)[1],
     ]
-    middles = [0.5 * (own[0][0] + own[0][1]) for own in spans if own]
+    middles = [0.5 * (of_row[0][0] + of_row[0][1]) for of_row in spans if of_row]
     return [float(run.t[np.argmin(np.abs(run.t - middle))]) for middle in middles]
 
 

@@ -86,8 +86,8 @@ class Layer:
         self, points: Points, numbers: Numbers, looks: Mapping[str, Look]
     ) -> Iterator[Series]:
         """Yield the series, in the order of the figure's looks if these name them."""
-        own = self.points(points, numbers)
-        groups = grouped(own, self.by) if self.by else {"": own}
+        selected = self.points(points, numbers)
+        groups = grouped(selected, self.by) if self.by else {"": selected}
         names = [name for name in looks if name in groups]
         names = names or [name for name in groups if name or not self.by]
         thinner = widths(names, *self.widths) if self.widths else {}
@@ -254,8 +254,8 @@ class SweepFigure:
             for series in every:
                 layer = series.layer
                 if name in (layer.on or self.measures):
-                    own = where(series.points, scenario=scenario) if scenario else series.points
-                    layer.draw(ax, series, own, self.x, layer.y or name)
+                    shown = where(series.points, scenario=scenario) if scenario else series.points
+                    layer.draw(ax, series, shown, self.x, layer.y or name)
             measure = self.measures[name].of(scenario)
             self._set_scales(ax, measure)
             self._set_limits(ax, measure)
