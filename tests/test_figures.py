@@ -59,12 +59,12 @@ def grid() -> Sheet:
 
 def test_a_sheet_grows_with_what_it_holds(tmp_path: Path) -> None:
     sheet = grid()
-    assert sheet.at == pytest.approx(0.08 + 3 * 1.25 + FOOT)
+    assert sheet.bottom == pytest.approx(0.08 + 3 * 1.25 + FOOT)
     sheet.legend([line(f"{k}", "#000000") for k in range(7)])
-    assert sheet.at > 0.08 + 3 * 1.25 + FOOT + 0.5
+    assert sheet.bottom > 0.08 + 3 * 1.25 + FOOT + 0.5
     sheet.save(tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as image:
-        assert image.size == (1200, int(sheet.at * DPI))
+        assert image.size == (1200, int(sheet.bottom * DPI))
         assert set(image.info) == {"dpi"}
 
 

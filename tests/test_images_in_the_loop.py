@@ -22,7 +22,7 @@ from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.view.commands import frames as command
-from vsconstraints.view.frames import FOREIGN, OWN, frames, marked, write_frames
+from vsconstraints.view.frames import EXPECTED, FOREIGN, frames, with_tags, write_frames
 from vsconstraints.vision.scene import State
 
 
@@ -305,8 +305,8 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     )
     assert read.get(cv2.CAP_PROP_FRAME_COUNT) == 4.0
     # outlines of what is looked for are green, of anything else red
-    picture = marked(written[0], {0, 1, 2}).astype(int)
-    for colour, tags in ((OWN, [0, 1, 2]), (FOREIGN, [3])):
+    picture = with_tags(written[0], {0, 1, 2}).astype(int)
+    for colour, tags in ((EXPECTED, [0, 1, 2]), (FOREIGN, [3])):
         for corners in written[0].tags.corners[tags]:
             u, v = (0.5 * (corners[0] + corners[1])).round().astype(int)
             assert np.abs(picture[v, u] - colour).max() < 60

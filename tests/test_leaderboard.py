@@ -72,7 +72,7 @@ def study(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Study:
         CliRunner().invoke(app, ["advise", "--study", str(folder), "--keep", str(table)]).exit_code
         == 0
     )
-    return Study.load(table, own=True)
+    return Study.load(table, custom_laws=True)
 
 
 def changed(study: Study, run: Any, **values: Any) -> Study:
@@ -116,7 +116,7 @@ def test_the_code_of_own_laws_is_not_imported_to_read_their_runs(
         raise AssertionError(f"{name} is imported")
 
     monkeypatch.setattr("vsconstraints.controllers.imported_class", imported)
-    assert Study.load(folder, trust=True, own=True).requires["mine"] is None
+    assert Study.load(folder, trust=True, custom_laws=True).requires["mine"] is None
 
 
 def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
@@ -257,7 +257,7 @@ def test_kept_runs_are_what_laws_do_now(
 ) -> None:
     """Up to nine of them, made again; some hundreds in the whole gate, of every law."""
     monkeypatch.chdir(ROOT)  # weights of a policy are found from there
-    study = Study.load(kept, own=True)
+    study = Study.load(kept, custom_laws=True)
     assert not made_again(study, TestSet.load(), share, trust=True).differences
 
 

@@ -130,14 +130,20 @@ def described(error: BaseException) -> str:
     ]
     places = [(Path(frame.filename), frame.lineno) for frame in frames]
     foreign = [(file, line) for file, line in places if not file.is_relative_to(_PACKAGE)]
-    own = [
+    places_of_user = [
         (file, line)
         for file, line in foreign
-        if not any(file.is_relative_to(at) for at in _INSTALLED)
+        if not any(file.is_relative_to(folder) for folder in _INSTALLED)
     ]
-    if not own:
-        own = [(file, line) for file, line in foreign if file.is_relative_to(_INSTALLED[-1])]
-    return f"{text} ({own[-1][0].name}, line {own[-1][1]})" if own else text
+    if not places_of_user:
+        places_of_user = [
+            (file, line) for file, line in foreign if file.is_relative_to(_INSTALLED[-1])
+        ]
+    return (
+        f"{text} ({places_of_user[-1][0].name}, line {places_of_user[-1][1]})"
+        if places_of_user
+        else text
+    )
 
 
 _PACKAGE = Path(__file__).parent

@@ -67,7 +67,7 @@ def run(
     entry = suite.controllers[0]
     law = entry.make()
     setup = loaded.setup()
-    note(*(text for own in suite.warnings().values() for text in own))
+    note(*(text for texts in suite.warnings().values() for text in texts))
     driver = driver_for(robot, setup)
     if driver.real and not yes:
         raise ConfigurationError(

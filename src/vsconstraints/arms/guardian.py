@@ -138,8 +138,8 @@ class Guardian:
             self.process.wait()
         os.set_blocking(self._from.fileno(), True)
         with self._from:
-            said: bytes = self._said + self._from.read()
-        return said.decode(errors="replace").strip()
+            output: bytes = self._said + self._from.read()
+        return output.decode(errors="replace").strip()
 
 
 def watch() -> None:

@@ -110,5 +110,5 @@ def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSo
         raise ConfigurationError(
             f"images by {name}: it must return a callable, not {format_value(source)}"
         )
-    own: ImageSource = source
-    return own
+    checked_source: ImageSource = source
+    return checked_source

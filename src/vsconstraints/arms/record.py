@@ -90,10 +90,10 @@ class ArmLog:
     def save(self, path: Path, **facts: Any) -> None:
         """Write all periods and the facts, as JSON, to an .npz file."""
         columns = {name: self.column(name) for name in Period._fields}
-        own = {
+        properties = {
             each.name: getattr(self, each.name) for each in fields(self) if each.name != "periods"
         }
-        write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})
+        write_arrays(path, {**columns, **properties, "remarks": list(self.remarks), **facts})
 
 
 class Punctuality(NamedTuple):
@@ -118,7 +118,7 @@ class Punctuality(NamedTuple):
         """Return lines for a terminal."""
         n = self.numbers()
         share = 100.0 * n["missed"] / max(n["periods"], 1.0)
-        said = [
+        lines = [
             f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed "
             f"({share:.2g} %)"
         ]
@@ -126,8 +126,8 @@ class Punctuality(NamedTuple):
             median, p99, most = (
                 _time(n[f"{name}_{which}_s"]) for which in ("median", "p99", "max")
             )
-            said.append(f"{what}: median {median}, p99 {p99}, maximum {most}")
-        return said
+            lines.append(f"{what}: median {median}, p99 {p99}, maximum {most}")
+        return lines
 
 
 def punctuality(log: ArmLog) -> Punctuality:

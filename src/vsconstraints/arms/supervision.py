@@ -119,7 +119,11 @@ def requests_noted() -> Iterator[Requests]:
         return
     handlers = {number: signal.getsignal(number) for number in (*SIGNALS, TAKE_OVER)}
     # ignored signals stay ignored; handlers that were not set by Python could not be restored
-    before = {number: own for number, own in handlers.items() if own not in (signal.SIG_IGN, None)}
+    before = {
+        number: handler
+        for number, handler in handlers.items()
+        if handler not in (signal.SIG_IGN, None)
+    }
     for number in before:
         signal.signal(number, requests.note)
     try:

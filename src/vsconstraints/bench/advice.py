@@ -58,21 +58,21 @@ class Advice(NamedTuple):
     unlike: tuple[str, ...]  #: Properties of the situation that no scene of the study has.
 
 
-def distance(name: str, asked: Any, there: Any) -> int:
+def distance(name: str, asked: Any, other: Any) -> int:
     """Return 0 if two values of a property are alike, 1 if they are near, 2 otherwise.
 
     Numbers of joints are near if they differ by one. Sets of constraints are near if they have half
     of their types in common.
     """
     if name == "constraints":
-        shared = len({*asked} & {*there})
-        every = len({*asked} | {*there})
+        shared = len({*asked} & {*other})
+        every = len({*asked} | {*other})
         return 0 if shared == every else 1 if 2 * shared >= every else 2
     if name == "joints":
-        return min(abs(int(asked) - int(there)), 2)
-    if isinstance(asked, bool | str) or min(asked, there) <= 0.0:
-        return 0 if asked == there else 2
-    ratio = max(asked, there) / min(asked, there)
+        return min(abs(int(asked) - int(other)), 2)
+    if isinstance(asked, bool | str) or min(asked, other) <= 0.0:
+        return 0 if asked == other else 2
+    ratio = max(asked, other) / min(asked, other)
     return int(ratio > ALIKE) + int(ratio > NEAR)
 
 
@@ -84,7 +84,7 @@ def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tu
     """
     steps = {}
     reasons = []
-    for name, asked in situation.said.items():
+    for name, asked in situation.specified.items():
         far = {value: distance(name, asked, value) for value in scenes[name].dropna().unique()}
         if not far:
             reasons.append(f"the study has no {name.replace('_', ' ')}")

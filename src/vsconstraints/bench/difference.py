@@ -208,8 +208,10 @@ def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
     ).indices.items():
         law, *place = map(str, key if isinstance(key, tuple) else (key,))
         if law != BASELINE:
-            at = np.sort(positions)
-            found.append(Group(law, tuple(place), at, pairs.a.iloc[at], pairs.b.iloc[at]))
+            ordered = np.sort(positions)
+            found.append(
+                Group(law, tuple(place), ordered, pairs.a.iloc[ordered], pairs.b.iloc[ordered])
+            )
     return found
 
 

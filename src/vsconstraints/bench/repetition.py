@@ -178,14 +178,14 @@ def repeat_once(
     return next(run for run in runs if run["controller"] == law.name)
 
 
-def _differences(one: Line, other: Line) -> dict[str, str]:
+def _differences(first: Line, second: Line) -> dict[str, str]:
     """Return sentences on the differences of two results, by column that both have."""
     found = {}
     for column in OUTCOME:
-        if column.name not in one or column.name not in other:
+        if column.name not in first or column.name not in second:
             continue
-        a = one[column.name]
-        b = other[column.name]
+        a = first[column.name]
+        b = second[column.name]
         if column.kind == "number":
             a = math.nan if a is None else a
             b = math.nan if b is None else b

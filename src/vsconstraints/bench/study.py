@@ -45,29 +45,40 @@ class Situation:
     def of(cls, scenario: Scenario) -> Situation:
         """Return the situation of a scenario; raises the errors of :meth:`.Scenario.setup`."""
         setup = scenario.setup()
-        own = setup.disturbances
+        disturbances = setup.disturbances
         images = setup.images
         types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
-        delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
-        delay += own.command_delay
+        delay = (
+            disturbances.delay * (disturbances.image_period or setup.Ts)
+            if images is None
+            else images.latency_s
+        )
+        delay += disturbances.command_delay
         unknown = setup.constraints.has_unknown_motion(setup.scene)
         believed = (
-            own.intrinsics,
-            own.distortion,
-            own.mount,
-            own.target,
-            own.depth_factor != 1.0,
-            own.gradient_error,
+            disturbances.intrinsics,
+            disturbances.distortion,
+            disturbances.mount,
+            disturbances.target,
+            disturbances.depth_factor != 1.0,
+            disturbances.gradient_error,
         )
-        wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
+        wrong = any(
+            (
+                *believed,
+                disturbances.time_constant,
+                disturbances.acceleration_noise,
+                *disturbances.acceleration,
+            )
+        )
         return cls(
             setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None,
-            tuple(sorted(types)), setup.Ts, delay, own.pixel_noise, unknown, wrong,
+            tuple(sorted(types)), setup.Ts, delay, disturbances.pixel_noise, unknown, wrong,
             setup.limits.any, setup.dynamics is not None, images is not None,
         )  # fmt: skip
 
     @property
-    def said(self) -> dict[str, Any]:
+    def specified(self) -> dict[str, Any]:
         """Specified properties by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
@@ -123,14 +134,14 @@ class Study:
         path: Path | Sequence[Path] = SHIPPED,
         trust: bool = False,
         on_scene: Callable[[int, int], Any] = max,
-        own: bool = False,
+        custom_laws: bool = False,
     ) -> Study:
         """Load a stored table, or build the study from folders of ``vsconstraints evidence``.
 
         Several folders are read as one campaign. Their scenes are set up again. Laws that do not
-        come with the package are left out unless ``own``; their code is never imported. Raises
-        ConfigurationError that names the problem if the data cannot be read, belongs to another
-        version, or contains no run of a law.
+        come with the package are left out unless ``custom_laws``; their code is never imported.
+        Raises ConfigurationError that names the problem if the data cannot be read, belongs to
+        another version, or contains no run of a law.
         """
         if not isinstance(path, Path):
             path = path[0] if len(path) == 1 else tuple(path)
@@ -143,16 +154,16 @@ class Study:
                 for name in ("controllers", "requires", "frozen")
                 if not isinstance(facts.get(name), dict)
             ]
-            if (there := facts.get("study")) != FORMAT or missing:
+            if (format := facts.get("study")) != FORMAT or missing:
                 why = (
                     f"it has no {missing[0]}"
-                    if there == FORMAT
-                    else f"its format is {there}, not {FORMAT}"
+                    if format == FORMAT
+                    else f"its format is {format}, not {FORMAT}"
                 )
                 why += "; write one with --keep from a folder of evidence"
                 raise ConfigurationError(f"{path} is not a study that this version can read: {why}")
             study = _of_table(path, facts)
-        if not own:
+        if not custom_laws:
             laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
             study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
         for name, law in study.laws.items():
@@ -165,7 +176,7 @@ class Study:
                 ) from error
         names = sorted(study.laws)
         whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(
-            lambda own: sorted(own) == names
+            lambda custom_laws: sorted(custom_laws) == names
         )
         if not names or not len(study.runs) or not whole.all():
             why = "it is empty" if whole.all() else "not every law has one run in each scene"
@@ -199,8 +210,8 @@ class Study:
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
     """Read the laws by name, without the unconstrained baseline."""
     return {
-        name: ControllerSpec.from_table(name, own)
-        for name, own in entries.items()
+        name: ControllerSpec.from_table(name, entry)
+        for name, entry in entries.items()
         if name != BASELINE
     }
 
@@ -246,13 +257,13 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
     )
     scenes = runs.groupby(SCENE, observed=True)
-    for done, ((family, number), own) in enumerate(scenes):
+    for done, ((family, number), scene_runs) in enumerate(scenes):
         on_scene(done, len(scenes))
         scene = evidence.drawn(family, number)
-        for condition, each in own.groupby(CONDITION, observed=True):
-            said = Situation.of(scene.scenario(condition)).said
-            said["constraints"] = "; ".join(said["constraints"])
-            lines += [{**line, **said} for line in each.to_dict("records")]
+        for condition, each in scene_runs.groupby(CONDITION, observed=True):
+            properties = Situation.of(scene.scenario(condition)).specified
+            properties["constraints"] = "; ".join(properties["constraints"])
+            lines += [{**line, **properties} for line in each.to_dict("records")]
     requires = {name: None if ":" in law.law else law.make().uses for name, law in laws.items()}
     return Study(
         parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files

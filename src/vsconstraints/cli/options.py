@@ -31,8 +31,8 @@ def known_options(name: str, file: Path | None) -> dict[str, Any]:
     ``file`` describes the options of the command's part.
     """
     known = dict(_read(SHARED)["shared"])
-    own = {} if file is None else _read(file)
-    return known | own.get("shared", {}) | own.get(name, {})
+    of_part = {} if file is None else _read(file)
+    return known | of_part.get("shared", {}) | of_part.get(name, {})
 
 
 @cache

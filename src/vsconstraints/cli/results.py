@@ -136,7 +136,7 @@ def compare(
     chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed)
     chosen = chosen.with_stacks(stacks or ()).with_settings(settings or ()).checked()
     warnings = chosen.warnings()
-    note(*(f"{name}: {text}" for name, own in warnings.items() for text in own))
+    note(*(f"{name}: {text}" for name, texts in warnings.items() for text in texts))
     runs = chosen.with_baseline().runs()
     total = len(runs)
     note_processes(jobs)

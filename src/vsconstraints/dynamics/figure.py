@@ -19,17 +19,19 @@ def draw_disturbance(view: View) -> Sheet | None:
     if view.setup is None or view.setup.dynamics is None:
         return None
     equivalents = {name: Equivalent.of(view.runs[name].trajectory) for name in view.shown}
-    values = {name: (one.t, one.disturbance) for name, one in equivalents.items()}
-    size = max(float(np.nan_to_num(np.abs(d)).max(initial=0.0)) for _, d in values.values())
-    sheet, panels, _ = joint_panels(
-        view, values, "d_c [rad/s²]", (0.01, 1.3 * max(0.01, size)), 0.42
-    )
-    for ax, (name, one) in zip(panels, equivalents.items(), strict=True):
+    values = {}
+    largest = 0.01
+    for name, fit in equivalents.items():
+        values[name] = (fit.t, fit.disturbance)
+        sizes = np.nan_to_num(np.abs(fit.disturbance))
+        largest = max(largest, float(sizes.max(initial=0.0)))
+    sheet, panels, _ = joint_panels(view, values, "d_c [rad/s²]", (0.01, 1.3 * largest), 0.42)
+    for ax, (name, fit) in zip(panels, equivalents.items(), strict=True):
         view.title(ax, name, above=12)
-        text = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
+        text = f"rms {fit.rms.max():.2g} rad/s², lag {1e3 * fit.time_constant.max():.2g} ms"
         ax.text(0.0, 1.03, text, transform=ax.transAxes, fontsize=8, color=FAINT)
     return sheet
 
 
 #: Figure of each scenario whose arm has a mass; drawn from a :class:`.View`.
-DISTURBANCE = Figure.told("disturbance", draw_disturbance)
+DISTURBANCE = Figure.named("disturbance", draw_disturbance)

@@ -45,14 +45,13 @@ def with_masses(
     model = pin.Model(robot.model)
     rods = dynamics.rods
     tip = model.frames[robot.frame_id("tip")]
-    own = any(body.mass > 0.0 for body in list(model.inertias)[1:])
-    if rods is None and not own:
+    has_masses = any(body.mass > 0.0 for body in list(model.inertias)[1:])
+    if rods is None and not has_masses:
         raise ConfigurationError(
             f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: "
-            f"give its URDF "
-            "<inertial> elements, or plant.rods, which takes links for rods"
+            "give its URDF <inertial> elements, or plant.rods, which takes links for rods"
         )
-    if rods is not None and own:
+    if rods is not None and has_masses:
         raise ConfigurationError(
             f"plant: rods replace missing inertias, but the URDF of {robot.name} has inertias: "
             "leave out rods"
@@ -94,10 +93,8 @@ def require_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
     without = f"; no mass moves with {', '.join(bare)}" if bare else ""
     raise ConfigurationError(
         f"plant: joint {worst + 1} ({robot.joint_names[worst]}) of {robot.name} moves nothing "
-        f"with inertia at the "
-        f"start, so that no acceleration follows from a torque{without}: complete the URDF's "
-        f"<inertial> elements, or "
-        "give rotor_inertia"
+        f"with inertia at the start, so that no acceleration follows from a torque{without}: "
+        "complete the URDF's <inertial> elements, or give rotor_inertia"
     )
 
 
@@ -115,8 +112,7 @@ def require_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> 
     if short:
         raise ConfigurationError(
             f"plant: the torques [Nm or N] cannot hold {robot.name} at its start: "
-            f"{'; '.join(short)}: effort, payload "
-            "or the start must change"
+            f"{'; '.join(short)}: effort, payload or the start must change"
         )
 
 
@@ -177,14 +173,16 @@ class MujocoArm:
         for i, name in enumerate(robot.joint_names):
             body = body.add_body(name=f"body {i + 1}")
             mujoco.mju_mat2Quat(quaternion, bodies.R[i].ravel())
-            body.pos, body.quat = bodies.t[i], quaternion.copy()
-            body.mass, body.ipos = max(bodies.mass[i], NOTHING), bodies.centre[i]
+            body.pos = bodies.t[i]
+            body.quat = quaternion.copy()
+            body.mass = max(bodies.mass[i], NOTHING)
+            body.ipos = bodies.centre[i]
             inertia = bodies.inertia[i] + NOTHING * np.eye(3)
             body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
             body.explicitinertial = True
-            kind = (
-                mujoco.mjtJoint.mjJNT_SLIDE if bodies.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
-            )
+            slide = mujoco.mjtJoint.mjJNT_SLIDE
+            hinge = mujoco.mjtJoint.mjJNT_HINGE
+            kind = slide if bodies.prismatic[i] else hinge
             body.add_joint(name=name, type=kind, axis=bodies.axis[i])
         try:
             self.model = spec.compile()
@@ -198,7 +196,9 @@ class MujocoArm:
     def step(self, x: Array, torque: Array) -> None:
         """Integrate a substep of the state x (s, n), q and q̇ first, with held torques (n,)."""
         data = self.data
-        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = x[0], x[1], torque
+        data.qpos[:] = x[0]
+        data.qvel[:] = x[1]
+        data.qfrc_applied[:] = torque
         self._mujoco.mj_step(self.model, data)
         x[0] = data.qpos
         x[1] = data.qvel
@@ -236,14 +236,12 @@ class DynamicPlant(Plant):
             robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor
         )
         require_inertia(robot, self.model, q0)
-        own = robot.limits.effort if dynamics.effort is None else dynamics.effort
-        effort = per_joint("plant: effort", own, n)
+        limit = robot.limits.effort if dynamics.effort is None else dynamics.effort
+        effort = per_joint("plant: effort", limit, n)
         require_holding(robot, self.model, q0, effort)
-        speed = (
-            robot.qd_max.copy()
-            if dynamics.speed is None
-            else per_joint("plant: speed", dynamics.speed, n)
-        )
+        speed = robot.qd_max.copy()
+        if dynamics.speed is not None:
+            speed = per_joint("plant: speed", dynamics.speed, n)
         friction = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
         drive = Drive(
@@ -309,8 +307,7 @@ class DynamicPlant(Plant):
             worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))
             raise SceneError(
                 f"the arm's motion has no bounds: joint {worst + 1} moves at {qd[worst]:.3g} "
-                f"rad/s or m/s; fewer "
-                "delays, less bandwidth, or more substeps may help"
+                "rad/s or m/s; fewer delays, less bandwidth, or more substeps may help"
             )
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
@@ -318,8 +315,9 @@ class DynamicPlant(Plant):
 
         They lie on the cubic with q and q̇ at both ends.
         """
-        begin, end = (tuple(states[at, :2].swapaxes(0, 1)) for at in (periods, periods + 1))
-        return cubic(begin, end, self.Ts, share)
+        begins = states[periods, :2].swapaxes(0, 1)
+        ends = states[periods + 1, :2].swapaxes(0, 1)
+        return cubic(tuple(begins), tuple(ends), self.Ts, share)
 
     def remarks(self) -> list[str]:
         """Return remarks on the torques for a reader of the results."""
@@ -327,7 +325,6 @@ class DynamicPlant(Plant):
         adapted = [] if self._loop is None else self._loop.remarks()
         return adapted + [
             f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm "
-            f"or N for "
-            f"{counts[j] * self.arm.h:.3g} s"
+            f"or N for {counts[j] * self.arm.h:.3g} s"
             for j in np.flatnonzero(counts)
         ]

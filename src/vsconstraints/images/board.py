@@ -66,18 +66,21 @@ class Board(NamedTuple):
                 f"a board of tags needs markers in one plane: one is {1e3 * off:.3g} mm away "
                 "from that of the others"
             )
-        inwards = -np.sign((seen_from - middle) @ Vt[2]) * Vt[2]
+        normal = Vt[2]
+        inwards = -np.sign((seen_from - middle) @ normal) * normal
         x = away[1] - away[0]
         x -= inwards * (inwards @ x)
         x /= np.sqrt(x @ x)
-        pose = Pose(np.stack((x, np.cross(inwards, x), inwards), axis=1), middle)
+        y = np.cross(inwards, x)
+        pose = Pose(np.stack((x, y, inwards), axis=1), middle)
         numbers = np.arange(M) if ids is None else np.array(ids, dtype=np.int64)
         if len(numbers) != M:
             raise ConfigurationError(
                 f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: "
                 f"{format_value(ids)}"
             )
-        return cls(pose, _corners((away @ pose.R)[:, :2], side), numbers)
+        in_plane = (away @ pose.R)[:, :2]
+        return cls(pose, _corners(in_plane, side), numbers)
 
     @property
     def cell(self) -> float:
@@ -98,22 +101,22 @@ def _corners(markers: Array, side: float | None) -> Array:
     distance = np.sqrt((markers**2).sum(axis=1))
     if distance.min() < FLAT:
         raise ConfigurationError("a board of tags takes markers away from their mean")
-    a = DIAGONAL * distance.min() / np.sqrt(2.0) if side is None else side
+    if side is None:
+        side = float(DIAGONAL * distance.min() / np.sqrt(2.0))
     towards = -markers / distance[:, None]
     # 45° to either side of the direction to the origin
     c = np.sqrt(0.5)
     x = towards @ np.array([[c, -c], [c, c]])
     y = towards @ np.array([[c, c], [-c, c]])
-    corners: Array = markers[:, None] + a * (
-        SQUARE[:, :1] * x[:, None] + SQUARE[:, 1:] * y[:, None]
-    )
-    wide = bordered(corners)
+    right = SQUARE[:, :1] * x[:, None]
+    down = SQUARE[:, 1:] * y[:, None]
+    corners: Array = markers[:, None] + side * (right + down)
+    squares = bordered(corners)
     for i, j in combinations(range(len(markers)), 2):
-        if _overlap(wide[i], wide[j]):
+        if _overlap(squares[i], squares[j]):
             raise ConfigurationError(
-                f"tags {i + 1} and {j + 1} with sides of {1e3 * a:.3g} mm overlap, or the white "
-                f"around them does: give "
-                "a smaller tag_side_m"
+                f"tags {i + 1} and {j + 1} with sides of {1e3 * side:.3g} mm overlap, or the "
+                "white around them does: give a smaller tag_side_m"
             )
     return corners
 
@@ -127,11 +130,11 @@ def bordered(corners: Array) -> Array:
 
 def _overlap(a: Array, b: Array) -> bool:
     """True if two squares (4, 2) overlap: no edge direction of either one separates them."""
-    for one, other in ((a, b), (b, a)):
+    for square in (a, b):
         for i in range(2):
-            along = one[i + 1] - one[i]
-            mine = one @ along
-            theirs = other @ along
-            if mine.max() <= theirs.min() or theirs.max() <= mine.min():
+            edge = square[i + 1] - square[i]
+            along_a = a @ edge
+            along_b = b @ edge
+            if along_a.max() <= along_b.min() or along_b.max() <= along_a.min():
                 return False
     return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Literal, NamedTuple
@@ -50,7 +51,7 @@ def require_image(image: object) -> None:
     if image.ndim == 3:
         raise InvalidInput(
             f"{right}, not of colours {image.shape}: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) "
-            f"gives it"
+            "gives it"
         )
     if image.ndim != 2 or not image.size:
         raise InvalidInput(f"{right}, not of the shape {image.shape}")
@@ -62,17 +63,16 @@ def require_image(image: object) -> None:
 
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
     """Return tags in the order of their numbers."""
-    found.sort(key=lambda one: one[0])
+    found.sort(key=lambda tag: tag[0])
+    numbers = np.array([number for number, _ in found], dtype=np.int64)
     corners = np.array([np.reshape(corners, (4, 2)) for _, corners in found], dtype=np.float64)
-    return Tags(
-        np.array([number for number, _ in found], dtype=np.int64), corners.reshape(-1, 4, 2)
-    )
+    return Tags(numbers, corners.reshape(-1, 4, 2))
 
 
 def roomy(image: Pixels) -> Pixels:
     """Return the image with its last row repeated until the detector's least size is reached."""
-    H, W = image.shape
-    missing = -(-MIN_PIXELS // W) - H
+    height, width = image.shape
+    missing = math.ceil(MIN_PIXELS / width) - height
     return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
 
 
@@ -91,9 +91,13 @@ def apriltag() -> Detector:
 
     def find(image: Pixels) -> Tags:
         require_image(image)
-        found = detector.detect(roomy(image))
+        detections = detector.detect(roomy(image))
         return tags_of(
-            [(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS]
+            [
+                (tag.tag_id, tag.corners[order])
+                for tag in detections
+                if tag.hamming <= MAX_WRONG_BITS
+            ]
         )
 
     return Detector(find, "edges")
@@ -114,9 +118,8 @@ def aruco() -> Detector:
         require_image(image)
         corners, ids, _ = detector.detectMarkers(image)
         # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None if no tag was found
-        return tags_of(
-            [] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True))
-        )
+        numbers = [] if ids is None else np.ravel(ids).tolist()
+        return tags_of(list(zip(numbers, corners, strict=True)))
 
     return Detector(find, "centres")
 

@@ -78,21 +78,22 @@ class Renderer:
             )
         image *= settings.light
         if settings.noise:
-            image += np.float32(settings.noise) * random.standard_normal(
-                image.shape, dtype=np.float32
-            )
+            noise = random.standard_normal(image.shape, dtype=np.float32)
+            image += np.float32(settings.noise) * noise
         return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
 
     def _exposed(self, where: Where) -> Array:
         """Return the mean image (H, W) over the instants of an exposure."""
         import cv2
 
-        W, H = (int(side) for side in self.camera.size)
+        W, H = map(int, self.camera.size)
         half = 0.5 * self.settings.exposure_s
-        starts, ends = (self._normalised(_rounded(where(end))) for end in (-half, half))
         moved = 0.0
-        if half and starts is not None and ends is not None:
-            moved = float(np.abs((ends - starts) * np.asarray(self.camera.focal)).max())
+        if half:
+            starts = self._normalised(_rounded(where(-half)))
+            ends = self._normalised(_rounded(where(half)))
+            if starts is not None and ends is not None:
+                moved = float(np.abs((ends - starts) * np.asarray(self.camera.focal)).max())
         count = int(np.clip(np.ceil(moved), 1, MAX_EXPOSURES))
         # midpoints of equal parts of the exposure
         instants = half * (2.0 * np.arange(count) + 1.0 - count) / count
@@ -118,45 +119,48 @@ class Renderer:
         import cv2
 
         late = 0.5 * self.settings.rolling_s
-        poses = [
-            _rounded(where(instant + shift)) for shift in ((-late, 0.0, late) if late else (0.0,))
-        ]
-        corners = [self._normalised(pose) for pose in poses]
-        if any(one is None for one in corners):
-            return
+        shifts = (-late, 0.0, late) if late else (0.0,)
+        poses = [_rounded(where(instant + shift)) for shift in shifts]
+        outlines = []
+        for pose in poses:
+            corners = self._normalised(pose)
+            if corners is None:
+                return
+            pixels = self.camera.distort(self.camera.pixels(corners))
+            outlines.append(self.camera.to_corner(pixels).reshape(-1, 4, 2))
         height, width = fine.shape
         for i, number in enumerate(self.board.ids.tolist()):
-            own = [one[4 * i : 4 * i + 4] for one in corners if one is not None]
-            edge = [
-                self.camera.to_corner(self.camera.distort(self.camera.pixels(one))) for one in own
-            ]
-            box = FINER * np.concatenate(edge)
+            outline = np.array([corners[i] for corners in outlines])
+            box = FINER * outline.reshape(-1, 2)
             low = np.clip(np.floor(box.min(axis=0)) - FINER, 0, (width, height)).astype(int)
             high = np.clip(np.ceil(box.max(axis=0)) + FINER, 0, (width, height)).astype(int)
             if (high <= low).any():
                 continue
+            maps = []
+            for pose in poses:
+                homography = self._to_tag(i, self.board.camera_in_board(pose))
+                if homography is not None:
+                    maps.append(homography)
+            if len(maps) < len(poses):
+                continue
             columns = slice(low[0], high[0])
             rows = slice(low[1], high[1])
-            maps = [self._to_tag(i, self.board.camera_in_board(pose)) for pose in poses]
-            if any(one is None for one in maps):
-                continue
             x, y = self._rays(rows, columns)
-            tag_x, tag_y = _looked_up(
-                [one for one in maps if one is not None], x, y, _late(rows, height)
-            )
-            length = (
-                FINER * max(float(np.ptp(one, axis=0).max()) for one in edge) / (CELLS + 2 * BORDER)
-            )
-            texels = int(min(2 ** np.ceil(np.log2(max(length, 2.0))), MAX_TEXELS))
-            picture = _picture(number, texels)
+            tag_x, tag_y = _looked_up(maps, x, y, _late(rows, height))
+            cell = FINER * float(np.ptp(outline, axis=1).max()) / (CELLS + 2 * BORDER)
+            texels = int(min(2 ** np.ceil(np.log2(max(cell, 2.0))), MAX_TEXELS))
             # cells from the corner of the black square; OpenCV counts centres
-            at_x, at_y = (
-                np.float32(texels) * (part + np.float32(BORDER)) - np.float32(0.5)
-                for part in (tag_x, tag_y)
-            )
+            scale = np.float32(texels)
+            border = np.float32(BORDER)
+            centre = np.float32(0.5)
             patch = np.ascontiguousarray(fine[rows, columns])
             cv2.remap(
-                picture, at_x, at_y, cv2.INTER_LINEAR, dst=patch, borderMode=cv2.BORDER_TRANSPARENT
+                _picture(number, texels),
+                scale * (tag_x + border) - centre,
+                scale * (tag_y + border) - centre,
+                cv2.INTER_LINEAR,
+                dst=patch,
+                borderMode=cv2.BORDER_TRANSPARENT,
             )
             fine[rows, columns] = patch
 
@@ -170,11 +174,8 @@ class Renderer:
         plane[:2, 0] = (right - corner) / CELLS
         plane[:2, 1] = (down - corner) / CELLS
         plane[:2, 2] = corner
-        plane[2, 2] = 1.0
         # from points in the plane, in cells, to the camera's frame
-        seen: Array = camera.R.T @ (
-            np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]) @ plane
-        )
+        seen: Array = camera.R.T @ plane
         seen[:, 2] -= camera.R.T @ camera.t / self.board.cell
         return np.linalg.inv(seen) if np.linalg.det(seen) > 0.0 else None
 
@@ -184,11 +185,13 @@ class Renderer:
         The arrays are (h, w), or broadcast to that shape.
         """
         camera = self.camera
-        W, H = (int(side) for side in camera.size)
         if camera.distortion is not None:
-            x, y = _bent(camera.focal, tuple(camera.offset.tolist()), (W, H), camera.distortion)
+            width, height = map(int, camera.size)
+            offset = tuple(camera.offset.tolist())
+            x, y = _bent(camera.focal, offset, (width, height), camera.distortion)
             return x[rows, columns], y[rows, columns]
-        u, v = ((np.arange(part.start, part.stop) + 0.5) / FINER for part in (columns, rows))
+        u = (np.arange(columns.start, columns.stop) + 0.5) / FINER
+        v = (np.arange(rows.start, rows.stop) + 0.5) / FINER
         middle = camera.to_corner(camera.offset)
         x = (u - middle[0]) / camera.focal[0]
         y = (v - middle[1]) / camera.focal[1]
@@ -208,10 +211,12 @@ def _looked_up(maps: Sequence[Array], x: Array, y: Array, late: Array) -> tuple[
     """
     h = maps[0][..., None, None].astype(np.float32)
     if len(maps) == 3:
-        before, now, after = (one[..., None, None].astype(np.float32) for one in maps)
+        before, now, after = np.array(maps, dtype=np.float32)[..., None, None]
         h = now + late * 0.5 * (after - before) + late**2 * (0.5 * (after + before) - now)
-    w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-    return (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / w, (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / w
+    scale = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+    tag_x = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / scale
+    tag_y = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / scale
+    return tag_x, tag_y
 
 
 def _rounded(pose: Pose) -> Pose:
@@ -225,10 +230,10 @@ def _picture(number: int, texels: int) -> Array:
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     bits = cv2.aruco.generateImageMarker(family, number, CELLS)
-    grey = np.where(np.pad(bits, BORDER, constant_values=255) > 127, WHITE, BLACK).astype(
-        np.float32
-    )
-    return np.kron(grey, np.ones((texels, texels), dtype=np.float32))
+    bordered_bits = np.pad(bits, BORDER, constant_values=255)
+    grey: Array = np.where(bordered_bits > 127, np.float32(WHITE), np.float32(BLACK))
+    picture: Array = np.kron(grey, np.ones((texels, texels), dtype=np.float32))
+    return picture
 
 
 @lru_cache(maxsize=2)
@@ -250,9 +255,14 @@ def _bent(
     pinhole = Camera(focal, size, (offset[0] + 0.5 * size[0], offset[1] + 0.5 * size[1]))
     grid = pinhole.from_corner(np.stack(np.meshgrid(*knots), axis=-1))
     ideal, certain = distortion.remove(pinhole.normalised(grid))
-    x, y = (
-        RectBivariateSpline(knots[1], knots[0], ideal[..., c])(fine[1], fine[0]) for c in (0, 1)
-    )
-    beyond = RectBivariateSpline(knots[1], knots[0], ~certain, kx=1, ky=1)(fine[1], fine[0]) > 0.0
-    x[beyond] = y[beyond] = np.nan
+
+    def interpolated(values: Array | BoolArray, degree: int) -> Array:
+        spline = RectBivariateSpline(knots[1], knots[0], values, kx=degree, ky=degree)
+        return np.asarray(spline(fine[1], fine[0]))
+
+    x = interpolated(ideal[..., 0], 3)
+    y = interpolated(ideal[..., 1], 3)
+    beyond = interpolated(~certain, 1) > 0.0
+    x[beyond] = np.nan
+    y[beyond] = np.nan
     return x.astype(np.float32), y.astype(np.float32)

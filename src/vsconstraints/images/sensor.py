@@ -74,19 +74,18 @@ class SceneRenderer:
         masks = [self._before(curve, state.t) for curve in self._moving]
         if self._still:
             masks.append(self._always)
-        # solids, and the board's plane, in the camera's frame
-        eye = (
-            self.scene.camera.fixed
-            or self.scene.robot.pose(state.robot.q) @ self.scene.camera.mount.inverse
-        )
-        solids = [
-            (points - eye.t) @ eye.R for points in self._occluders.solids(state.robot.q, state.t)
-        ]
+        solids = self._occluders.solids(state.robot.q, state.t)
         if solids:
+            # solids, and the board's plane, in the camera's frame
+            camera = self.scene.camera
+            eye = camera.fixed or self.scene.robot.pose(state.robot.q) @ camera.mount.inverse
             seen = self.renderer.board.camera_in_board(state.camera)
-            masks.append(covered(solids, np.append(seen.R[2], -seen.t[2]), self.scene.camera))
+            plane = np.append(seen.R[2], -seen.t[2])
+            in_camera = [(points - eye.t) @ eye.R for points in solids]
+            masks.append(covered(in_camera, plane, camera))
         hidden = np.logical_or.reduce(masks) if masks else None
-        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), hidden)
+        random = np.random.default_rng((*self._seed, 3, number))
+        return self.renderer.render(where, random, hidden)
 
     @cached_property
     def _occluders(self) -> Occluders:
@@ -96,17 +95,15 @@ class SceneRenderer:
     @cached_property
     def _always(self) -> BoolArray:
         """(H, W) mask of the pixels covered by curves that do not move."""
-        always: BoolArray = np.logical_or.reduce(
-            [self._before(curve, 0.0) for curve in self._still]
-        )
+        masks = [self._before(curve, 0.0) for curve in self._still]
+        always: BoolArray = np.logical_or.reduce(masks)
         return always
 
     def _before(self, curve: Occlusion, t: float) -> BoolArray:
         """Return the mask (H, W) of the pixels covered by a curve."""
         shape, ideal = self._ideal
-        inside: BoolArray = (
-            curve.sigma(curve.displaced(ideal[None], np.array([t]))[0]) > curve.margin
-        )
+        displaced = curve.displaced(ideal[None], np.array([t]))[0]
+        inside: BoolArray = curve.sigma(displaced) > curve.margin
         return inside.reshape(shape)
 
     @cached_property
@@ -231,19 +228,18 @@ class ImageSensor(Sensor):
             elif tags.foreign:
                 why = f", but tags {', '.join(map(str, tags.foreign))}"
             raise SceneError(f"none of the expected tags is seen in the first image{why}")
-        self.blind = (
-            t - last.taken
-            > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
-        )
+        settings = self.settings
+        longest = settings.latency_s + 1.0 / settings.rate_hz + settings.patience_s
+        self.blind = t - last.taken > longest
         self._braked += self.blind
-        depth = self.settings.depth
-        if isinstance(depth, str):
-            Z = self._model.depth(last.camera if depth == "pose" else last.model)
+        if settings.depth == "pose":
+            Z = self._model.depth(last.camera)
+        elif settings.depth == "model":
+            Z = self._model.depth(last.model)
         else:
-            Z = np.full(len(last.pixels), float(depth))
-        return Measurement(
-            last.pixels, Z, last.taken if self.settings.prediction else t, last.camera
-        )
+            Z = np.full(len(last.pixels), float(settings.depth))
+        taken = last.taken if settings.prediction else t
+        return Measurement(last.pixels, Z, taken, last.camera)
 
     def _take(self, number: int, t: float, q: Array, qd: Array) -> None:
         """Render an image and evaluate it at once, ahead of its latency."""
@@ -256,7 +252,8 @@ class ImageSensor(Sensor):
         self.exposures.append(Exposure(t, seen, state.pixels.position, state.camera))
         memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
         # the loop waits for the first image
-        self._waiting.append((t + self.settings.latency_s if number else t, memory))
+        latency = self.settings.latency_s if number else 0.0
+        self._waiting.append((t + latency, memory))
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
         """Return the newest usable image, see :meth:`.Sensor.newest`."""

@@ -72,7 +72,7 @@ class ImageSettings:
                 raise unknown_name("entry of opaque of sensor", str(kind), get_args(OpaqueName))
         for name in ("tags", "printed"):
             ids = getattr(self, name)
-            if ids is not None and not all(int(one) == one and 0 <= one <= LAST_ID for one in ids):
+            if ids is not None and not all(int(k) == k and 0 <= k <= LAST_ID for k in ids):
                 raise InvalidInput(
                     f"sensor: {name} must be numbers from 0 to {LAST_ID}, not "
                     f"{format_value(list(ids))}"

@@ -89,13 +89,13 @@ def clipped(points: Array, plane: Array) -> Array:
     left: Array = points[kept]
     if kept.all() or not kept.any():
         return left
-    a = left
-    b = points[~kept]
-    here = inside[kept]
-    there = inside[~kept]
-    share = here[:, None] / (here[:, None] - there)
-    cut = (a[:, None] + share[..., None] * (b - a[:, None])).reshape(-1, 3)
+    # points where segments from a kept point to a removed one meet the plane
+    begins = left[:, None]
+    ends = points[~kept]
+    height = inside[kept][:, None]
+    share = height / (height - inside[~kept])
+    cut = (begins + share[..., None] * (ends - begins)).reshape(-1, 3)
     # the new points lie in the plane: the hull of the cut suffices
     flat = np.delete(cut, np.argmax(np.abs(plane[:3])), axis=1)
-    around = cv2.convexHull(flat.astype(np.float32), returnPoints=False).ravel()
-    return np.concatenate([a, cut[around]])
+    corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False).ravel()
+    return np.concatenate([left, cut[corners]])

@@ -58,23 +58,23 @@ def locate_board(
         )
     tags = detector.find(image)
     M = len(board.ids)
-    known = {int(number): i for i, number in enumerate(board.ids)}
+    marker_of = {int(number): i for i, number in enumerate(board.ids)}
     numbers = tags.ids.tolist()
-    own = [k for k, number in enumerate(numbers) if number in known and numbers.count(number) == 1]
-    foreign = tuple(sorted({number for k, number in enumerate(numbers) if k not in own}))
+    usable = np.array(
+        [number in marker_of and numbers.count(number) == 1 for number in numbers], dtype=np.bool_
+    )
+    foreign = tuple(sorted({*tags.ids[~usable].tolist()}))
     pixels = np.full((M, 2), np.nan)
     seen = np.zeros(M, dtype=np.bool_)
-    corners: Array = np.empty((0, 4, 2))
-    if own:
-        corners, certain = _undistorted(
-            camera, camera.from_corner(tags.corners[own], detector.counts)
-        )
-        own = [k for k, sure in zip(own, certain, strict=True) if sure]
+    markers = np.array([marker_of[number] for number in tags.ids[usable].tolist()], dtype=np.int64)
+    if len(markers):
+        measured = camera.from_corner(tags.corners[usable], detector.counts)
+        corners, certain = _undistorted(camera, measured)
+        markers = markers[certain]
         corners = corners[certain]
-    if not own:
+    if not len(markers):
         return TagPose(None, pixels, seen, foreign=foreign)
-    at = [known[numbers[k]] for k in own]
-    flat = board.corners[at].reshape(-1, 2)
+    flat = board.corners[markers].reshape(-1, 2)
     expected = None if near is None else board.camera_in_board(near)
     pose, residual = board_pose(flat, camera.normalised(corners.reshape(-1, 2)), expected)
     residual_px = residual * float(np.mean(camera.focal))
@@ -82,8 +82,8 @@ def locate_board(
         return TagPose(None, pixels, seen, residual_px, foreign, unfit=True)
     P = (np.pad(board.corners[:, 0], ((0, 0), (0, 1))) - pose.t) @ pose.R
     pixels = camera.pixels(P[:, :2] / P[:, 2:])
-    pixels[at] = corners[:, 0]
-    seen[at] = True
+    pixels[markers] = corners[:, 0]
+    seen[markers] = True
     return TagPose(board.pose @ pose, pixels, seen, residual_px, foreign)
 
 
@@ -114,31 +114,37 @@ def board_pose(
     """
     import cv2
 
-    solid = np.pad(flat, ((0, 0), (0, 1)))
-    eye = np.eye(3)
-    found: list[tuple[float, Pose]] = []
-    done, turn, shift = cv2.solvePnP(solid, normalised, eye, None, flags=cv2.SOLVEPNP_IPPE)
-    if not done:
-        return None, np.nan
-    middle = solid.mean(axis=0)
-    R = cv2.Rodrigues(turn)[0]
-    there = R @ middle + shift.ravel()
-    mirrored = (
-        (eye - 2.0 * np.outer(there, there) / (there @ there)) @ R @ np.diag((1.0, 1.0, -1.0))
-    )
-    for start in (R, mirrored):
-        begun = cv2.Rodrigues(start)[0], (there - start @ middle)[:, None]
-        refined, moved = cv2.solvePnPRefineLM(solid, normalised, eye, None, *begun)
-        R = cv2.Rodrigues(refined)[0]
-        P = solid @ R.T + moved.ravel()
-        if not (np.isfinite(P).all() and (P[:, 2] > 0.0).all()):
-            continue
-        off = P[:, :2] / P[:, 2:] - normalised
-        found.append((float(np.sqrt((off**2).sum(axis=1).mean())), Pose(R, moved.ravel()).inverse))
+    points = np.pad(flat, ((0, 0), (0, 1)))
+    intrinsics = np.eye(3)
+    found, turn, shift = cv2.solvePnP(points, normalised, intrinsics, None, flags=cv2.SOLVEPNP_IPPE)
     if not found:
         return None, np.nan
-    error, pose = min(found, key=lambda each: each[0])
-    if near is not None:
-        good = [each for each in found if each[0] <= AS_GOOD * error]
-        error, pose = min(good, key=lambda each: distance(each[1], near)[1])
+    middle = points.mean(axis=0)
+    R = cv2.Rodrigues(turn)[0]
+    sight = R @ middle + shift.ravel()
+    mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
+    candidates: list[tuple[float, Pose]] = []
+    for start in (R, mirror @ R @ np.diag((1.0, 1.0, -1.0))):
+        turn, shift = cv2.solvePnPRefineLM(
+            points,
+            normalised,
+            intrinsics,
+            None,
+            cv2.Rodrigues(start)[0],
+            (sight - start @ middle)[:, None],
+        )
+        R = cv2.Rodrigues(turn)[0]
+        t = shift.ravel()
+        P = points @ R.T + t
+        if np.isfinite(P).all() and (P[:, 2] > 0.0).all():
+            deviation = P[:, :2] / P[:, 2:] - normalised
+            error = float(np.sqrt((deviation**2).sum(axis=1).mean()))
+            candidates.append((error, Pose(R, t).inverse))
+    if not candidates:
+        return None, np.nan
+    least, pose = min(candidates, key=lambda candidate: candidate[0])
+    if near is None:
+        return pose, least
+    plausible = [candidate for candidate in candidates if candidate[0] <= AS_GOOD * least]
+    error, pose = min(plausible, key=lambda candidate: distance(candidate[1], near)[1])
     return pose, error

@@ -184,7 +184,9 @@ def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | s
     The result of a run that failed is the reason, as a sentence.
     """
     prepare()
-    limits = longest_first(need for one in of for need in one.needs if isinstance(need, RunSpec))
+    limits = longest_first(
+        need for claim in of for need in claim.needs if isinstance(need, RunSpec)
+    )
     calls = {spec: (spec, kept_file(work.kept, spec)) for spec in limits}
     progress = partial(work.on_progress, "simulating")
     runs = run_all(kept_run, calls, workers=work.workers, limits=limits, on_progress=progress)

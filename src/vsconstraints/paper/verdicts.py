@@ -94,7 +94,7 @@ CLAIMS: dict[str, Claim] = {}  #: All claims by key.
 
 def all_claims() -> list[Claim]:
     """Return all claims in the order of the report."""
-    return sorted(CLAIMS.values(), key=lambda one: (one.number, one.letter))
+    return sorted(CLAIMS.values(), key=lambda claim: (claim.number, claim.letter))
 
 
 def claim(

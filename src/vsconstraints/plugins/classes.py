@@ -45,13 +45,13 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
         raise ConfigurationError(
             f"{name!r}: cannot import {module_name!r}: {described(error)}"
         ) from error
-    own = getattr(module, class_name, None)
+    found = getattr(module, class_name, None)
     kind = cast("type[Base]", base)
-    if not (isinstance(own, type) and issubclass(own, kind)):
+    if not (isinstance(found, type) and issubclass(found, kind)):
         raise ConfigurationError(
             f"{name!r}: {module_name} has no {kind.__name__} named {class_name!r}"
         )
-    return own
+    return found
 
 
 @contextmanager

@@ -93,8 +93,8 @@ def parts() -> tuple[Part, ...]:
 
     Raises ConfigurationError if a part of another package cannot be imported.
     """
-    own = [load(f"vsconstraints.{name}.part:PART") for name in OWN]
-    return (*own, *_of_other_packages())
+    included = [load(f"vsconstraints.{name}.part:PART") for name in OWN]
+    return (*included, *_of_other_packages())
 
 
 def _of_other_packages() -> Iterable[Part]:

@@ -26,8 +26,9 @@ from ..scenarios import Scenario
 from .figures import FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
 from .groups import Group
+from .numbers import largest
 from .plots import FORMATS, PNG, Figure, Formats
-from .results import Results, RowsShown, clean
+from .results import Results, RowsShown
 
 # Up to this many scenarios are drawn in this process: starting others takes about as long.
 IN_PROCESS = 2
@@ -45,16 +46,20 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
     The most informative scenarios are those on which controllers differ most, then those with the
     deepest violations.
     """
-
-    def weight(scenario: str) -> tuple[int, float]:
-        runs = [results.runs(scenario, name) for name in results.competitors]
-        good = sum(bool(lines) and all(map(clean, lines)) for lines in runs)
-        depths = [line["violation_depth"] for lines in runs for line in lines]
-        return min(good, len(runs) - good), max((x for x in depths if x == x), default=0.0)
-
-    if len(FIGURES) * len(results.groups) * len(results.scenarios) <= MAX_FIGURES:
+    figure_count = len(FIGURES) * len(results.groups) * len(results.scenarios)
+    if figure_count <= MAX_FIGURES:
         return results.scenarios
-    chosen = set(sorted(results.scenarios, key=weight, reverse=True)[:MAX_SCENARIOS])
+
+    def informativeness(scenario: str) -> tuple[int, float]:
+        solvers = len(results.solvers(scenario))
+        others = len(results.competitors) - solvers
+        depths = [0.0]
+        for name in results.competitors:
+            depths += [line["violation_depth"] for line in results.runs(scenario, name)]
+        return min(solvers, others), largest(depths)
+
+    ordered = sorted(results.scenarios, key=informativeness, reverse=True)
+    chosen = ordered[:MAX_SCENARIOS]
     return tuple(name for name in results.scenarios if name in chosen)
 
 
@@ -113,21 +118,20 @@ def picture(
     file = figure.file_in(formats, suffix)
     try:
         folder.mkdir(exist_ok=True)
-        shown = figure.write(folder / file, *needed, formats=formats)
+        drawn = figure.write(folder / file, *needed, formats=formats)
     except Exception as error:  # a figure must not cost the report
-        return _not_drawn(figure, error)
-    return (
-        _shown(figure.title[0].upper() + figure.title[1:], file, figure.caption + remark)
-        if shown
-        else ""
-    )
+        return _failure_text(figure, error)
+    if not drawn:
+        return ""
+    title = figure.title[0].upper() + figure.title[1:]
+    return _picture_text(title, file, figure.caption + remark)
 
 
-def _shown(title: str, file: str, caption: str) -> str:
+def _picture_text(title: str, file: str, caption: str) -> str:
     return f"![{title}](figures/{file})\n\n*{caption}*"
 
 
-def _not_drawn(figure: Figure, error: Exception) -> str:
+def _failure_text(figure: Figure, error: Exception) -> str:
     return f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}"
 
 
@@ -135,20 +139,26 @@ def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
     """Return the jobs that draw these scenarios of a stored comparison, by default all."""
-    jobs = []
+    if scenarios is None:
+        scenarios = results.scenarios
     stored = results.stored
-    for name in results.scenarios if scenarios is None else scenarios:
-        lines = {law: results.runs(name, law) for law in results.controllers}
+    jobs = []
+    for name in scenarios:
         finished = tuple(
-            law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own)
+            law
+            for law in results.controllers
+            if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, law))
         )
-        rows = results.rows_shown(name)
-        scenario = stored.scenarios[name]
-        jobs.append(
-            ScenarioJob(
-                stored.folder, scenario, results.groups, finished, results.seed, rows, formats
-            )
+        job = ScenarioJob(
+            folder=stored.folder,
+            scenario=stored.scenarios[name],
+            groups=results.groups,
+            finished=finished,
+            seed=results.seed,
+            rows=results.rows_shown(name),
+            formats=formats,
         )
+        jobs.append(job)
     return jobs
 
 
@@ -164,19 +174,19 @@ def draw_all(
     Failures are recorded in both.
     """
     jobs = scenario_jobs(results, scenarios, formats)
+    # The call for the whole comparison has the key None.
     calls: dict[Any, tuple[Any, ...]] = {job.scenario.name: (draw_scenario, job) for job in jobs}
     calls[None] = draw_overview, results, results.stored.folder / "figures", formats
     here = calls if len(jobs) <= IN_PROCESS else ()
     drawn: dict[Any, Any] = run_all(_call, calls, here=here, on_progress=on_drawn)
-    for name, one in drawn.items():
-        if isinstance(one, Failure):
-            why = f"could not be drawn: {one.reason}."
-            drawn[name] = (
-                Drawn(problems=[f"Its figures {why}"])
-                if name
-                else f"The figure of all scenarios {why}"
-            )
-    return drawn.pop(None), drawn
+    overview = drawn.pop(None)
+    if isinstance(overview, Failure):
+        overview = f"The figure of all scenarios could not be drawn: {overview.reason}."
+    for name, answer in drawn.items():
+        if isinstance(answer, Failure):
+            problem = f"Its figures could not be drawn: {answer.reason}."
+            drawn[name] = Drawn(problems=[problem])
+    return overview, drawn
 
 
 def _call(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -186,34 +196,40 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
 def draw_scenario(job: ScenarioJob) -> Drawn:
     """Draw the figures of one scenario; an error leaves out one figure and is recorded."""
     drawn = Drawn()
-    setup = None
-    name = job.scenario.name
     runs = stored_runs(job, drawn)
+    if not runs:
+        return drawn
+    setup = None
     try:
-        setup = job.scenario.setup(TRIAL_SHOWN, job.seed) if runs else None
+        setup = job.scenario.setup(TRIAL_SHOWN, job.seed)
     except Exception as error:  # for example a robot file that has been moved
         why = f"{type(error).__name__}: {error}"
         shown = "the figures show no goals and no boundaries"
         drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
-    views = {
-        group: View(setup, runs, group.controllers, job.rows.phi) for group in job.groups if runs
-    }
-    for figure, (group, view) in product((*FIGURES, *figures_of_parts()), views.items()):
-        if len(views) > 1 and not view.competitors:
-            continue
-        view = replace(
-            view, lane_rows=acting_in(job.rows.lanes, [runs[law] for law in view.competitors])
-        )
-        file = f"{name}--{figure.file_in(job.formats, group.suffix)}"
-        more = f" {job.rows.hidden} further rows acted for a shorter time and are not shown."
-        caption = f"{figure.caption}{more if figure.name == 'phi' and job.rows.hidden else ''}"
-        try:
-            if figure.write(job.folder / "figures" / file, view, formats=job.formats):
-                drawn.files.append(file)
-                drawn.pictures.append(_shown(f"{name}: {figure.name}", quote(file), caption))
-        except Exception as error:  # one bad run or figure must not cost the report
-            drawn.problems.append(_not_drawn(figure, error))
+    views = {}
+    for group in job.groups:
+        view = View(setup, runs, group.controllers, job.rows.phi)
+        if view.competitors or len(job.groups) == 1:
+            lanes = acting_in(job.rows.lanes, [runs[law] for law in view.competitors])
+            views[group.suffix] = replace(view, lane_rows=lanes)
+    for figure, (suffix, view) in product((*FIGURES, *figures_of_parts()), views.items()):
+        _draw_figure(job, figure, view, suffix, drawn)
     return drawn
+
+
+def _draw_figure(job: ScenarioJob, figure: Figure, view: View, suffix: str, drawn: Drawn) -> None:
+    """Draw one figure of a scenario, and note its file or an error in ``drawn``."""
+    name = job.scenario.name
+    file = f"{name}--{figure.file_in(job.formats, suffix)}"
+    caption = figure.caption
+    if figure.name == "phi" and job.rows.hidden:
+        caption += f" {job.rows.hidden} further rows acted for a shorter time and are not shown."
+    try:
+        if figure.write(job.folder / "figures" / file, view, formats=job.formats):
+            drawn.files.append(file)
+            drawn.pictures.append(_picture_text(f"{name}: {figure.name}", quote(file), caption))
+    except Exception as error:  # one bad run or figure must not cost the report
+        drawn.problems.append(_failure_text(figure, error))
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
@@ -233,20 +249,21 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
             )
         else:
             runs[name] = record
-            outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
-            for label, own in zip(record.trajectory.labels, outside.T, strict=True):
-                if own.any():
-                    drawn.first_outside[name, label] = float(record.trajectory.t[own.argmax()])
+            trajectory = record.trajectory
+            outside = trajectory.clearance < -NEGLIGIBLE * record.length
+            for label, row_outside in zip(trajectory.labels, outside.T, strict=True):
+                if row_outside.any():
+                    first = row_outside.argmax()
+                    drawn.first_outside[name, label] = float(trajectory.t[first])
     return runs
 
 
 def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
     """Return the rows that are active in at least one of these runs."""
-    acted = {
-        run.trajectory.labels[i]
-        for run in runs
-        for i in np.flatnonzero(run.trajectory.active.any(axis=0))
-    }
+    acted = set[str]()
+    for run in runs:
+        trajectory = run.trajectory
+        acted.update(trajectory.labels[i] for i in np.flatnonzero(trajectory.active.any(axis=0)))
     return tuple(label for label in labels if label in acted)
 
 
@@ -255,12 +272,13 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
     remove_stale(folder, figures=(OVERVIEW,))
     texts = []
     for group in results.groups:
-        own = shown_runs(results, group.controllers)
+        shown = shown_runs(results, group.controllers)
+        left_out = sum(len(results.all_runs(name)) - len(runs) for name, runs in shown.items())
         remark = ""
-        if left_out := sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items()):
-            remark += (
+        if left_out:
+            remark = (
                 f" {left_out} runs that did not converge, or were not limited by any row, "
-                f"are left out."
+                "are left out."
             )
         needed = results, group.controllers
         texts.append(
@@ -276,13 +294,13 @@ def remove_stale(
 
     Without ``figures`` the figures of scenarios are removed.
     """
-    starts = [figure.name for figure in figures] or [
-        f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())
-    ]
-    but = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
+    starts = [figure.name for figure in figures]
+    if not figures:
+        starts = [f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())]
+    current = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
     for start, end in product(starts, (".*", "--*")):
-        for path in [*folder.glob(start + end)]:
-            if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
+        for path in list(folder.glob(start + end)):
+            if path.suffix.removeprefix(".") in FORMATS and path.name not in current:
                 path.unlink(missing_ok=True)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
@@ -38,21 +38,16 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
 
 def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
     """Return type, options and required information of a controller of a manifest, for a table."""
-
-    def text(value: Any) -> Any:
-        return (
-            number(value)
-            if isinstance(value, float)
-            else toml_text(value)
-            if isinstance(value, Mapping)
-            else value
-        )
-
-    options = plain(
-        ", ".join(f"{key} = {text(value)}" for key, value in entry.items() if key != "type")
-    )
+    options = []
+    for key, value in entry.items():
+        if isinstance(value, float):
+            value = number(value)
+        elif isinstance(value, Mapping):
+            value = toml_text(value)
+        if key != "type":
+            options.append(f"{key} = {value}")
     information = information_text(required_information(name, entry))
-    return [plain(entry.get("type", name)), options or "defaults", information]
+    return [plain(entry.get("type", name)), plain(", ".join(options)) or "defaults", information]
 
 
 def information_text(required: Sequence[str] | None) -> str:
@@ -66,11 +61,12 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     Groups are as few and as even in size as :data:`MAX_LAWS` allows.
     """
     laws = [name for name in entries if name != BASELINE]
-    count = max(-(-len(laws) // MAX_LAWS), 1)
-    cuts = [len(laws) * k // count for k in range(count + 1)]
-    alone = [name for name in entries if name == BASELINE]
-    suffixes = [f"--{k + 1}" if count > 1 else "" for k in range(count)]
-    return tuple(
-        Group((*alone, *laws[a:b]), suffix)
-        for (a, b), suffix in zip(pairwise(cuts), suffixes, strict=True)
-    )
+    baseline = [name for name in entries if name == BASELINE]
+    count = max(math.ceil(len(laws) / MAX_LAWS), 1)
+    groups = []
+    for k in range(count):
+        begin = len(laws) * k // count
+        end = len(laws) * (k + 1) // count
+        suffix = f"--{k + 1}" if count > 1 else ""
+        groups.append(Group((*baseline, *laws[begin:end]), suffix))
+    return tuple(groups)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 from rich.cells import cell_len
 
@@ -27,37 +27,34 @@ class Table(str):
     ) -> Table:
         """Return the table of these cells in Markdown."""
         lines = [list(line) for line in lines]
-        count = max(1, -(-(len(header) - 1) // (MAX_COLUMNS - 1)))
-        cuts = [1 + (len(header) - 1) * k // count for k in range(count + 1)]
-        parts = [[0, *range(*ends)] for ends in pairwise(cuts)]
-        blocks = [
-            _aligned(
-                [[line[k] for k in part] for line in (header, *lines)],
-                sum(k < text_columns for k in part),
-            )
-            for part in parts
-            if lines
-        ]
+        columns = list(zip(header, *lines, strict=False))
+        others = len(header) - 1
+        count = max(1, math.ceil(others / (MAX_COLUMNS - 1)))
+        blocks = []
+        for k in range(count if lines else 0):
+            chosen = range(1 + others * k // count, 1 + others * (k + 1) // count)
+            block = [_aligned(columns[j], left=j < text_columns) for j in (0, *chosen)]
+            rows = zip(*block, strict=True)
+            blocks.append("\n".join(f"| {' | '.join(row)} |" for row in rows))
         table = super().__new__(cls, "\n\n".join(blocks))
         table.header = header
         table.lines = lines
         return table
 
 
-def _aligned(lines: Sequence[Sequence[str]], left: int) -> str:
+def _aligned(column: Sequence[str], left: bool) -> list[str]:
+    """Return the cells of a column with equal widths, and the rule below its header."""
     # A bar ends a cell even inside code.
-    cells = [
-        [re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in line] for line in lines
-    ]
-    widths = [max(3, *map(cell_len, column)) for column in zip(*cells, strict=True)]
-    rule = [":" + "-" * (w - 1) if k < left else "-" * (w - 1) + ":" for k, w in enumerate(widths)]
-
-    def padded(k: int, text: str) -> str:
-        space = " " * (widths[k] - cell_len(text))
-        return text + space if k < left else space + text
-
-    rows = [[padded(k, text) for k, text in enumerate(line)] for line in cells]
-    return "\n".join("| " + " | ".join(line) + " |" for line in (rows[0], rule, *rows[1:]))
+    cells = [re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in column]
+    width = max(3, *map(cell_len, cells))
+    spaces = [" " * (width - cell_len(text)) for text in cells]
+    if left:
+        rule = ":" + "-" * (width - 1)
+        padded = [text + space for text, space in zip(cells, spaces, strict=True)]
+    else:
+        rule = "-" * (width - 1) + ":"
+        padded = [space + text for text, space in zip(cells, spaces, strict=True)]
+    return [padded[0], rule, *padded[1:]]
 
 
 def bold(text: str) -> str:
@@ -68,7 +65,7 @@ def bold(text: str) -> str:
 def code(text: str) -> str:
     """Return text set as code on one line, with a fence longer than any in the text."""
     text = " ".join(text.split())
-    fence = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
+    fence = max(re.findall("`+", text), key=len, default="") + "`"
     space = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{fence}{space}{text}{space}{fence}"
 
@@ -89,7 +86,9 @@ def bullets(lines: Iterable[str]) -> str:
 
 def enumeration(names: Sequence[str]) -> str:
     """Return names as ``a``, ``a and b`` or ``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def first_names(names: Iterable[str], most: int) -> list[str]:

@@ -79,7 +79,9 @@ def over_trials(values: Sequence[float], show: Format = number) -> str:
     A dash is returned if no value is finite.
     """
     exist = [value for value in values if math.isfinite(value)]
+    if not exist:
+        return show(math.nan)
     middle = show(median(exist))
-    if not exist or show(min(exist)) == show(max(exist)):
-        return middle
-    return f"{middle} [{show(min(exist))}–{show(max(exist))}]"
+    least = show(min(exist))
+    greatest = show(max(exist))
+    return middle if least == greatest else f"{middle} [{least}–{greatest}]"

@@ -26,6 +26,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 #: Target of links; with details the only HTML in a report.
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')
+ESCAPED_ANCHOR = re.compile(escapeHtml(ANCHOR.pattern))
+SECTION = ("heading_open", "h2")  #: Type and tag of the token that begins a section.
 NUMBER = r"[<≈±]?[−-]?\d[\d.]*(?:e[−-]?\d+)?"
 #: Text that is not broken at the end of a line: intervals, ranges and plain numbers.
 WHOLE = re.compile(
@@ -42,23 +44,18 @@ def render(template: Path, **context: Any) -> str:
 
     Nothing is escaped: values from elsewhere must be passed through ``plain`` or ``code``.
     """
-    options: dict[str, Any] = {
-        "undefined": StrictUndefined,
-        "trim_blocks": True,
-        "lstrip_blocks": True,
-    }
     environment = Environment(
         loader=FileSystemLoader([template.parent, TEMPLATES]),
         extensions=["jinja2.ext.do"],
-        **options,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    environment.filters |= {
-        one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)
-    }
+    for text_filter in (bold, bullets, code, enumeration, number, percentage, plain):
+        environment.filters[text_filter.__name__] = text_filter
     environment.filters["table"] = _table
-    environment.globals |= {
-        one.__name__: one for one in (counted, first_names, median, of_length, over_trials, percent)
-    }
+    for function in (counted, first_names, median, of_length, over_trials, percent):
+        environment.globals[function.__name__] = function
     environment.globals["dash"] = DASH
     text = environment.get_template(template.name).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
@@ -96,19 +93,22 @@ def write_pages(
     ``interactive`` maps summaries of details to HTML. On the page this HTML replaces the details
     of that summary and is not folded; ``script`` is the script that it needs. Raises OSError.
     """
-    title = text.partition("\n")[0]
-    short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
-    details = "\n".join(f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text))
+
+    def link(found: re.Match[str]) -> str:
+        return f"[{found[1]}](details.md#{_slug(found[1])})\n\n"
+
+    contents = {
+        report: DETAILS.sub(link, text),
+        page_of(report): html_page(text, interactive, script),
+    }
+    details = [f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text)]
     if details:
-        details = f"{title}: details\n\n{details.replace('](#', '](report.md#')}"
-    for path, content in (
-        (report, short),
-        (details_of(report), details),
-        (page_of(report), html_page(text, interactive, script)),
-    ):
-        if content:
-            with replaced(path) as part:
-                part.write_text(content, encoding="utf-8")
+        title = text.partition("\n")[0]
+        sections = "\n".join(details).replace("](#", "](report.md#")
+        contents[details_of(report)] = f"{title}: details\n\n{sections}"
+    for path, content in contents.items():
+        with replaced(path) as part:
+            part.write_text(content, encoding="utf-8")
 
 
 def details_of(report: Path) -> Path:
@@ -145,42 +145,45 @@ def html_page(
     markdown.add_render_rule("image", _image)
     markdown.add_render_rule("text", _text)
     tokens: list[Token] = []
+    summary = ""
     for k, part in enumerate(DETAILS.split(text)):  # text, summary, details, text, …
         if k % 3 == 0:
             tokens += markdown.parse(part)
         elif k % 3 == 1:
             summary = part
         elif summary in interactive:
-            tokens.append(Token("html_block", "", 0, content=interactive[summary]))
+            tokens.append(_html_block(interactive[summary]))
         else:
-            tokens.append(
-                Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n")
-            )
-            tokens += [*markdown.parse(part), Token("html_block", "", 0, content="</details>\n")]
+            tokens.append(_html_block(f"<details><summary>{summary}</summary>\n"))
+            tokens += markdown.parse(part)
+            tokens.append(_html_block("</details>\n"))
     headings = _labelled(tokens, set(ANCHOR.findall(text)))
-    first = next(
-        (k for k, one in enumerate(tokens) if (one.type, one.tag) == ("heading_open", "h2")),
-        len(tokens),
-    )
-    halves = (
-        markdown.renderer.render(part, markdown.options, {})
-        for part in (tokens[:first], tokens[first:])
-    )
-    before, after = (
-        re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half)
-        for half in halves
-    )
-    listed = [one for one in headings if one["tag"] in ("h2", "h3")]
+    # The list of contents stands before the first section.
+    first = 0
+    while first < len(tokens) and (tokens[first].type, tokens[first].tag) != SECTION:
+        first += 1
+
+    def html(part: Sequence[Token]) -> str:
+        rendered = markdown.renderer.render(part, markdown.options, {})
+        return ESCAPED_ANCHOR.sub(r'<a id="\1"></a>', rendered)
+
+    contents = [heading for heading in headings if heading["tag"] in ("h2", "h3")]
+    if sum(heading["tag"] == "h2" for heading in contents) < MIN_SECTIONS:
+        contents = []
     return render_html(
         TEMPLATES / "page.html",
-        title=next((one["text"] for one in headings), "Report"),
+        title=headings[0]["text"] if headings else "Report",
         style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
-        before=before,
-        contents=listed if sum(one["tag"] == "h2" for one in listed) >= MIN_SECTIONS else [],
-        after=after,
+        before=html(tokens[:first]),
+        contents=contents,
+        after=html(tokens[first:]),
         script=script,
         digest=b64encode(sha256(script.encode()).digest()).decode(),
     )
+
+
+def _html_block(content: str) -> Token:
+    return Token("html_block", "", 0, content=content)
 
 
 def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
@@ -213,12 +216,13 @@ def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
     header: list[str] = []
     for k, token in enumerate(tokens):
         if token.type == "heading_open":
-            slug = _slug(text := _plain(tokens[k + 1]))
-            name = next(
-                one
-                for n in range(len(tokens))
-                if (one := f"{slug}-{n}" if n else slug) not in taken
-            )
+            text = _plain(tokens[k + 1])
+            slug = _slug(text)
+            name = slug
+            repetition = 0
+            while name in taken:
+                repetition += 1
+                name = f"{slug}-{repetition}"
             taken.add(name)
             token.attrSet("id", name)
             headings.append({"tag": token.tag, "text": text, "name": name})
@@ -238,8 +242,7 @@ def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
 
 def _plain(inline: Token) -> str:
     """Return the text of a line without emphasis, links and anchors."""
-    texts = (
-        child.content if child.type in ("text", "code_inline") else " "
-        for child in inline.children or []
-    )
-    return " ".join(ANCHOR.sub("", "".join(texts)).split())
+    text = ""
+    for child in inline.children or []:
+        text += child.content if child.type in ("text", "code_inline") else " "
+    return " ".join(ANCHOR.sub("", text).split())

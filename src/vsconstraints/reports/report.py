@@ -57,10 +57,11 @@ def write_report(
             overview = ""
             drawn = {name: Drawn() for name in results.scenarios}
             if figures:
-                place = folder / "figures"
-                place.mkdir(exist_ok=True)
+                figure_folder = folder / "figures"
+                figure_folder.mkdir(exist_ok=True)
                 overview, drawn = draw_all(results, chosen, formats, on_drawn)
-                remove_stale(place, (file for one in drawn.values() for file in one.files), formats)
+                files = [file for scene in drawn.values() for file in scene.files]
+                remove_stale(figure_folder, files, formats)
             add_sections(results, chosen, drawn, replays)
             write_pages(folder / "report.md", report_text(results, drawn, overview))
         except OSError as error:
@@ -70,10 +71,14 @@ def write_report(
 
 def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = "") -> str:
     """Return the report in Markdown, including details and the drawn figures."""
-    leading = [name for name, good in results.clean.items() if good == max(results.clean.values())]
-    robots = [
-        name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))
-    ]
+    most = max(results.clean.values(), default=0)
+    leading = [name for name, count in results.clean.items() if count == most]
+    if len(leading) == len(results.competitors) or not results.challenged_scenarios:
+        leading = []
+    robots = [scenario.robot_name(each) for each in results.stored.scenarios.values()]
+    readings = []
+    if any(scene.files for scene in drawn.values()):
+        readings = [figure.reading for figure in FIGURES]
     return render(
         TEMPLATES / "comparison.md",
         results=results,
@@ -81,17 +86,13 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         configuration=results.stored.manifest["configuration"],
         summary=summary,
         parts=scenario,
-        robots=robots,
+        robots=list(filter(None, robots)),
         violates=sum(bool(violated(run)) for run in results.all_runs(BASELINE)),
-        leading=leading
-        if len(leading) < len(results.competitors) and results.challenged_scenarios
-        else [],
+        leading=leading,
         overview=overview,
         drawn=drawn,
         nothing=Drawn(),
-        readings=[figure.reading for figure in FIGURES]
-        if any(one.files for one in drawn.values())
-        else [],
+        readings=readings,
         definitions=DEFINITIONS,
         metrics=METRICS,
         tolerances=TOLERANCES,

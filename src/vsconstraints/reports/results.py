@@ -36,13 +36,11 @@ class Results:
         configuration = stored.manifest["configuration"]
         self.stored = stored
         self.scenarios = tuple(stored.scenarios)
-        self.trials, self.seed = (
-            int(configuration.get(key, default)) for key, default in (("trials", 1), ("seed", 0))
-        )
+        self.trials = int(configuration.get("trials", 1))
+        self.seed = int(configuration.get("seed", 0))
         self.groups = grouped(configuration["controllers"])
-        self.controllers = tuple(
-            dict.fromkeys(name for group in self.groups for name in group.controllers)
-        )
+        shown = [name for group in self.groups for name in group.controllers]
+        self.controllers = tuple(dict.fromkeys(shown))
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
         #: Controllers that are programs in processes of their own.
         self.external = frozenset(
@@ -66,6 +64,15 @@ class Results:
     def all_runs(self, controller: str) -> list[Line]:
         """Return the lines of results.csv of a controller over all scenarios."""
         return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
+
+    def solvers(self, scenario: str) -> list[str]:
+        """Return the controllers that converged without violation in every trial."""
+        solvers = []
+        for name in self.competitors:
+            runs = self.runs(scenario, name)
+            if runs and all(map(clean, runs)):
+                solvers.append(name)
+        return solvers
 
     def ran(self, scenario: str) -> bool:
         """Return True if any run of a scenario is stored."""
@@ -96,17 +103,15 @@ class Results:
         recorded runs, whose times are unknown.
         """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        flags = {
-            bool(line.get("compiled"))
-            for line in lines
-            if line["duration_s"] >= 0.0
-            and not (line["duration_s"] > 0.0 and math.isnan(line["rows_time_median_us"]))
-        }
+        flags = {bool(line.get("compiled")) for line in lines if _was_timed(line)}
         if flags and controller in self.external:
             return "external"
-        return " and ".join(
-            name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags
-        )
+        names = []
+        if True in flags:
+            names.append("compiled")
+        if False in flags:
+            names.append("NumPy")
+        return " and ".join(names)
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Return the lines of constraints.csv, of one row or of all."""
@@ -160,24 +165,33 @@ class RowsShown(NamedTuple):
         φ is shown of rows that are challenged or violated by a competitor; without any of these, of
         rows that were active.
         """
-        weights: dict[str, tuple[bool, float]] = {}
+        relevant = defaultdict[str, bool](bool)
+        seconds = defaultdict[str, float](float)
         for line in lines:
-            matters, seconds = weights.get(line["constraint"], (False, 0.0))
-            competes = line.get("controller") != BASELINE
-            matters |= bool(line["challenged"] or (competes and line["violation_depth"] > 0.0))
-            weights[line["constraint"]] = (
-                matters,
-                seconds + (line["active_time_s"] if competes else 0.0),
-            )
-        acting = [label for label, (_, seconds) in weights.items() if seconds > 0.0]
-        relevant = [label for label, (matters, _) in weights.items() if matters] or acting
+            label = line["constraint"]
+            relevant[label] |= bool(line["challenged"])
+            if line.get("controller") != BASELINE:
+                relevant[label] |= line["violation_depth"] > 0.0
+                seconds[label] += line["active_time_s"]
+        acting = [label for label in relevant if seconds[label] > 0.0]
+        plotted = [label for label in relevant if relevant[label]] or acting
 
-        def heaviest(labels: Sequence[str], count: int) -> tuple[str, ...]:
-            kept = sorted(labels, key=weights.__getitem__, reverse=True)[:count]
+        def importance(label: str) -> tuple[bool, float]:
+            return relevant[label], seconds[label]
+
+        def most_important(labels: Sequence[str], count: int) -> tuple[str, ...]:
+            kept = sorted(labels, key=importance, reverse=True)[:count]
             return tuple(label for label in labels if label in kept)
 
-        lanes = heaviest(acting, MAX_LANES)
-        return cls(heaviest(relevant, MAX_PHI), lanes, len(acting) - len(lanes))
+        lanes = most_important(acting, MAX_LANES)
+        return cls(most_important(plotted, MAX_PHI), lanes, len(acting) - len(lanes))
+
+
+def _was_timed(line: Line) -> bool:
+    """Return True unless a run was recorded elsewhere, or its times are unknown."""
+    duration = line["duration_s"]
+    unknown = duration > 0.0 and math.isnan(line["rows_time_median_us"])
+    return duration >= 0.0 and not unknown
 
 
 def clean(line: Line, column: str = "violated") -> bool:
@@ -234,15 +248,18 @@ def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> l
 
     Cells that are not eligible stand in parentheses. Nothing is bold if one of these is better.
     """
-    there = [cell for cell in cells if math.isfinite(cell.value)]
+    known = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
-    if better is not None and len({cell.shown for cell in there}) > 1:
-        best = (min if better == "less" else max)(there, key=lambda cell: cell.value).shown
+    if better is not None and len({cell.shown for cell in known}) > 1:
+        choose = min if better == "less" else max
+        best = choose(known, key=lambda cell: cell.value).shown
+    compared = better is not None and len(cells) > 1
     texts = []
-    for cell, may in zip(cells, eligible, strict=True):
-        text = f"{cell.before}{bold(cell.text) if may and cell.shown == best else cell.text}"
-        aside = better is not None and len(cells) > 1 and not may and math.isfinite(cell.value)
-        texts.append(f"({text})" if aside else text)
+    for cell, is_eligible in zip(cells, eligible, strict=True):
+        text = bold(cell.text) if is_eligible and cell.shown == best else cell.text
+        text = cell.before + text
+        excluded = not is_eligible and math.isfinite(cell.value)
+        texts.append(f"({text})" if compared and excluded else text)
     return texts
 
 
@@ -251,10 +268,13 @@ def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
 
     All are False if only one controller was run.
     """
-    several = sum(map(bool, runs)) > 1
-    return [
-        several and bool(own) and all(run["status"] == "converged" for run in own) for own in runs
-    ]
+    if sum(map(bool, runs)) < 2:
+        return [False] * len(runs)
+    flags = []
+    for trials in runs:
+        converged = all(run["status"] == "converged" for run in trials)
+        flags.append(bool(trials) and converged)
+    return flags
 
 
 def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
@@ -265,10 +285,14 @@ def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
     """
     if metric.judged == "any":
         return True
-    kept = bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
-    return kept and (
-        metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines)
-    )
+    if metric.judged == "sliding" and any(line["sliding_lost_s"] != 0.0 for line in lines):
+        return False
+    return never_outside(lines)
+
+
+def never_outside(lines: Sequence[Line]) -> bool:
+    """Return True if there are lines, and none has a violation."""
+    return bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
 
 
 def tally(texts: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .markdown import Table, code, plain
-from .numbers import DASH, FORMATS, error, number, over_trials
+from .numbers import DASH, FORMATS, error, largest, number, over_trials
 from .results import (
     Cell,
     Line,
@@ -21,6 +21,7 @@ from .results import (
     comparable,
     judged_by,
     marked,
+    never_outside,
     reason_kind,
     shown,
     tally,
@@ -49,31 +50,30 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     """Return the metrics of a group with one line per controller; empty if no run has a value."""
     names = results.controllers if group == "time" else results.competitors
     runs = [results.runs(scenario, name) for name in names]
-    columns: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     if group == "outcome":
-        columns = {
-            "status": [*map(status_text, runs)],
-            "violated rows": [*map(violated_text, runs)],
-        }
+        texts["status"] = list(map(status_text, runs))
+        texts["violated rows"] = list(map(violated_text, runs))
     if group == "time":
-        columns = {
-            "implementation": [results.implementation(name, scenario) or DASH for name in names]
-        }
-    text = 1 + len(columns)
-    for metric in (metric for metric in METRICS if metric.group == group and metric.header):
-        cells = [
-            Cell.of([shown(metric, run) for run in own], FORMATS[metric.style]) for own in runs
-        ]
+        texts["implementation"] = [results.implementation(name, scenario) or DASH for name in names]
+    is_ranked = results.is_ranked(scenario)
+    are_comparable = comparable(runs)
+    numbers = {}
+    for metric in METRICS:
+        if metric.group != group or not metric.header:
+            continue
+        cells = []
+        eligible = []
+        for trials, is_comparable in zip(runs, are_comparable, strict=True):
+            values = [shown(metric, run) for run in trials]
+            cells.append(Cell.of(values, FORMATS[metric.style]))
+            eligible.append(is_comparable and judged_by(metric, trials))
         if any(math.isfinite(cell.value) for cell in cells):
-            eligible = [
-                ok and judged_by(metric, own)
-                for ok, own in zip(comparable(runs), runs, strict=True)
-            ]
-            columns[metric.header] = marked(
-                cells, eligible, metric.better if results.is_ranked(scenario) else None
-            )
-    empty = group != "outcome" and 1 + len(columns) == text
-    return Table(["controller"], []) if empty else columns_table("controller", names, columns, text)
+            better = metric.better if is_ranked else None
+            numbers[metric.header] = marked(cells, eligible, better)
+    if group != "outcome" and not numbers:
+        return Table(["controller"], [])
+    return columns_table("controller", names, texts | numbers, 1 + len(texts))
 
 
 def acceleration_remarks(results: Results, scenario: str) -> list[str]:
@@ -82,23 +82,24 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
     Such commands arise where a row leaves hardly any of the task's null space: a single sample can
     then exceed what an arm can follow.
     """
-    largest = {}
+    accelerations = {}
     for name in results.controllers:
-        values = [run["acceleration_max"] for run in results.runs(scenario, name)]
-        known = [value for value in values if math.isfinite(value)]
-        if known:
-            largest[name] = max(known)
-    remarks = []
-    for name, value in largest.items():
-        others = max((other for own, other in largest.items() if own != name), default=math.inf)
-        if value >= UNUSUAL and value > OUT_OF_PROPORTION * others:
-            remarks.append(
-                f"**Disproportionate command**: {plain(name)} commands up to {number(value)} "
-                f"rad/s² of a joint, {number(value / others)} times as much as any other "
-                "controller, which a real arm could not follow. Give the joints acceleration "
-                "limits."
-            )
-    return remarks
+        value = largest([run["acceleration_max"] for run in results.runs(scenario, name)])
+        if math.isfinite(value):
+            accelerations[name] = value
+    if len(accelerations) < 2:
+        return []
+    # Only the largest acceleration can be out of proportion to all others.
+    second, value = sorted(accelerations.values())[-2:]
+    if value < UNUSUAL or value <= OUT_OF_PROPORTION * second or second == 0.0:
+        return []
+    name = max(accelerations, key=accelerations.__getitem__)
+    return [
+        f"**Disproportionate command**: {plain(name)} commands up to {number(value)} "
+        f"rad/s² of a joint, {number(value / second)} times as much as any other "
+        "controller, which a real arm could not follow. Give the joints acceleration "
+        "limits."
+    ]
 
 
 def metric_text(metric: Metric, runs: Sequence[Line]) -> str:
@@ -113,28 +114,32 @@ def challenge_table(results: Results, scenario: str) -> Table:
     converged = comparable([results.runs(scenario, name) for name in names])
     columns = {}
     for label in results.challenged(scenario):
-        rows = {name: results.rows(scenario, name, label) for name in results.controllers}
-        unit, factor = finer_unit(next((line["unit"] for own in rows.values() for line in own), ""))
-        least = {
-            name: over_trials([factor * line["clearance_min"] for line in own], error)
-            for name, own in rows.items()
-        }
+        lines = [line for line in results.every_row(scenario) if line["constraint"] == label]
+        unit, factor = finer_unit(lines[0]["unit"])
         cells = []
         eligible = []
-        for name, ok in zip(names, converged, strict=True):
-            margin = Cell.of([factor * line["mean_unused_margin"] for line in rows[name]], error)
-            cells.append(margin._replace(before=f"{least[name]} / ") if rows[name] else Cell(DASH))
-            eligible.append(
-                ok
-                and bool(rows[name])
-                and all(line["violation_depth"] == 0.0 for line in rows[name])
-            )
+        for name, is_comparable in zip(names, converged, strict=True):
+            rows = results.rows(scenario, name, label)
+            cell = Cell(DASH)
+            if rows:
+                margin = Cell.of(_scaled(rows, "mean_unused_margin", factor), error)
+                cell = margin._replace(before=f"{_least_clearance(rows, factor)} / ")
+            cells.append(cell)
+            eligible.append(is_comparable and never_outside(rows))
         # The baseline has no margin while it violates the row.
-        columns[f"{code(label)} [{unit}]"] = [
-            *(least[name] for name in baseline),
-            *marked(cells, eligible, "less"),
+        column = [
+            _least_clearance(results.rows(scenario, name, label), factor) for name in baseline
         ]
+        columns[f"{code(label)} [{unit}]"] = column + marked(cells, eligible, "less")
     return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
+
+
+def _least_clearance(rows: Sequence[Line], factor: float) -> str:
+    return over_trials(_scaled(rows, "clearance_min", factor), error)
+
+
+def _scaled(rows: Sequence[Line], column: str, factor: float) -> list[float]:
+    return [factor * row[column] for row in rows]
 
 
 def failure_table(
@@ -145,45 +150,6 @@ def failure_table(
     Lines give kind, reason and time, and are grouped by kind of failure and row.
     ``first_violations`` is the time at which a controller's shown run first violates a row [s].
     """
-    lines = []
-    for name in results.competitors:
-        runs = results.runs(scenario, name)
-        rows = results.rows(scenario, name)
-        kinds = defaultdict[Any, list[Line]](list)
-        depths = defaultdict[str, list[Line]](list)
-        for run in (run for run in runs if run["status"] != "converged"):
-            kinds[run["status"], reason_kind(run["reason"])].append(run)
-        for row in (row for row in rows if row["violation_depth"] > 0.0):
-            depths[row["constraint"]].append(row)
-
-        def trials(alike: Sequence[Line], one: Line, of: int = len(runs)) -> str:
-            return f"{len(alike)} of {of} ({one['trial']:.0f})"
-
-        for alike in kinds.values():
-            first = alike[0]
-            reason = plain(first["reason"]) or DASH
-            late = [
-                code(row["constraint"])
-                for row in rows
-                if row["last_active_s"] >= first["duration_s"] - AT_THE_END
-            ]
-            if len(runs) == 1 and late:
-                reason += f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}"
-            lines.append(
-                [name, str(first["status"] or "unknown"), reason, DASH, DASH, trials(alike, first)]
-            )
-        for label, alike in depths.items():
-            worst = max(alike, key=lambda row: float(row["violation_depth"]))
-            unit, factor = finer_unit(worst["unit"])
-            seconds = (
-                number(worst["violation_time_s"])
-                if worst["violation_time_s"] > 0.0
-                else "between samples"
-            )
-            if len(runs) == 1 and (name, label) in first_violations:
-                seconds += f", from {first_violations[name, label]:.3f}"
-            depth = f"{number(factor * worst['violation_depth'])} {unit}"
-            lines.append([name, "violates", code(label), depth, seconds, trials(alike, worst)])
     header = [
         "controller",
         "failure",
@@ -192,8 +158,50 @@ def failure_table(
         "time [s]",
         "trials (first or worst)",
     ]
-    count = 6 if results.trials > 1 else 5
+    lines = []
+    for name in results.competitors:
+        runs = results.runs(scenario, name)
+        rows = results.rows(scenario, name)
+        failed = defaultdict[Any, list[Line]](list)
+        for run in runs:
+            if run["status"] != "converged":
+                failed[run["status"], reason_kind(run["reason"])].append(run)
+        for alike in failed.values():
+            first = alike[0]
+            status = str(first["status"] or "unknown")
+            reason = plain(first["reason"]) or DASH
+            if len(runs) == 1:
+                reason += _rows_at_the_end(first, rows)
+            trials = _trials_text(alike, first, len(runs))
+            lines.append([name, status, reason, DASH, DASH, trials])
+        outside = defaultdict[str, list[Line]](list)
+        for row in rows:
+            if row["violation_depth"] > 0.0:
+                outside[row["constraint"]].append(row)
+        for label, alike in outside.items():
+            worst = max(alike, key=lambda row: float(row["violation_depth"]))
+            unit, factor = finer_unit(worst["unit"])
+            depth = f"{number(factor * worst['violation_depth'])} {unit}"
+            seconds = "between samples"
+            if worst["violation_time_s"] > 0.0:
+                seconds = number(worst["violation_time_s"])
+            if len(runs) == 1 and (name, label) in first_violations:
+                seconds += f", from {first_violations[name, label]:.3f}"
+            trials = _trials_text(alike, worst, len(runs))
+            lines.append([name, "violates", code(label), depth, seconds, trials])
+    count = len(header) if results.trials > 1 else len(header) - 1
     return Table(header[:count], [line[:count] for line in lines], count)
+
+
+def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:
+    """Return the rows that were active shortly before the end of a run, to be added to a text."""
+    begin = run["duration_s"] - AT_THE_END
+    late = [code(row["constraint"]) for row in rows if row["last_active_s"] >= begin]
+    return f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}" if late else ""
+
+
+def _trials_text(alike: Sequence[Line], example: Line, of: int) -> str:
+    return f"{len(alike)} of {of} ({example['trial']:.0f})"
 
 
 def finer_unit(unit: str) -> tuple[str, float]:
@@ -206,13 +214,12 @@ def status_text(runs: Sequence[Line]) -> str:
 
     A run that ended early is shown with its time, several trials with the count of each status.
     """
-    if (
-        len(runs) == 1
-        and runs[0]["status"] in ("aborted", "failed")
-        and math.isfinite(runs[0]["duration_s"])
-    ):
-        return f"{runs[0]['status']} at {number(runs[0]['duration_s'])} s"
-    return tally([str(run["status"] or "unknown") for run in runs])
+    statuses = [str(run["status"] or "unknown") for run in runs]
+    if len(runs) == 1 and statuses[0] in ("aborted", "failed"):
+        duration = runs[0]["duration_s"]
+        if math.isfinite(duration):
+            return f"{statuses[0]} at {number(duration)} s"
+    return tally(statuses)
 
 
 def violated_text(runs: Sequence[Line]) -> str:
@@ -224,7 +231,8 @@ def violated_text(runs: Sequence[Line]) -> str:
     texts = []
     for counts, mark in ((beyond, ""), (slight, " ‡")):
         for label, times in counts.items():
-            texts.append(
-                f"{code(label)}{f' ({times} of {len(runs)})' if len(runs) > 1 else ''}{mark}"
-            )
+            text = code(label)
+            if len(runs) > 1:
+                text += f" ({times} of {len(runs)})"
+            texts.append(text + mark)
     return ", ".join(texts) or "none"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
@@ -18,7 +18,6 @@ from .results import (
     Cell,
     Line,
     Results,
-    clean,
     columns_table,
     judged_by,
     marked,
@@ -45,57 +44,61 @@ MAX_NAMES = 9  #: Most scenarios that a cell names.
 
 def law_table(results: Results) -> Table:
     """Return the main results of each controller, best first."""
-    runs = {name: len(results.all_runs(name)) for name in results.competitors}
-    names = sorted(runs, key=lambda name: (-results.clean[name], -results.clean_tolerant[name]))
-
-    def inside(
-        counts: Mapping[str, int], text: Callable[[int, int], str] = lambda count, of: str(count)
-    ) -> list[str]:
-        cells = [
-            Cell(text(counts[n], runs[n]), counts[n] if runs[n] else math.nan, str(counts[n]))
-            for n in names
-        ]
-        return marked(cells, [True] * len(names), _better(results, "more"))
-
-    def counted(count: int, of: int) -> str:
-        if results.trials == 1:
-            return f"{count} of {of}"
-        # The import takes longer than all other imports of a report.
-        from ..comparisons.rates import rate_of, rate_text
-
-        return rate_text(rate_of(count, of))
-
+    names = sorted(
+        results.competitors,
+        key=lambda name: (results.clean[name], results.clean_tolerant[name]),
+        reverse=True,
+    )
+    strict = []
+    tolerant = []
+    for name in names:
+        of = len(results.all_runs(name))
+        count = results.clean[name]
+        strict.append(Cell(_rate_text(results, count, of), count if of else math.nan, str(count)))
+        count = results.clean_tolerant[name]
+        tolerant.append(Cell(str(count), count if of else math.nan, str(count)))
+    eligible = [True] * len(names)
+    better = _better(results, "more")
     columns = {
-        "converged inside": inside(results.clean, counted),
-        f"at {of_length(TOLERANT)}": inside(results.clean_tolerant),
-        **_overall(results, names, lambda metric: metric.column in FIRST),
-        IMPLEMENTATION: [results.implementation(name) for name in names],
+        "converged inside": marked(strict, eligible, better),
+        f"at {of_length(TOLERANT)}": marked(tolerant, eligible, better),
     }
+    columns |= _overall(results, names, lambda metric: metric.column in FIRST)
+    columns[IMPLEMENTATION] = [results.implementation(name) for name in names]
     return columns_table("controller", names, columns)
+
+
+def _rate_text(results: Results, count: int, of: int) -> str:
+    if results.trials == 1:
+        return f"{count} of {of}"
+    # The import takes longer than all other imports of a report.
+    from ..comparisons.rates import rate_of, rate_text
+
+    return rate_text(rate_of(count, of))
 
 
 def score_table(results: Results) -> Table:
     """Return violations, and the scores that are not in the first table."""
     names = results.competitors
 
-    def outside(column: str) -> list[str]:
-        counts = [
-            sum(bool(violated(run, column)) for run in results.all_runs(name)) for name in names
-        ]
-        cells = [Cell(str(count), count, str(count)) for count in counts]
+    def counts(condition: Callable[[Line], object]) -> list[int]:
+        return [sum(map(bool, map(condition, results.all_runs(name)))) for name in names]
+
+    def ranked_counts(column: str) -> list[str]:
+        cells = []
+        for count in counts(lambda run: violated(run, column)):
+            cells.append(Cell(str(count), count, str(count)))
         return marked(cells, _complete(results, names), _better(results, "less"))
 
     def within_band(run: Line) -> bool:
         return bool(violated(run)) and violated(run) == violated(run, "within_band")
 
     columns = {
-        "runs with a violated row": outside("violated"),
-        f"beyond {of_length(TOLERANT)}": outside("violated_tolerant"),
-        "within the sampling band": [
-            str(sum(map(within_band, results.all_runs(name)))) for name in names
-        ],
-        **_overall(results, names, lambda metric: metric.column not in FIRST),
+        "runs with a violated row": ranked_counts("violated"),
+        f"beyond {of_length(TOLERANT)}": ranked_counts("violated_tolerant"),
+        "within the sampling band": list(map(str, counts(within_band))),
     }
+    columns |= _overall(results, names, lambda metric: metric.column not in FIRST)
     return columns_table("controller", names, columns)
 
 
@@ -109,11 +112,14 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
         return [], {}, DASH
     worst = max(runs, key=lambda run: float(run["violation_depth"]))
     rows = [
-        row for row in results.rows(worst["scenario"], controller) if row["trial"] == worst["trial"]
+        row
+        for row in results.rows(worst["scenario"], controller)
+        if row["trial"] == worst["trial"] and row["violation_depth"] > 0.0
     ]
-    rows = [row for row in rows if row["violation_depth"] > 0.0]
-    deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
-    return runs, worst, code(deepest["constraint"]) if deepest else DASH
+    if not rows:
+        return runs, worst, DASH
+    deepest = max(rows, key=lambda row: float(row["usage_max"]))
+    return runs, worst, code(deepest["constraint"])
 
 
 def won(results: Results, metric: Metric) -> dict[str, list[str]]:
@@ -122,25 +128,21 @@ def won(results: Results, metric: Metric) -> dict[str, list[str]]:
     A scenario has no winner if all values are equal as printed.
     """
     show = FORMATS[metric.style]
-    found = defaultdict[str, list[str]](list)
+    choose = max if metric.better == "more" else min
+    won = defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
-        runs = {name: results.runs(scenario, name) for name in _solvers(results, scenario)}
-        medians = {name: median([shown(metric, run) for run in own]) for name, own in runs.items()}
-        values = {name: value for name, value in medians.items() if math.isfinite(value)}
-        if len(set(map(show, values.values()))) > 1:
-            top = show((max if metric.better == "more" else min)(values.values()))
-            for name in (name for name, value in values.items() if show(value) == top):
-                found[name].append(f"{scenario} ({top})")
-    return found
-
-
-def _solvers(results: Results, scenario: str) -> list[str]:
-    """Return the controllers that converged without violation in every trial."""
-    return [
-        name
-        for name in results.competitors
-        if (own := results.runs(scenario, name)) and all(map(clean, own))
-    ]
+        values = {}
+        for name in results.solvers(scenario):
+            value = median([shown(metric, run) for run in results.runs(scenario, name)])
+            if math.isfinite(value):
+                values[name] = value
+        texts = {name: show(value) for name, value in values.items()}
+        if len(set(texts.values())) > 1:
+            best = show(choose(values.values()))
+            for name, text in texts.items():
+                if text == best:
+                    won[name].append(f"{scenario} ({best})")
+    return won
 
 
 def unsolved(results: Results) -> dict[str, str]:
@@ -148,15 +150,14 @@ def unsolved(results: Results) -> dict[str, str]:
     reasons = {}
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
-        if runs and not _solvers(results, scenario):
-            warnings = results.stored.warnings.get(scenario, ())
-            closed = all(UNSOLVABLE in run["reason"] for run in runs) or any(
-                UNSOLVABLE in text for text in warnings
-            )
-            perhaps = PERHAPS if obstacles(results, scenario) else ""
-            reasons[scenario] = (
-                "constraints close off a marker from its goal" if closed else perhaps
-            )
+        if not runs or results.solvers(scenario):
+            continue
+        warnings = results.stored.warnings.get(scenario, ())
+        all_report = all(UNSOLVABLE in run["reason"] for run in runs)
+        if all_report or any(UNSOLVABLE in text for text in warnings):
+            reasons[scenario] = "constraints close off a marker from its goal"
+        else:
+            reasons[scenario] = PERHAPS if obstacles(results, scenario) else ""
     return reasons
 
 
@@ -175,9 +176,9 @@ def obstacles(results: Results, scenario: str) -> list[str]:
 def warned(results: Results) -> dict[str, int]:
     """Return the number of warnings of each scenario that has any."""
     return {
-        name: len(own)
-        for name, own in results.stored.warnings.items()
-        if own and name in results.scenarios
+        name: len(warnings)
+        for name, warnings in results.stored.warnings.items()
+        if warnings and name in results.scenarios
     }
 
 
@@ -187,19 +188,19 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
     With ``scored`` a single run also has its utilization [%], or its violation depth [% of L].
     """
     runs = results.runs(scenario, controller)
-    marks = (
-        "†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs
-    )
-    text = tally(
-        [f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)]
-    )
-    single = scored and len(runs) == 1 and controller != BASELINE
-    value = (
-        100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"]
-        if single
-        else math.nan
-    )
+    text = tally([f"{run['status'] or 'unknown'}{_mark(run)}" for run in runs])
+    if not scored or len(runs) != 1 or controller == BASELINE:
+        return text
+    column = "violation_depth" if violated(runs[0]) else "utilization"
+    value = 100.0 * runs[0][column]
     return f"{text} {number(value)}" if math.isfinite(value) else text
+
+
+def _mark(run: Line) -> str:
+    """Return the mark of a run that violated a row, see :data:`MARKS`."""
+    if violated(run, "violated_tolerant"):
+        return "†"
+    return "‡" if violated(run) else ""
 
 
 def anchor(scenario: str) -> str:
@@ -212,17 +213,16 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
 
     All are False if there is only one competitor.
     """
-    solved = {
-        name: {
-            (run["scenario"], run["trial"])
-            for run in results.all_runs(name)
-            if run["status"] == "converged"
+    if sum(bool(results.all_runs(name)) for name in results.competitors) < 2:
+        return [False] * len(names)
+    converged = {}
+    for name in results.competitors:
+        runs = results.all_runs(name)
+        converged[name] = {
+            (run["scenario"], run["trial"]) for run in runs if run["status"] == "converged"
         }
-        for name in results.competitors
-    }
-    anyone = set().union(*solved.values())
-    several = sum(bool(results.all_runs(name)) for name in results.competitors) > 1
-    return [several and bool(anyone) and solved[name] == anyone for name in names]
+    by_anyone = set().union(*converged.values())
+    return [bool(by_anyone) and converged[name] == by_anyone for name in names]
 
 
 def _overall(
@@ -233,20 +233,26 @@ def _overall(
     Each is the worst or the median value, with the number of runs that have one.
     """
     columns = {}
-    for metric in (metric for metric in METRICS if metric.overall and chosen(metric)):
+    complete = _complete(results, names)
+    for metric in METRICS:
+        if not metric.overall or not chosen(metric):
+            continue
+        condense = largest if metric.condensed == "worst" else median
         cells = []
         eligible = []
-        for name, complete in zip(names, _complete(results, names), strict=True):
+        for name, is_complete in zip(names, complete, strict=True):
             runs = results.all_runs(name)
             if metric.condensed != "worst" and metric.kind != "time":
                 runs = [run for run in runs if run["status"] == "converged"]
             values = [shown(metric, run) for run in runs]
-            value = (largest if metric.condensed == "worst" else median)(values)
-            text = FORMATS[metric.style](value)
-            finite = sum(v == v for v in values)
-            some = "" if text == DASH or finite == len(runs) else f", {finite} of {len(runs)}"
-            cells.append(Cell(text + some, value, text))
-            eligible.append(complete and judged_by(metric, runs))
+            value = condense(values)
+            digits = FORMATS[metric.style](value)
+            known = sum(not math.isnan(each) for each in values)
+            text = digits
+            if digits != DASH and known < len(runs):
+                text += f", {known} of {len(runs)}"
+            cells.append(Cell(text, value, digits))
+            eligible.append(is_complete and judged_by(metric, runs))
         columns[metric.overall] = marked(cells, eligible, _better(results, metric.better))
     return columns
 

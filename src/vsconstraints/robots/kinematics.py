@@ -72,14 +72,14 @@ class KinematicsEvaluator:
         """Return the kinematics at ``q`` and ``qd`` (n,)."""
         model = self._model
         data = self._data
-        own = pin.ReferenceFrame.LOCAL
+        local = pin.ReferenceFrame.LOCAL
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
         tip = pin.updateFramePlacement(model, data, self._tip)
         # Pinocchio returns a Jacobian of one column as a vector
-        J = np.array(pin.getFrameJacobian(model, data, self._tip, own)).reshape(6, -1)
-        drift = np.array(pin.getFrameAcceleration(model, data, self._tip, own).vector)
+        J = np.array(pin.getFrameJacobian(model, data, self._tip, local)).reshape(6, -1)
+        drift = np.array(pin.getFrameAcceleration(model, data, self._tip, local).vector)
         k = len(self._points)
         points = np.empty((k, 3))
         point_J = np.empty((k, 3, model.nv))

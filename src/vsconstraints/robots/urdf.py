@@ -169,11 +169,11 @@ def _locked_positions(
     ConfigurationError if that one does not exist.
     """
     positions: Array = pin.neutral(model)
-    at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
+    index_of = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
     for joint, value in locked.items():
-        if joint not in at:
-            raise unknown_name(f"joint in {file}", joint, list(at))
-        positions[at[joint]] = vector([value], 1, f"locked {joint}")[0]
+        if joint not in index_of:
+            raise unknown_name(f"joint in {file}", joint, list(index_of))
+        positions[index_of[joint]] = vector([value], 1, f"locked {joint}")[0]
 
     def position(joint: str, following: tuple[str, ...]) -> float:
         if joint in mimics and joint not in locked:
@@ -183,18 +183,18 @@ def _locked_positions(
                     f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with "
                     f"locked={{…}}"
                 )
-            if leader not in at and not model.existFrame(leader, pin.FrameType.FIXED_JOINT):
+            if leader not in index_of and not model.existFrame(leader, pin.FrameType.FIXED_JOINT):
                 raise ConfigurationError(
                     f"joint {joint!r} of {file} mimics {leader!r}, and there is no such joint: "
                     f"name one in its mimic element, or lock {joint!r} with locked={{…}}"
                 )
-            if leader in at:
+            if leader in index_of:
                 return factor * position(leader, (*following, leader)) + offset
-        return float(positions[at[joint]])
+        return float(positions[index_of[joint]])
 
     for joint in mimics:
-        if joint in at:
-            positions[at[joint]] = position(joint, (joint,))
+        if joint in index_of:
+            positions[index_of[joint]] = position(joint, (joint,))
     return positions
 
 

@@ -83,9 +83,9 @@ def check(rows: Rows, task: Task) -> None:
                 f"be {shape}"
             )
         if not np.isfinite(array).all():
-            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            wrong = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(
-                f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}"
+                f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in wrong)}"
             )
     if len(rows.qdd_min) or len(rows.qdd_max):
         _check_box(rows, n)
@@ -103,18 +103,18 @@ def check(rows: Rows, task: Task) -> None:
     for name in ("J", "b", "error", "error_rate", "rest", "qd"):
         array = getattr(task, name)
         if not np.isfinite(array).all():
-            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")
+            wrong = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, wrong))}")
     if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
-        at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
+        wrong = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
         raise InvalidInput(
             "switching gain and scale must be positive; they are not for "
-            f"{', '.join(rows.labels[i] for i in at)}"
+            f"{', '.join(rows.labels[i] for i in wrong)}"
         )
     if (rows.phi / FARTHEST > rows.scale).any():
-        at = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
+        wrong = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
         far = ", ".join(
-            f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at
+            f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in wrong
         )
         raise InvalidInput(
             f"φ is more than {FARTHEST:g} times its scale, too large for any law: {far}. Give "
@@ -131,7 +131,7 @@ def _check_box(rows: Rows, n: int) -> None:
             f"the shapes {low.shape} "
             f"and {high.shape}"
         )
-    at = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))
-    if len(at):
-        boxes = "; ".join(f"joint {j + 1}: [{low[j]:g}, {high[j]:g}]" for j in at)
+    empty = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))
+    if len(empty):
+        boxes = "; ".join(f"joint {j + 1}: [{low[j]:g}, {high[j]:g}]" for j in empty)
         raise InvalidInput(f"rows.qdd_min and rows.qdd_max leave no acceleration: {boxes}")

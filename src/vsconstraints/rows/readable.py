@@ -56,6 +56,6 @@ def enumerated(names: Iterable[object], most: int = 3) -> str:
     return ", ".join(texts) if left <= 0 else f"{', '.join(texts[:most])} and {left} more"
 
 
-def counted(count: int, one: str, several: str = "") -> str:
+def counted(count: int, singular: str, several: str = "") -> str:
     """Format a count: ``1 marker``, ``4 markers``, ``2 families``."""
-    return f"{count} {one if count == 1 else several or one + 's'}"
+    return f"{count} {singular if count == 1 else several or singular + 's'}"

@@ -182,12 +182,12 @@ def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
     markers = from_table(make, of_markers, where)
     if not of_motion:
         return markers, None
-    at = f"{where}.motion"
-    of_translation, of_turn = split(of_motion["motion"], at, Motion, Turn)
-    turn = from_table(Turn, of_turn, at)
+    of_motion_table = f"{where}.motion"
+    of_translation, of_turn = split(of_motion["motion"], of_motion_table, Motion, Turn)
+    turn = from_table(Turn, of_turn, of_motion_table)
     centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
     return markers, TargetMotion(
-        from_table(Motion, of_translation, at), np.array(turn.angular_velocity), centre
+        from_table(Motion, of_translation, of_motion_table), np.array(turn.angular_velocity), centre
     )
 
 

@@ -93,8 +93,8 @@ def make_constraint(
         from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
     )
     kind = values.get("type")
-    own = isinstance(kind, str) and ":" in kind
-    if own:
+    is_custom = isinstance(kind, str) and ":" in kind
+    if is_custom:
         make: Callable[..., Constraint] = imported_class(values.pop("type"), Constraint, folder)
     else:
         make = chosen(values, "type", CONSTRAINTS, where, others=["module:Class"])
@@ -109,7 +109,7 @@ def make_constraint(
     except VsconstraintsError:
         raise
     except (Exception, SystemExit) as error:  # a custom constraint may raise anything
-        if not own:
+        if not is_custom:
             raise
         raise ConfigurationError(
             f"{where}: {kind} cannot be made with {format_value(values)}: {described(error)}"
@@ -126,16 +126,15 @@ def make_constraint(
 
 def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
     """Return the keys of a constraint's table as parameters, with annotations and defaults."""
-    own = {
-        name: key.replace(default=())
-        if key.annotation in STEPS and not STEPS[key.annotation].required
-        else key
-        for name, key in parameters(make).items()
-    }
+    found = {}
+    for name, key in parameters(make).items():
+        is_optional = key.annotation in STEPS and not STEPS[key.annotation].required
+        found[name] = key.replace(default=()) if is_optional else key
     further = [
         key for step in _steps(make) for made in step.makes for key in parameters(made).values()
     ]
-    found = own | {key.name: key for key in further if key.name not in own}
+    for key in further:
+        found.setdefault(key.name, key)
     return {
         name: key
         for name, key in found.items()
@@ -161,10 +160,12 @@ def _steps(make: Callable[..., Constraint]) -> list[Step]:
 
 
 def _curve(table: Table, where: str, context: Context) -> dict[str, Any]:
-    curve, at = _inner(table, "curve", where)
-    kind = chosen(curve, "shape", SHAPES, at)
-    of_shape, of_curve = split(curve, at, kind, Curve, without=["shape"])
-    return {"curve": from_table(Curve, of_curve, at, {"shape": from_table(kind, of_shape, at)})}
+    curve, place = _inner(table, "curve", where)
+    kind = chosen(curve, "shape", SHAPES, place)
+    of_shape, of_curve = split(curve, place, kind, Curve, without=["shape"])
+    return {
+        "curve": from_table(Curve, of_curve, place, {"shape": from_table(kind, of_shape, place)})
+    }
 
 
 def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
@@ -195,18 +196,18 @@ def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
     robot = context["robot"]
     bodies = []
     for i, body in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
-        at = f"{where}.bodies[{i}]"
-        solid, pose, (link, name) = _solid(require_table(body, at), at, context, attached)
+        place = f"{where}.bodies[{i}]"
+        solid, pose, (link, name) = _solid(require_table(body, place), place, context, attached)
         bodies.append(attached_body(robot, link, solid, pose, name))
-    own = _taken(table, link_bodies)
-    if not bodies or own or robot.source is not None:
-        bodies = [*from_table(link_bodies, own, where, context), *bodies]
+    of_links = _taken(table, link_bodies)
+    if not bodies or of_links or robot.source is not None:
+        bodies = [*from_table(link_bodies, of_links, where, context), *bodies]
     return {"bodies": tuple(bodies)}
 
 
 def _obstacle(table: Table, where: str, context: Context) -> dict[str, Any]:
-    obstacle, at = _inner(table, "obstacle", where)
-    solid, pose, _ = _solid(obstacle, at, context, lambda: None)
+    obstacle, place = _inner(table, "obstacle", where)
+    solid, pose, _ = _solid(obstacle, place, context, lambda: None)
     return {"obstacle": fixed_body(checked(table.pop("name", ""), str, where, "name"), solid, pose)}
 
 

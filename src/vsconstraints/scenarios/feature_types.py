@@ -55,7 +55,7 @@ def make_feature(make: Make, table: Table, where: str, folder: Path) -> Feature:
     if make is Stack:
         several = checked(table[SEVERAL], list[Any], where, SEVERAL)
         return Stack(
-            [_of_stack(one, f"{where}.{SEVERAL}[{i}]", folder) for i, one in enumerate(several)]
+            [_of_stack(entry, f"{where}.{SEVERAL}[{i}]", folder) for i, entry in enumerate(several)]
         )
     try:
         return from_table(make, table, where)
@@ -69,7 +69,7 @@ def make_feature(make: Make, table: Table, where: str, folder: Path) -> Feature:
         ) from error
 
 
-def _of_stack(one: object, where: str, folder: Path) -> Feature:
+def _of_stack(entry: object, where: str, folder: Path) -> Feature:
     """Return a feature of a stack: a name, or a table with a name and further keys."""
-    table = {ONE: one} if isinstance(one, str) else require_table(one, where)
+    table = {ONE: entry} if isinstance(entry, str) else require_table(entry, where)
     return make_feature(feature_named(table, where, folder), table, where, folder)

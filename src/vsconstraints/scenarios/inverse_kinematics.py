@@ -33,12 +33,12 @@ def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
     q = np.clip(near, robot.q_min, robot.q_max)
     for _ in range(MAX_STEPS):
         pin.computeJointJacobians(model, data, q)
-        there = pin.updateFramePlacement(model, data, frame).actInv(wanted)
-        error = pin.log6(there).vector
+        difference = pin.updateFramePlacement(model, data, frame).actInv(wanted)
+        error = pin.log6(difference).vector
         squared = float(error @ error)
         if squared <= POSE_TOLERANCE**2:
             return np.asarray(q)
-        J = pin.Jlog6(there.inverse()) @ pin.getFrameJacobian(
+        J = pin.Jlog6(difference.inverse()) @ pin.getFrameJacobian(
             model, data, frame, pin.ReferenceFrame.LOCAL
         )
         step = np.linalg.solve(J.T @ J + (DAMPING * squared + 1e-12) * eye, J.T @ error)

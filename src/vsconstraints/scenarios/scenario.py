@@ -130,14 +130,16 @@ class Scenario(Described):
         ]
         robot = self.tables.get("robot")
         packages = robot.get("package_dirs") if isinstance(robot, dict) else None
-        at = (
+        folders = (
             [self.folder / path for path in packages if isinstance(path, str)]
             if isinstance(packages, list)
             else None
         )
         urdfs = [file for file in files if file.suffix.lower() in (".urdf", ".xml")]
         meshes = [
-            mesh for file in urdfs for mesh in mesh_files(file, mesh_folders(file, at, os.environ))
+            mesh
+            for file in urdfs
+            for mesh in mesh_files(file, mesh_folders(file, folders, os.environ))
         ]
         return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 

@@ -118,15 +118,15 @@ def override(table: dict[str, Any], key: str, value: object, where: str) -> None
     The tables on the path must exist or belong to :data:`OPTIONAL`. A type that stands for a table
     is expanded to that table. The last key is checked by the code that reads the table.
     """
-    at: Any = table
+    parent: Any = table
     *way, last = key.split(".")
     for name in way:
-        at = _child(at, name, where)
-    if isinstance(at, list):
-        _child(at, last, where)
-        at[int(last)] = value
-    elif isinstance(at, dict):
-        at[last] = value
+        parent = _child(parent, name, where)
+    if isinstance(parent, list):
+        _child(parent, last, where)
+        parent[int(last)] = value
+    elif isinstance(parent, dict):
+        parent[last] = value
     else:
         raise ConfigurationError(f"{where}: {key!r} does not lead to a table")
 
@@ -140,15 +140,15 @@ def merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _child(at: Any, name: str, where: str) -> Any:
-    if isinstance(at, list):
-        if not (name.isascii() and name.isdecimal()) or int(name) >= len(at):
+def _child(parent: Any, name: str, where: str) -> Any:
+    if isinstance(parent, list):
+        if not (name.isascii() and name.isdecimal()) or int(name) >= len(parent):
             raise unknown_name(
-                f"entry of a list in {where}", name, [str(i) for i in range(len(at))]
+                f"entry of a list in {where}", name, [str(i) for i in range(len(parent))]
             )
-        return at[int(name)]
-    if not isinstance(at, dict) or (name not in at and name not in OPTIONAL):
-        raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])
-    if name in BY_TYPE and isinstance(at.get(name), str):
-        at[name] = {"type": at[name]}
-    return at.setdefault(name, {})
+        return parent[int(name)]
+    if not isinstance(parent, dict) or (name not in parent and name not in OPTIONAL):
+        raise unknown_name(f"table in {where}", name, parent if isinstance(parent, dict) else [])
+    if name in BY_TYPE and isinstance(parent.get(name), str):
+        parent[name] = {"type": parent[name]}
+    return parent.setdefault(name, {})

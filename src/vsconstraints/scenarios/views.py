@@ -201,8 +201,10 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
             pixels = scene.project(camera)
             depth = scene.depth(camera)
         except SceneError as error:
-            at = np.zeros(scene.robot.n) if q is None else q
-            doubts = "".join(f"; {doubt}" for doubt in unit_warnings_at(scene, "camera_at_q", at))
+            configuration = np.zeros(scene.robot.n) if q is None else q
+            doubts = "".join(
+                f"; {doubt}" for doubt in unit_warnings_at(scene, "camera_at_q", configuration)
+            )
             raise ConfigurationError(f"{where}: at the goal, {error}{doubts}") from error
     return Goal(
         goal.from_time,

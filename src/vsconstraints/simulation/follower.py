@@ -169,7 +169,7 @@ class LowLevelLoop:
         ages = np.ceil(late / Ts - WHOLE).astype(np.int64)
         # of the instant before; a command of the period before is a period older by now
         before = np.append(ages[-1] + 1, ages[:-1])
-        own = actuators if arm.acceleration is None else arm.acceleration
+        limit = actuators if arm.acceleration is None else arm.acceleration
         # critically damped, unless the loop is faster than the arm takes commands
         feedback = 1.0 / tick if arm.lag == 0.0 else min(1.0 / tick, 0.25 / arm.lag)
         known = {
@@ -182,7 +182,7 @@ class LowLevelLoop:
             "positions": int(arm.command == "position"),
             "lag": float(arm.lag),
             "feedback": feedback,
-            "acceleration": per_joint("arm.acceleration", own, n),
+            "acceleration": per_joint("arm.acceleration", limit, n),
             "jerk": per_joint("arm.jerk", arm.jerk, n),
             "reference": np.zeros((commands + 2 * (int(ages.max()) + 1) + 2, n)),
         }

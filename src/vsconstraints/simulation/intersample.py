@@ -53,19 +53,21 @@ def intersample_clearance(
     periods = inspected_periods(setup, plant, states, clearance)
     length = setup.constraints.characteristic_length
 
-    def look(at: IntArray, share: float) -> Array:
+    def look(samples: IntArray, share: float) -> Array:
         """Record and return clearances (P, m) at a share of the period after some samples.
 
         They are infinite where the scene cannot be seen.
         """
-        there = np.full((len(at), m), np.inf)
-        q, qd = plant.within(states, at, share)
-        t = (at + share) * setup.Ts
+        clearance = np.full((len(samples), m), np.inf)
+        q, qd = plant.within(states, samples, share)
+        t = (samples + share) * setup.Ts
         pixels, points, seen = control.views(t, q)
         if seen.any():
-            there[seen] = setup.clearance(t[seen], q[seen], qd[seen], pixels[seen], points[seen])
-        least[at] = np.minimum(least[at], there)
-        return there
+            clearance[seen] = setup.clearance(
+                t[seen], q[seen], qd[seen], pixels[seen], points[seen]
+            )
+        least[samples] = np.minimum(least[samples], clearance)
+        return clearance
 
     if not len(periods):
         return least
@@ -79,12 +81,17 @@ def intersample_clearance(
     while parts and width > FINEST:
         deepest = np.fmin(np.fmin(clearance.min(axis=0), least.min(axis=0)), 0.0)
         halves = []
-        for begin, at, first, last in parts:
-            may = (np.minimum(first, last) - change[at] < deepest) & (change[at] > DIP[1] * length)
-            at, first, last = (each[may.any(axis=1)] for each in (at, first, last))
-            if len(at):
-                middle = look(periods[at], begin + 0.5 * width)
-                halves += [(begin, at, first, middle), (begin + 0.5 * width, at, middle, last)]
+        for begin, candidates, first, last in parts:
+            may = (np.minimum(first, last) - change[candidates] < deepest) & (
+                change[candidates] > DIP[1] * length
+            )
+            candidates, first, last = (each[may.any(axis=1)] for each in (candidates, first, last))
+            if len(candidates):
+                middle = look(periods[candidates], begin + 0.5 * width)
+                halves += [
+                    (begin, candidates, first, middle),
+                    (begin + 0.5 * width, candidates, middle, last),
+                ]
         parts = halves
         width = 0.5 * width
         change = 0.5 * change

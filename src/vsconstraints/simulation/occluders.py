@@ -68,7 +68,7 @@ class LinesOfSight:
             places.append(
                 [self._data.oMi[body.joint] * placement for body, placement, _ in self._parts]
             )
-        frames = np.array([[at.homogeneous for at in now] for now in places])
+        frames = np.array([[placement.homogeneous for placement in now] for now in places])
         R = frames[..., :3, :3]
         origin = frames[..., None, :3, 3]
         # shares of each line at which it enters and leaves the box around each solid, computed in
@@ -88,23 +88,23 @@ class LinesOfSight:
             parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
             hiding = (
                 body.name
-                for body, _, solid, at in parts
-                if _crosses(eyes[n], markers[n][i], solid, at)
+                for body, _, solid, placement in parts
+                if _crosses(eyes[n], markers[n][i], solid, placement)
             )
             hidden[n] += [(int(i) + 1, link) for link in itertools.islice(hiding, 1)]
         return hidden
 
 
-def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, at: pin.SE3) -> bool:
+def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, placement: pin.SE3) -> bool:
     """True if the line from eye to marker (3,) meets a solid at this placement."""
     along = marker - eye
     length = float(np.sqrt(along @ along))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length).matrix()
     line = coal.Capsule(THIN, length)
     middle = coal.Transform3s(turn, 0.5 * (eye + marker))
-    there = coal.Transform3s(at.rotation, at.translation)
+    pose = coal.Transform3s(placement.rotation, placement.translation)
     return bool(
-        coal.distance(line, middle, solid, there, coal.DistanceRequest(), coal.DistanceResult())
+        coal.distance(line, middle, solid, pose, coal.DistanceRequest(), coal.DistanceResult())
         <= 0.0
     )
 
@@ -172,8 +172,8 @@ class Occluders:
             for placement, solid in body.parts:
                 points = hull_points(solid)
                 if points is not None:
-                    at = self._data.oMi[body.joint] * placement
-                    yield points @ at.rotation.T + at.translation
+                    pose = self._data.oMi[body.joint] * placement
+                    yield points @ pose.rotation.T + pose.translation
         yield from self._still
         for obstacle in self._moving:
             yield from (mesh.points for mesh in obstacle.meshes(t))

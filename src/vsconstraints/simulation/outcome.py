@@ -40,11 +40,11 @@ def judge(
         (first[:-1] < first[1:]) & (first[1:] < samples) & np.isnan(settled[:-1])
     )
     dwelling = int(np.argmax(t >= t[-1] - (setup.tolerances.dwell_s if dwell is None else dwell)))
-    there = first[-1] <= dwelling and unreached[-1] < dwelling
-    if there and not missed.size:
+    is_reached = first[-1] <= dwelling and unreached[-1] < dwelling
+    if is_reached and not missed.size:
         return "converged", ""
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
-    if there:
+    if is_reached:
         return "unfinished", "; ".join(left)
     distance, angle = 1e3 * kept.camera_error[last]
     off = f"{_amount(distance)} mm and {_amount(angle)} mrad"
@@ -70,8 +70,10 @@ def judge(
     )
     if enough and still:
         return "trapped", "; ".join([f"at rest, {final}", *left])
-    at = f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
-    return "unfinished", "; ".join([f"still moving, {at}{final}", *left])
+    fastest_text = (
+        f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
+    )
+    return "unfinished", "; ".join([f"still moving, {fastest_text}{final}", *left])
 
 
 def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
@@ -114,8 +116,8 @@ def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) 
     """
     first = first_samples(begins, samples, Ts)
     reached = np.maximum(unreached + 1, first)
-    there = reached < np.append(first[1:], samples)
-    return np.where(there, np.maximum(reached * Ts - begins, 0.0), np.nan)
+    is_reached = reached < np.append(first[1:], samples)
+    return np.where(is_reached, np.maximum(reached * Ts - begins, 0.0), np.nan)
 
 
 def scores_of(
@@ -129,7 +131,8 @@ def scores_of(
     errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
     steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
     first_active, last_active = (
-        np.where(at < 0, np.nan, at * Ts) for at in (scores.first_active, scores.last_active)
+        np.where(sample < 0, np.nan, sample * Ts)
+        for sample in (scores.first_active, scores.last_active)
     )
     return RunScores(
         *outcome,

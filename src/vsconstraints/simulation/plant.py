@@ -228,8 +228,8 @@ def _transition(
     def held(periods: int, t: float) -> Array:
         """Return the map over ``t`` [s], with the command that is ``periods`` periods old."""
         A = np.zeros((s, s))
-        own = [*range(len(system) - 2), s - 2 - periods, s - 1]
-        A[np.ix_(own, own)] = system
+        states = [*range(len(system) - 2), s - 2 - periods, s - 1]
+        A[np.ix_(states, states)] = system
         moved: Array = expm(A * t)
         return moved
 

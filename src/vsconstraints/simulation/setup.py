@@ -303,10 +303,13 @@ class Setup:
 
         Columns: distance [m], angle [rad], pixels [px] and joint speed [rad/s or m/s].
         """
-        own = self.tolerances
-        at_rest = own.joint_speed if self.scene.motion is None else np.inf
+        tolerances = self.tolerances
+        at_rest = tolerances.joint_speed if self.scene.motion is None else np.inf
         factors = np.array([goal.tolerance_factor for goal in self.task.goals])
-        return np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
+        return np.outer(
+            factors,
+            [tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px, at_rest],
+        )
 
     @property
     def goal_begins(self) -> Array:
@@ -324,10 +327,10 @@ class Setup:
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
         by_pose = isinstance(self.task.feature, CameraPose)
-        there: BoolArray = reached(
+        is_reached: BoolArray = reached(
             camera_error[:, 0], camera_error[:, 1], feature_error, speed, tolerance, by_pose
         )
-        return there
+        return is_reached
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:
         """Return the clearance (N, m) of each row at N samples.
@@ -395,8 +398,8 @@ class Setup:
             labels = ", ".join(listed([rows.labels[i] for i in np.flatnonzero(beyond)], "rows"))
             raise FloatingPointError(f"numbers beyond the range of floating point in {labels}")
         for constraint, count, _ in self.constraints.blocks():
-            own = slice(first, first := first + count)
-            refusal = constraint.refusal(sigma[own], rows.labels[own])
+            block = slice(first, first := first + count)
+            refusal = constraint.refusal(sigma[block], rows.labels[block])
             if refusal:
                 raise ConfigurationError(refusal)
         violated = np.flatnonzero(sigma > 0.0)

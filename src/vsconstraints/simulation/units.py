@@ -244,24 +244,32 @@ def _of_joint_rows(constraints: ConstraintSet, robot: Robot) -> Iterator[str]:
     for rows in constraints.constraints:
         if not isinstance(rows, JointRange | JointSpeed):
             continue
-        at = np.array(rows.joints) - 1
-        turning = ~_prismatic(robot)[at]
+        joints = np.array(rows.joints) - 1
+        turning = ~_prismatic(robot)[joints]
         greatest = np.maximum(np.abs(rows.lower), np.abs(rows.upper))
         if isinstance(rows, JointRange):
-            own = np.maximum(np.abs(robot.q_min[at]), np.abs(robot.q_max[at]))
+            of_robot = np.maximum(np.abs(robot.q_min[joints]), np.abs(robot.q_max[joints]))
             wide = (
-                turning & (greatest > TWO_TURNS) & (greatest > np.where(np.isfinite(own), own, 0.0))
+                turning
+                & (greatest > TWO_TURNS)
+                & (greatest > np.where(np.isfinite(of_robot), of_robot, 0.0))
             )
             unit = "rad"
             suspected = "degrees"
         else:
-            own = robot.qd_max[at]
-            wide = turning & (greatest > np.where(np.isfinite(own), BEYOND_ROBOT * own, FAST))
+            of_robot = robot.qd_max[joints]
+            wide = turning & (
+                greatest > np.where(np.isfinite(of_robot), BEYOND_ROBOT * of_robot, FAST)
+            )
             unit = "rad/s"
             suspected = "degrees per second"
         if wide.any():
             i = int(np.argmax(np.where(wide, greatest, 0.0)))
-            robots = f", and that of {robot.name} is {own[i]:.4g}" if np.isfinite(own[i]) else ""
+            robots = (
+                f", and that of {robot.name} is {of_robot[i]:.4g}"
+                if np.isfinite(of_robot[i])
+                else ""
+            )
             yield (
                 f"the {rows.kind} that a row allows joint {rows.joints[i]} is {greatest[i]:.4g} "
                 f"{unit}{robots}: are "

@@ -13,8 +13,9 @@ from ..images.detectors import DETECTORS, Pixels, Tags
 from ..simulation import Setup, Trajectory
 from .replay.film import film_kind, write_pictures
 
-OWN = (40, 180, 60)  #: Colours of detected tags: those of the task, and FOREIGN for all others.
+EXPECTED = (40, 180, 60)  #: Colours of the task's tags, of all others, and of the time.
 FOREIGN = (230, 60, 40)
+WHITE = (255, 255, 255)
 #: Number of colours of a GIF, and its reduction in size: noise does not compress.
 COLOURS = 32
 SMALLER = 2
@@ -78,45 +79,34 @@ def write_frames(
     tags = {*settings.looked_for(len(setup.scene.markers))}
     for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
         if kind:
-            pictures.append(marked(frame, tags))
+            pictures.append(with_tags(frame, tags))
         else:
             Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
         on_frame()
     if kind == ".gif":
-        pictures = [np.asarray(Image.fromarray(one).reduce(SMALLER)) for one in pictures]
+        pictures = [np.asarray(Image.fromarray(picture).reduce(SMALLER)) for picture in pictures]
     if kind:
         write_pictures(pictures, path, min(settings.rate_hz, 1.0 / setup.Ts), colours=COLOURS)
     return count
 
 
-def marked(frame: Frame, own: set[int]) -> Picture:
+def with_tags(frame: Frame, expected: set[int]) -> Picture:
     """Return an image in colour (H, W, 3) with its time and the detected tags.
 
-    Each tag is shown by its outline and its number.
+    Each tag is shown by its outline and its number, tags that are not ``expected`` in another
+    colour.
     """
     import cv2
 
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    smooth = cv2.LINE_AA
     picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
     for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
-        colour = OWN if number in own else FOREIGN
+        colour = EXPECTED if number in expected else FOREIGN
         outline = corners.round().astype(np.int32)
-        cv2.polylines(
-            picture, [outline], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA
-        )
-        cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, cv2.LINE_AA)
-        at = corners.mean(axis=0).round().astype(int) - (8, -8)
-        cv2.putText(
-            picture, str(number), at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, 2, cv2.LINE_AA
-        )
-    white = (255, 255, 255)
-    cv2.putText(
-        picture,
-        f"{frame.taken:.3f} s",
-        (8, 20),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        0.6,
-        white,
-        1,
-        cv2.LINE_AA,
-    )
+        cv2.polylines(picture, [outline], True, colour, 2, smooth)
+        cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, smooth)
+        centre = corners.mean(axis=0).round().astype(int) - (8, -8)
+        cv2.putText(picture, str(number), centre.tolist(), font, 0.8, colour, 2, smooth)
+    cv2.putText(picture, f"{frame.taken:.3f} s", (8, 20), font, 0.6, WHITE, 1, smooth)
     return picture

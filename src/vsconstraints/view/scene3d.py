@@ -100,15 +100,16 @@ class Scene3D:
         if len(markers) > 2:
             centre = markers.mean(axis=0)
             corners = centre + 1.25 * (markers - centre)
-            sides = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
             # Small cells: a triangle in one piece would be drawn over bodies on the plate.
-            steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
-            wedges = [
-                centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre)
-                for a, b in sides
-            ]
-            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False)
-            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame)
+            steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)[:, None, None]
+            wedges = []
+            edges = []
+            for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                side = np.linspace(a, b, PLATE_CELLS + 1)
+                wedges.append(_grid(centre + steps * (side - centre)))
+                edges.append(tube(np.array([a, b]), edge, 6))
+            self.add(joined(wedges), PLATE, frame, shaded=False)
+            self.add(joined(edges), INK, frame)
         self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame)
 
     def draw(
@@ -137,13 +138,14 @@ class Scene3D:
             faces = np.concatenate(colours)
             # Opaque triangles are outlined in their own colour to close the seams between them.
             edges = np.where(faces[:, 3:] < 1.0, 0.0, faces)
-            look: dict[str, Any] = {
-                "facecolors": faces,
-                "edgecolors": edges,
-                "linewidths": 0.25,
-                "zsort": "average",
-            }
-            solids = Poly3DCollection(np.concatenate(corners), **look, clip_on=not whole)
+            solids = Poly3DCollection(
+                np.concatenate(corners),
+                facecolors=faces,
+                edgecolors=edges,
+                linewidths=0.25,
+                zsort="average",
+                clip_on=not whole,
+            )
             ax.add_collection3d(solids, autolim=False)
         for name, middle in zip("xyz", view.centre, strict=True):
             getattr(ax, f"set_{name}lim")(middle - view.half, middle + view.half)
@@ -162,9 +164,8 @@ def _shaded(corners: Array, part: Part) -> Array:
         np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0
     )
     shade = 0.55 + 0.45 * np.minimum(facing, 1.0) if part.shaded else np.ones(len(corners))
-    return np.column_stack(
-        (shade[:, None] * np.array(rgb(part.colour)) / 255.0, np.full(len(corners), part.opacity))
-    )
+    colours = shade[:, None] * np.array(rgb(part.colour)) / 255.0
+    return np.column_stack((colours, np.full(len(corners), part.opacity)))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -180,22 +181,23 @@ def _grid(points: Array) -> Mesh:
     """Return the surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
     k = np.arange(a * b).reshape(a, b)
-    p, q, r, s = (corner.ravel() for corner in (k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]))
-    return Mesh(
-        points.reshape(-1, 3),
-        np.concatenate((np.stack((p, q, r), axis=1), np.stack((p, r, s), axis=1))),
-    )
+    # Each cell is two triangles, on both sides of its diagonal.
+    begin = k[:-1, :-1].ravel()
+    end = k[1:, 1:].ravel()
+    above = np.stack((begin, k[:-1, 1:].ravel(), end), axis=1)
+    below = np.stack((begin, end, k[1:, :-1].ravel()), axis=1)
+    return Mesh(points.reshape(-1, 3), np.concatenate((above, below)))
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
     """Return a sphere with ``count`` meridians."""
     theta = np.linspace(0.0, np.pi, count // 2 + 1)
     phi = np.linspace(0.0, 2.0 * np.pi, count + 1)
-    T, P = np.meshgrid(theta, phi, indexing="ij")
-    return _grid(
-        centre
-        + radius * np.stack((np.sin(T) * np.cos(P), np.sin(T) * np.sin(P), np.cos(T)), axis=-1)
-    )
+    theta, phi = np.meshgrid(theta, phi, indexing="ij")
+    x = np.sin(theta) * np.cos(phi)
+    y = np.sin(theta) * np.sin(phi)
+    z = np.cos(theta)
+    return _grid(centre + radius * np.stack((x, y, z), axis=-1))
 
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
@@ -205,14 +207,15 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     # All sections are oriented by the direction in which the line extends least.
     across = np.cross(along, np.linalg.svd(along)[2][2])
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    angles = 2.0 * np.pi * np.arange(sides + 1) / sides
-    around = (
-        np.cos(angles)[:, None] * across[:, None]
-        + np.sin(angles)[:, None] * np.cross(along, across)[:, None]
-    )
-    radii = np.array([0.0, *[1.0] * len(points), 0.0]) if caps else np.ones(len(points))
-    at = np.arange(len(points)) if not caps else np.array([0, *range(len(points)), len(points) - 1])
-    return _grid(np.asarray(points)[at][:, None] + radius * radii[:, None, None] * around[at])
+    angles = (2.0 * np.pi * np.arange(sides + 1) / sides)[:, None]
+    third = np.cross(along, across)
+    sections = np.cos(angles) * across[:, None] + np.sin(angles) * third[:, None]
+    surface = np.asarray(points)[:, None] + radius * sections
+    if caps:
+        first = np.broadcast_to(points[0], surface[:1].shape)
+        last = np.broadcast_to(points[-1], surface[:1].shape)
+        surface = np.concatenate((first, surface, last))
+    return _grid(surface)
 
 
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
@@ -220,11 +223,11 @@ def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     J = np.asarray(data.J).reshape(6, -1)
-    poses = [
-        Pose(np.array(data.oMi[i].rotation), np.array(data.oMi[i].translation))
-        for i in range(robot.n + 1)
-    ]
-    return poses, np.where(np.array(robot.prismatic), J[:3], J[3:]).T
+    poses = []
+    for placement in data.oMi:
+        poses.append(Pose(np.array(placement.rotation), np.array(placement.translation)))
+    axes = np.where(np.array(robot.prismatic), J[:3], J[3:]).T
+    return poses, axes
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
@@ -238,7 +241,9 @@ def bars_of(robot: Robot, q: Array) -> list[Array]:
     for (before, after), axis in zip(pairwise(places), axes, strict=True):
         elbow = before + float(axis @ (after - before)) * axis
         corners = [before]
-        corners += [point for point in (elbow, after) if np.linalg.norm(point - corners[-1]) > 1e-6]
+        for point in (elbow, after):
+            if np.linalg.norm(point - before) > 1e-6:
+                corners.append(point)
         bars.append(np.array(corners))
     return bars
 
@@ -255,33 +260,31 @@ def bars(robot: Robot, size: float) -> list[Part]:
     poses, axes = joint_poses(robot, zero)
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
     if not robot.prismatic[0]:
-        parts.append(
-            Part(
-                tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24),
-                JOINT,
-                "joint 0",
-            )
-        )
+        base = tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24)
+        parts.append(Part(base, JOINT, "joint 0"))
         if np.linalg.norm(poses[1].t) > 1e-6:
-            parts.append(
-                Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0")
-            )
-    for i, (corners, radius, slides) in enumerate(
-        zip(bars_of(robot, zero), radii, robot.prismatic, strict=True), 1
-    ):
-        rest = poses[i].inverse
+            column = tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0])
+            parts.append(Part(column, LINK, "joint 0"))
+    for i, corners in enumerate(bars_of(robot, zero), start=1):
+        radius = radii[i - 1]
+        slides = robot.prismatic[i - 1]
+        to_joint = poses[i].inverse
         frame = f"joint {i}"
         thickness = (RAIL if slides else 0.8) * radius
         pieces = []
         for a, b in pairwise(corners):
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
-            pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
+            pieces.append(tube(np.linspace(a, b, steps), thickness))
+            pieces.append(ball(b, thickness, 12))
         if pieces:
-            parts.append(Part(joined(pieces).moved(rest), LINK, frame))
-        half = 1.35 * radius * axes[i - 1]
-        drum = tube(poses[i].t + np.array([-half, half]), 1.25 * radius, 14).moved(rest)
-        rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
-        parts.append(Part(rail, LINK, f"slide {i}") if slides else Part(drum, JOINT, frame))
+            parts.append(Part(joined(pieces).moved(to_joint), LINK, frame))
+        if slides:
+            rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
+            parts.append(Part(rail, LINK, f"slide {i}"))
+        else:
+            half = 1.35 * radius * axes[i - 1]
+            drum = tube(poses[i].t + np.array([-half, half]), 1.25 * radius, 14)
+            parts.append(Part(drum.moved(to_joint), JOINT, frame))
     return parts
 
 
@@ -290,20 +293,21 @@ def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
 
     If there are no meshes, or one is missing, bars are returned and the remark says so.
     """
+    if robot.source is None:
+        remark = f"{robot.name} has no meshes: bars follow the axes of its joints."
+        return bars(robot, size), remark
     parts = []
-    remark = f"{robot.name} has no meshes: bars follow the axes of its joints."
-    if robot.source is not None:
-        remark = f"{robot.name} has no visual meshes: bars follow its axes."
-        try:
-            for one in link_geometry(robot.source, "visual").geometryObjects:
-                if (mesh := mesh_of(one.geometry)) is not None:
-                    pose = Pose(
-                        np.array(one.placement.rotation), np.array(one.placement.translation)
-                    )
-                    parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}"))
-        except ConfigurationError as error:
-            parts = []
-            remark = f"Bars follow the axes of its joints instead of meshes: {error}."
+    remark = f"{robot.name} has no visual meshes: bars follow its axes."
+    try:
+        for body in link_geometry(robot.source, "visual").geometryObjects:
+            mesh = mesh_of(body.geometry)
+            if mesh is not None:
+                placement = body.placement
+                pose = Pose(np.array(placement.rotation), np.array(placement.translation))
+                parts.append(Part(mesh.moved(pose), LINK, f"joint {body.parentJoint}"))
+    except ConfigurationError as error:
+        parts = []
+        remark = f"Bars follow the axes of its joints instead of meshes: {error}."
     return (parts, "") if parts else (bars(robot, size), remark)
 
 
@@ -313,9 +317,8 @@ def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
     A frame ``slide k`` lies along each prismatic joint k.
     """
     poses, axes = joint_poses(robot, q)
-    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)} | {
-        "tip": Placement(robot.pose(q))
-    }
+    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)}
+    frames["tip"] = Placement(robot.pose(q))
     for i, (axis, slides) in enumerate(zip(axes, robot.prismatic, strict=True), start=1):
         if slides:  # the rail ends at the joint's zero position
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()

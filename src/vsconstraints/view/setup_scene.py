@@ -59,11 +59,10 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
     frames["target"] = Placement(target if fixed is None else tip)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
-        moves = motion is not None and motion.size == 3
-        moved = (
-            motion.displacement(t) - motion.displacement(0.0) if motion and moves else np.zeros(3)
-        )
-        frames[f"obstacle {k}"] = Placement(Pose(np.eye(3), moved))
+        shift = np.zeros(3)
+        if motion is not None and motion.size == 3:
+            shift = motion.displacement(t) - motion.displacement(0.0)
+        frames[f"obstacle {k}"] = Placement(Pose(np.eye(3), shift))
     return frames
 
 
@@ -72,8 +71,12 @@ def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
 
     ``size`` is half the side of the shown cube [m].
     """
-    found = {k: one.meshes(0.0, 0.8 * size) for k, one in enumerate(setup.constraints.constraints)}
-    return {k: joined(meshes) for k, meshes in found.items() if meshes}
+    found = {}
+    for k, constraint in enumerate(setup.constraints.constraints):
+        meshes = constraint.meshes(0.0, 0.8 * size)
+        if meshes:
+            found[k] = joined(meshes)
+    return found
 
 
 def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
@@ -108,11 +111,8 @@ def add_robot(
 
 def image_corners(camera: Camera) -> Array:
     """Return the corners (4, 3) of the image at depth 1, in the camera's frame."""
-    corners = (
-        0.5
-        * np.asarray(camera.size)
-        * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    )
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = 0.5 * np.asarray(camera.size) * signs
     with suppress(InvalidInput):  # where the lens cannot be inverted, corners of a pinhole camera
         corners = camera.undistort(corners)
     return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)
@@ -136,9 +136,10 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     add_robot(scene, setup, _bars(setup.scene.robot, scale), scale)
     camera = frames["camera"].pose
     corners = view_corners(setup, camera, q, t)
-    for a, b in pairwise([*corners, corners[0]]):
-        for start, end in ((camera.t, a), (a, b)):
-            scene.add(tube(np.linspace(start, end, 12), 0.0022 * scale, 4, caps=False), CAMERA)
+    for corner, following in pairwise([*corners, corners[0]]):
+        for begin, end in ((camera.t, corner), (corner, following)):
+            edge = tube(np.linspace(begin, end, 12), 0.0022 * scale, 4, caps=False)
+            scene.add(edge, CAMERA)
     scene.draw(ax, view, frames)
 
 
@@ -146,9 +147,11 @@ def points_in_view(setup: Setup, q: Array, t: float) -> Array:
     """Return corners (k, 3) of arm, camera, markers and camera's view, in the base frame."""
     robot = setup.scene.robot
     camera = setup_frames(setup, q, t)["camera"].pose
-    base = np.zeros((0 if robot.prismatic[0] else 1, 3))
-    seen = setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)
-    return np.concatenate((base, *bars_of(robot, q), camera.t[None], *seen))
+    points = [*bars_of(robot, q), camera.t[None]]
+    points += [setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)]
+    if not robot.prismatic[0]:
+        points.insert(0, np.zeros((1, 3)))
+    return np.concatenate(points)
 
 
 def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: float) -> Viewpoint:
@@ -162,21 +165,22 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
     elevation = ELEVATION_FLAT if flat else ELEVATION
 
     def covered(azimuth: float) -> float:
-        return float(np.linalg.det(np.cov((points @ view_axes(elevation, azimuth))[:, :2].T)))
+        seen = points @ view_axes(elevation, azimuth)
+        return float(np.linalg.det(np.cov(seen[:, :2].T)))
 
     azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered))
     axes = view_axes(elevation, azimuth)
     low = (points @ axes).min(axis=0)
     high = (points @ axes).max(axis=0)
     across, up, _ = 0.5 * (high - low)
-    return Viewpoint(
-        axes @ (0.5 * (low + high)), MARGIN * max(up, across / aspect) / IN_VIEW, elevation, azimuth
-    )
+    half = MARGIN * max(up, across / aspect) / IN_VIEW
+    return Viewpoint(axes @ (0.5 * (low + high)), half, elevation, azimuth)
 
 
 def view_axes(elevation: float, azimuth: float) -> Array:
     """Return directions right, up and towards the viewer as columns (3, 3), for angles [deg]."""
-    e, a = np.deg2rad([elevation, azimuth])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    elevation, azimuth = np.deg2rad([elevation, azimuth])
+    level = np.cos(elevation)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
     return np.stack((right, np.cross(towards, right), towards), axis=1)

@@ -150,7 +150,7 @@ def describe_implausible(
     """
     image, shape, position, orientation, age, speed = innovation[:6]
     beyond = innovation[: len(INNOVATIONS)] > bounds
-    said = []
+    remarks = []
     if beyond[0] or beyond[1]:
         off = beside.correction * camera.focal
         i = int(np.argmax((off * off).sum(axis=1)))
@@ -159,30 +159,30 @@ def describe_implausible(
             if beyond[1]
             else ""
         )
-        said.append(
+        remarks.append(
             f"marker {i + 1} is seen {image:.3g} px from where the model predicts it{bent} "
             f"(allowed are "
             f"{bounds[0]:.3g} px and {100.0 * bounds[1]:.0f} %): "
             f"{_explained(seen, seen - off, camera)}"
         )
     if beyond[2] or beyond[3]:
-        said.append(
+        remarks.append(
             f"the camera is measured {position:.3g} m and {orientation:.3g} rad from where the "
             f"joints have it (allowed "
             f"are {bounds[2]:.3g} m and {bounds[3]:.3g} rad)"
         )
     if beyond[4]:
-        said.append(f"the image is {age:.3g} s old (allowed are {bounds[4]:.3g} s)")
+        remarks.append(f"the image is {age:.3g} s old (allowed are {bounds[4]:.3g} s)")
     if beyond[5]:
         j = int(np.argmax(np.abs(beside.slip)))
-        said.append(
+        remarks.append(
             f"the speed of joint {j + 1} is {speed:.3g} rad/s from the change of its measured "
             f"positions (allowed are "
             f"{bounds[5]:.3g})"
         )
     if beyond[6]:
-        said.append(_wrong_depth(beside, bounds[6]))
-    return "; ".join(said)
+        remarks.append(_wrong_depth(beside, bounds[6]))
+    return "; ".join(remarks)
 
 
 def _wrong_depth(beside: Deviations, allowed: float) -> str:
@@ -217,7 +217,7 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
         "coordinates in metres, or normalised, in place of pixels": camera.normalised(model),
         "another order of the markers": model[order],
     }
-    off = {what: float(np.abs(seen - there).max()) for what, there in guesses.items()}
+    off = {what: float(np.abs(seen - pixels).max()) for what, pixels in guesses.items()}
     likely = min(off, key=lambda what: off[what])
     if off[likely] < 0.25 * np.abs(seen - model).max():
         return f"it fits {likely}"

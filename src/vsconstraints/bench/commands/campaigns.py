@@ -254,13 +254,13 @@ def advise(
         joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion
     )
     if scenario is not None:
-        if asked.said:
+        if asked.specified:
             raise ConfigurationError(
-                f"{scenario} already states {', '.join(asked.said)}: give a scenario or these "
+                f"{scenario} already states {', '.join(asked.specified)}: give a scenario or these "
                 "options, not both"
             )
         asked = Situation.of(Scenario.load(scenario))
-    elif not asked.said and keep is None:
+    elif not asked.specified and keep is None:
         raise ConfigurationError(
             "advise needs a scenario, or options such as --joints 6 --latency-ms 30"
         )
@@ -269,7 +269,7 @@ def advise(
     if keep is not None:
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
-    if asked.said:
+    if asked.specified:
         # only laws that come with the package are recommended
         runs = runs if keep is None else Study.load(keep)
         known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))

@@ -159,7 +159,7 @@ def leaderboard(
                     "one of the files"
                 )
             study = Study.load(
-                path, trust, lambda done, scenes: show("scenes", done, scenes), own=True
+                path, trust, lambda done, scenes: show("scenes", done, scenes), custom_laws=True
             )
             studies[path.stem] = study
         text = board(studies, frozen)

@@ -157,17 +157,21 @@ def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
 def _check_views(ends: Ends) -> None:
     scene = ends.scene
     known = [(min(i, 1), q) for i, q in enumerate(ends.q) if q is not None]
-    for at, q in known:
+    for is_goal, q in known:
         outside = scene.robot.outside_ranges(q)
         if outside:
-            raise Rejected((Reason.START_OUT_OF_RANGE, Reason.GOAL_OUT_OF_RANGE)[at], outside[0])
-    for at, q in known:
+            raise Rejected(
+                (Reason.START_OUT_OF_RANGE, Reason.GOAL_OUT_OF_RANGE)[is_goal], outside[0]
+            )
+    for is_goal, q in known:
         try:
             seen = scene.camera.sees(scene.project(scene.camera_pose(q)))
         except SceneError as error:
-            raise Rejected((Reason.START_BEHIND, Reason.GOAL_BEHIND)[at], str(error)) from error
+            raise Rejected(
+                (Reason.START_BEHIND, Reason.GOAL_BEHIND)[is_goal], str(error)
+            ) from error
         if not np.all(seen):
-            raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[at])
+            raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[is_goal])
 
 
 def check_ends(setup: Setup, ends: Ends) -> None:
@@ -266,11 +270,11 @@ def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
     The time is d/w + w/a with the peak speed w = min(v, √(a d)). Distances d ≥ 0 [rad or m] and
     limits a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s] are (n,); a missing limit is infinite.
     """
-    w = np.minimum(speed, np.sqrt(acceleration * distance))
+    peak = np.minimum(speed, np.sqrt(acceleration * distance))
     # a joint that need not move, or has no limits, needs no time
-    moving = (distance > 0.0) & np.isfinite(w)
-    w = np.where(moving, w, 1.0)
-    return np.where(moving, distance / w + w / acceleration, 0.0)
+    moving = (distance > 0.0) & np.isfinite(peak)
+    peak = np.where(moving, peak, 1.0)
+    return np.where(moving, distance / peak + peak / acceleration, 0.0)
 
 
 def least_time(setup: Setup, ends: Ends) -> float:
@@ -290,19 +294,19 @@ def least_time(setup: Setup, ends: Ends) -> float:
     goal = ends.q[-1]
     if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
         return math.nan
-    there = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
-    if np.linalg.matrix_rank(there.task.J) < robot.n:
+    evaluation = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
+    if np.linalg.matrix_rank(evaluation.task.J) < robot.n:
         return math.nan
     # not Robot.difference: stored scenes of the test set have this time, of a fixed definition
     way = goal - setup.q0
     speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
     for rows in setup.constraints.constraints:
         if isinstance(rows, JointSpeed):
-            at = np.array(rows.joints) - 1
+            joints = np.array(rows.joints) - 1
             # the share of a limit up to which scores count a speed as allowed
             share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
-            speed[at] = np.minimum(
-                speed[at], share * np.where(way[at] > 0.0, rows.upper, -rows.lower)
+            speed[joints] = np.minimum(
+                speed[joints], share * np.where(way[joints] > 0.0, rows.upper, -rows.lower)
             )
     return float(
         rest_to_rest(np.abs(way), setup.limits.of_joint("acceleration", robot.n), speed).max()

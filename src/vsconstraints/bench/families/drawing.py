@@ -167,13 +167,15 @@ def parsed(value: Any, where: str) -> Any:
     if not isinstance(value, dict):
         return value
     if len(value) == 1:
-        ((name, said),) = value.items()
+        ((name, content),) = value.items()
         if name in DISTRIBUTIONS:
-            return _distribution(name, said, where)
+            return _distribution(name, content, where)
         if name in PLACEMENTS:
-            return Placed(name, parsed(said, f"{where}.{name}"))
+            return Placed(name, parsed(content, f"{where}.{name}"))
         known = [*DISTRIBUTIONS, *PLACEMENTS]
-        if not isinstance(said, str | bool) and get_close_matches(name, known, n=1, cutoff=ALIKE):
+        if not isinstance(content, str | bool) and get_close_matches(
+            name, known, n=1, cutoff=ALIKE
+        ):
             raise unknown_name(f"distribution in {where}", name, known)
     return {name: parsed(inner, f"{where}.{name}") for name, inner in value.items()}
 
@@ -189,11 +191,13 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
         return values[key]
     if isinstance(tree, Placed):
         return Placed(tree.name, drawn(tree.table, streams, f"{key}.{tree.name}", values))
-    at = f"{key}." if key else ""
+    prefix = f"{key}." if key else ""
     if isinstance(tree, dict):
-        return {name: drawn(inner, streams, f"{at}{name}", values) for name, inner in tree.items()}
+        return {
+            name: drawn(inner, streams, f"{prefix}{name}", values) for name, inner in tree.items()
+        }
     if isinstance(tree, list):
-        return [drawn(inner, streams, f"{at}{i}", values) for i, inner in enumerate(tree)]
+        return [drawn(inner, streams, f"{prefix}{i}", values) for i, inner in enumerate(tree)]
     return tree
 
 
@@ -205,21 +209,21 @@ def merged(under: Any, over: Mapping[str, Any], where: str) -> Table:
     """
     result: Any = list(under) if isinstance(under, list) else dict(under)
     for name, value in over.items():
-        at: Any = name
+        position: Any = name
         if isinstance(result, list):
             if not (name.isdecimal() and int(name) < len(result)):
                 raise unknown_name(
                     f"entry of a list in {where}", name, map(str, range(len(result)))
                 )
-            at = int(name)
-        old = result[at] if isinstance(result, list) else result.get(at)
+            position = int(name)
+        old = result[position] if isinstance(result, list) else result.get(position)
         deeper = (
             isinstance(value, dict)
             and isinstance(old, dict | list)
             and not _draws(value)
             and not _draws(old)
         )
-        result[at] = merged(old, value, f"{where}.{name}") if deeper else value
+        result[position] = merged(old, value, f"{where}.{name}") if deeper else value
     return result  # type: ignore[no-any-return]
 
 

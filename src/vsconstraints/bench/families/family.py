@@ -105,8 +105,8 @@ class Family(Described):
 
     def has_key(self, key: str, condition: str) -> bool:
         """True if the tables of a condition, or those of all conditions, have a key."""
-        own = (self.tables["conditions"][part] for part in self._parts.get(condition, ()))
-        return any(key in tables for tables in (self.tables, *own))
+        parts = (self.tables["conditions"][part] for part in self._parts.get(condition, ()))
+        return any(key in tables for tables in (self.tables, *parts))
 
     @property
     def attempts(self) -> int:
@@ -120,20 +120,20 @@ class Family(Described):
 
     @cached_property
     def _parsed(self) -> Table:
-        own = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
-        return {**parsed(own, self.name), "title": self.title, "description": self.description}
+        common = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
+        return {**parsed(common, self.name), "title": self.title, "description": self.description}
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
         where = f"{self.name}.conditions"
         overrides = {}
-        for name, said in require_table(self.tables.get("conditions", {}), where).items():
-            own = {
+        for name, changes in require_table(self.tables.get("conditions", {}), where).items():
+            table = {
                 key: value
-                for key, value in require_table(said, f"{where}.{name}").items()
+                for key, value in require_table(changes, f"{where}.{name}").items()
                 if key != TOGETHER
             }
-            overrides[name] = parsed(own, f"{where}.{name}")
+            overrides[name] = parsed(table, f"{where}.{name}")
             require_no_placement(overrides[name], f"{where}.{name}")
         return overrides
 
@@ -141,11 +141,11 @@ class Family(Described):
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """Conditions whose tables each condition combines, in the order of merging; itself last."""
         conditions = self.tables.get("conditions", {})
-        single = [name for name, said in conditions.items() if TOGETHER not in said]
+        single = [name for name, changes in conditions.items() if TOGETHER not in changes]
         parts = {}
-        for name, said in conditions.items():
+        for name, changes in conditions.items():
             where = f"{self.name}.conditions.{name}.{TOGETHER}"
-            others = said.get(TOGETHER, [])
+            others = changes.get(TOGETHER, [])
             if not isinstance(others, list):
                 raise ConfigurationError(
                     f"{where} must be a list of conditions, not {format_value(others)}"
@@ -213,8 +213,8 @@ class Family(Described):
         noise = streams.entropy("noise", bits=32)
         bare = drawn(self._parsed, streams, "", values)
         overrides = {
-            name: drawn(said, streams, f"conditions.{name}", values)
-            for name, said in self._overrides.items()
+            name: drawn(changes, streams, f"conditions.{name}", values)
+            for name, changes in self._overrides.items()
         }
         try:
             common, ends = placed(bare, where, self.folder)

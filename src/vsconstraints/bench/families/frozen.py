@@ -32,7 +32,7 @@ V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the packa
 INDEX = "testset.json"  #: index of a test set; below, the file of a family's half
 FILE = "{}.{}.jsonl.gz"
 MAX_BYTES = 500_000_000  #: largest size of an expanded file
-Told = Callable[[str, int, int], None]  #: progress: family, scenes done, scenes in all
+OnDrawn = Callable[[str, int, int], None]  #: progress: family, scenes done, scenes in all
 Kind = TypeVar("Kind")
 
 
@@ -115,16 +115,17 @@ class FrozenFamily(Family):
         Raises ConfigurationError, which names file, scene and problem, if the line is not valid.
         """
         where = f"{self.file(scene.half).name}: scene {scene.number}"
-        said: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
-        tables = said["tables"]
-        if {*tables} != {*self.conditions} or said["number"] != scene.number:
+        content: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
+        tables = content["tables"]
+        if {*tables} != {*self.conditions} or content["number"] != scene.number:
             raise ConfigurationError(
-                f"{where} states number {said['number']} with conditions {', '.join(tables)}; "
+                f"{where} states number {content['number']} with conditions {', '.join(tables)}; "
                 f"they are {', '.join(self.conditions)}"
             )
-        said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
+        content["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
         return replace(
-            scene, **{**said, **{name: math.nan for name, value in said.items() if value is None}}
+            scene,
+            **{**content, **{name: math.nan for name, value in content.items() if value is None}},
         )
 
 
@@ -134,8 +135,8 @@ def line_of(scene: Drawn) -> str:
     Numbers are written as their shortest exact decimals.
     """
     nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
-    said = {name: getattr(scene, name) for name in _Line.__struct_fields__}
-    said["tables"] = {
+    content = {name: getattr(scene, name) for name in _Line.__struct_fields__}
+    content["tables"] = {
         name: {
             key: value
             for key, value in tables.items()
@@ -143,7 +144,7 @@ def line_of(scene: Drawn) -> str:
         }
         for name, tables in scene.tables.items()
     }
-    return _json({name: None if value != value else value for name, value in said.items()})
+    return _json({name: None if value != value else value for name, value in content.items()})
 
 
 def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> Family:
@@ -243,7 +244,7 @@ class TestSet:
         version: str,
         scenes: Mapping[str, int],
         seed: int,
-        told: Told,
+        on_done: OnDrawn,
     ) -> TestSet:
         """Draw and store a test set.
 
@@ -267,19 +268,19 @@ class TestSet:
                     "cannot hold"
                 )
             source = replace(family, tables={**family.tables, "testset": version})
-            index.families[family.name] = said = _Family({}, source.tables, {})
+            index.families[family.name] = entry = _Family({}, source.tables, {})
             for half, count in scenes.items():
                 drawn = [
                     source.scene(number, half, seed)
-                    for number in _reported(range(count), told, family.name)
+                    for number in _reported(range(count), on_done, family.name)
                 ]
                 lines = [line_of(scene) for scene in drawn]
                 data = "".join(f"{line}\n" for line in lines).encode()
                 (folder / FILE.format(family.name, half)).write_bytes(
                     gzip.compress(data, 9, mtime=0)
                 )
-                said.sha256[half] = [_digest(line) for line in lines]
-                said.left_out[half] = sum(
+                entry.sha256[half] = [_digest(line) for line in lines]
+                entry.left_out[half] = sum(
                     scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn
                 )
         (folder / INDEX).write_bytes(
@@ -304,27 +305,27 @@ class TestSet:
             if name not in others:
                 raise unknown_name(f"{what} of test set {self.version}", name, others)
         families = [known[name] for name in dict.fromkeys(names or known)]
-        there = (
+        available = (
             min(len(self.hashes[FILE.format(family.name, half)]) for family in families)
             if families
             else 0
         )
-        if secret_seed == self.seed or (most or 1) > there:
+        if secret_seed == self.seed or (most or 1) > available:
             why = (
                 f"seed {self.seed} is that of the test set"
                 if secret_seed == self.seed
                 else f"{most} are requested"
             )
             raise ConfigurationError(
-                f"test set {self.version} has {there} {half} scenes of each family; {why}"
+                f"test set {self.version} has {available} {half} scenes of each family; {why}"
             )
-        scenes = {"half": half, "scenes": most or there}
+        scenes = {"half": half, "scenes": most or available}
         seed = self.seed if secret_seed is None else secret_seed
         drawn = tuple(each if secret_seed is None else each.source for each in families)
         return {**scenes, "families": drawn, "seed": seed}
 
     def problems(
-        self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None
+        self, redraw: float = 0.0, seed: int = 0, on_done: OnDrawn = lambda *_: None
     ) -> Iterator[str]:
         """Yield deviations from the index: missing, added, changed or unreadable files and scenes.
 
@@ -344,11 +345,11 @@ class TestSet:
                 continue
             for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
                 scene = Drawn(family.name, number, half, self.seed, self.folder)
-                at = f"{file.name}: scene {number}"
+                where = f"{file.name}: scene {number}"
                 if line is None or known is None:
-                    yield f"{at} is {'missing' if line is None else 'not in the index'}"
+                    yield f"{where} is {'missing' if line is None else 'not in the index'}"
                 elif _digest(line) != known:
-                    yield f"{at} was changed: its SHA-256 differs from the index"
+                    yield f"{where} was changed: its SHA-256 differs from the index"
                 else:
                     try:
                         family.read(line, scene)
@@ -356,7 +357,7 @@ class TestSet:
                     except ConfigurationError as error:
                         yield str(error)
         again = Random(seed).sample(whole, math.ceil(redraw * len(whole)))
-        for family, scene, line in _reported(again, told, "drawing again"):
+        for family, scene, line in _reported(again, on_done, "drawing again"):
             other = family.source.scene(scene.number, scene.half, self.seed)
             if not other.found or line_of(other) != line:
                 yield (
@@ -365,7 +366,7 @@ class TestSet:
                 )
 
 
-def _reported(items: Sequence[Any], told: Told, name: str) -> Iterator[Any]:
+def _reported(items: Sequence[Any], on_done: OnDrawn, name: str) -> Iterator[Any]:
     for done, item in enumerate(items):
-        told(name, done, len(items))
+        on_done(name, done, len(items))
         yield item

@@ -171,9 +171,11 @@ def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> 
         raise ConfigurationError(
             f"{place.where}: beyond is one number, or one for each of {len(numbers)} joints"
         )
-    at = both[:, np.array(numbers) - 1]
+    chosen = both[:, np.array(numbers) - 1]
     far = np.asarray(beyond)
-    values: list[float] = np.where(far > 0.0, at.max(axis=0) + far, at.min(axis=0) + far).tolist()
+    values: list[float] = np.where(
+        far > 0.0, chosen.max(axis=0) + far, chosen.min(axis=0) + far
+    ).tolist()
     return values
 
 

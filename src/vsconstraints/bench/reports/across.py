@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from statistics import median
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...reports.markdown import bold
+from ...reports.numbers import median
 from ...rows import Array
 from ..evidence import parquet
 from ..families.family import NOMINAL
@@ -15,6 +14,9 @@ from ..statistics import across_families, left_out_ranks, rate, simultaneous
 from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import Share, condition_text, ranking
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Best known motions of the scenes of test set v1, from `python -m checks.best`.
 TABLE = V1.with_name(f"{V1.name}-best.parquet")
@@ -43,14 +45,15 @@ class Beyond(NamedTuple):
         text = self.shares[law].cell
         if law in self.behind or len(self.laws) < 2:
             return text
-        return bold(text) if len(self.behind) == len(self.laws) - 1 else f"≈ {text}"
+        is_alone = len(self.behind) == len(self.laws) - 1
+        return bold(text) if is_alone else f"≈ {text}"
 
     def rank(self, law: str) -> str:
         """Format the range of ranks of a law over the families left out."""
-        own = self.ranks[:, self.laws.index(law)]
-        low = int(own.min())
-        high = int(own.max())
-        return f"{low}" if low == high else f"{low}–{high}"
+        ranks = self.ranks[:, self.laws.index(law)]
+        best = int(ranks.min())
+        worst = int(ranks.max())
+        return f"{best}" if best == worst else f"{best}–{worst}"
 
     @property
     def stays(self) -> int:
@@ -60,8 +63,12 @@ class Beyond(NamedTuple):
 
 def beyond(dataset: Dataset) -> list[Beyond]:
     """Return the results of each condition with at least :data:`FEWEST` families."""
-    each = (_beyond(dataset, condition) for condition in dataset.conditions)
-    return dataset.once("beyond", lambda: [one for one in each if one is not None])
+
+    def compute() -> list[Beyond]:
+        results = [_beyond(dataset, condition) for condition in dataset.conditions]
+        return [result for result in results if result is not None]
+
+    return dataset.once("beyond", compute)
 
 
 def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
@@ -70,24 +77,29 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     groups = success.groupby(level="family", observed=True)
     if len(groups) < FEWEST:
         return None
-    own = groups.sum().T.to_numpy()
-    of = groups.size().to_numpy() + 0 * own
-    shares = dict(zip(laws, (Share(*one[:3]) for one in across_families(own, of)), strict=True))
+    counts = groups.sum().T.to_numpy()
+    scenes = groups.size().to_numpy() + 0 * counts
+    shares = {}
+    for law, estimate in zip(laws, across_families(counts, scenes), strict=True):
+        shares[law] = Share(*estimate[:3])
     behind = set()
     if len(laws) > 1:
         # Comparison with the best law: Hsu's multiple comparisons, corrected for all others.
         first = success.iloc[:, 0]
         others = success.iloc[:, 1:]
-        flags = (
-            others.apply(lambda other: first & ~other),
-            others.apply(lambda other: first ^ other),
-        )
-        only, differ = (
-            each.groupby(level="family", observed=True).sum().T.to_numpy(float) for each in flags
-        )
-        pairs = across_families(only, differ, simultaneous(0.95, len(laws) - 1))
-        behind = {law for law, pair in zip(laws[1:], pairs, strict=True) if pair.low > 0.5}
+        only_first = _by_family(others.apply(lambda other: first & ~other))
+        different = _by_family(others.apply(lambda other: first ^ other))
+        pairs = across_families(only_first, different, simultaneous(0.95, len(laws) - 1))
+        for law, pair in zip(laws[1:], pairs, strict=True):
+            if pair.low > 0.5:
+                behind.add(law)
     return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
+
+
+def _by_family(flags: pd.DataFrame) -> Array:
+    """Return the number of scenes (laws, families) in which a flag is true."""
+    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
+    return counts
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:
@@ -95,17 +107,17 @@ def across_findings(dataset: Dataset) -> list[Finding]:
 
     They state whether the result depends on one of the families.
     """
-    several = []
-    for one in beyond(dataset):
-        leader = one.laws[0]
-        families = len(one.ranks)
-        share = one.shares[leader]
-        text = text_of(
-            "across", begin=condition_text(one.condition), leader=leader, share=share, one=one
-        )
-        numbers = {**share.numbers("success", law=leader), "families": families, "stays": one.stays}
-        several.append(Finding(text, "across", one.condition, (leader,), numbers))
-    return several
+    findings = []
+    for result in beyond(dataset):
+        condition = result.condition
+        leader = result.laws[0]
+        share = result.shares[leader]
+        begin = condition_text(condition)
+        text = text_of("across", begin=begin, leader=leader, share=share, one=result)
+        numbers: dict[str, float] = share.numbers("success", law=leader)
+        numbers |= {"families": len(result.ranks), "stays": result.stays}
+        findings.append(Finding(text, "across", condition, (leader,), numbers))
+    return findings
 
 
 def known_motions(dataset: Dataset) -> Any:
@@ -118,12 +130,10 @@ def known_motions(dataset: Dataset) -> Any:
     testset = TestSet.load()
     half = dataset.configuration.get("half")
     frozen = {family.name: family.tables["frozen"].get(half) for family in testset.families}
-    run = dataset.configuration["families"].items()
-    same = {
-        name
-        for name, own in run
-        if own.get("tables", {}).get("frozen", {}).get(half) == frozen.get(name, "")
-    }
+    same = set()
+    for name, family in dataset.configuration["families"].items():
+        if family.get("tables", {}).get("frozen", {}).get(half) == frozen.get(name, ""):
+            same.add(name)
     if not same or parquet.facts_of(TABLE).get("sha256") != testset.sha256:
         return None
     known = pd.read_parquet(TABLE)
@@ -140,17 +150,14 @@ def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
     reachable = known[known["outcome"] == "reachable"].astype({"family": str})
     lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
     found = {}
-    for law, own in lines.groupby("controller"):
-        good = own[own["success"]]
-        ratios = (
-            good["settling_time_s"] / good["best_time_s"],
-            good["utilization"] - good["law_space"],
-        )
-        time, space = (median(each.dropna().tolist() or [math.nan]) for each in ratios)
+    for law, law_runs in lines.groupby("controller"):
+        successful = law_runs[law_runs["success"]]
+        time = successful["settling_time_s"] / successful["best_time_s"]
+        space = successful["utilization"] - successful["law_space"]
         found[str(law)] = {
-            "success": rate(own["success"].to_numpy(bool)),
-            "time": time,
-            "space": space,
+            "success": rate(law_runs["success"].to_numpy(bool)),
+            "time": median(time.tolist()),
+            "space": median(space.tolist()),
         }
     return found
 

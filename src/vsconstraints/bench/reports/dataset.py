@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -49,34 +49,53 @@ class Factorial(NamedTuple):
         :data:`MIN_LEVELS` levels. Conditions that combine others are combinations of levels.
         Levels that are never combined belong to one factor.
         """
+        #: Conditions that combine levels, by these levels.
         combined = {
-            frozenset(said[TOGETHER]): name for name, said in table.items() if [*said] == [TOGETHER]
+            frozenset(changes[TOGETHER]): name
+            for name, changes in table.items()
+            if list(changes) == [TOGETHER]
         }
-        factors: list[list[str]] = []
-        for level in (name for name in table if any(name in levels for levels in combined)):
-            apart = (
-                own
-                for own in factors
-                if not any({level, other} <= one for one in combined for other in own)
-            )
-            own = next(apart, None)
-            if own is None:
-                factors.append(own := [NOMINAL])
-            own.append(level)
-        factors.sort(key=len, reverse=True)
-        names = {
-            frozenset(): NOMINAL,
-            **{frozenset([name]): name for own in factors for name in own[1:]},
-            **combined,
-        }
-        cells = {levels: names.get(frozenset(levels) - {NOMINAL}) for levels in product(*factors)}
-        there = {levels: name for levels, name in cells.items() if name is not None and name in run}
-        kept = tuple(
-            tuple(own for own in one if any(c[k] == own for c in there))
-            for k, one in enumerate(factors)
-        )
-        full = None not in cells.values() and kept and len(kept[0]) >= MIN_LEVELS
-        return cls(kept, there) if full else None
+        factors = _factors_of(table, combined)
+        names = {frozenset[str](): NOMINAL}
+        for factor in factors:
+            names |= {frozenset([level]): level for level in factor[1:]}
+        names |= combined
+        conditions = {}
+        for levels in product(*factors):
+            name = names.get(frozenset(levels) - {NOMINAL})
+            if name is None:
+                return None
+            if name in run:
+                conditions[levels] = name
+        used = []
+        for position, factor in enumerate(factors):
+            used_levels = {levels[position] for levels in conditions}
+            used.append(tuple(level for level in factor if level in used_levels))
+        if not used or len(used[0]) < MIN_LEVELS:
+            return None
+        return cls(tuple(used), conditions)
+
+
+def _factors_of(
+    names: Iterable[str], combined: Collection[Collection[str]]
+) -> list[tuple[str, ...]]:
+    """Return the levels of each factor, nominal first; the factor with most levels is the first.
+
+    ``names`` are conditions, of which ``combined`` occur together. Levels that never occur together
+    belong to one factor.
+    """
+    factors: list[list[str]] = []
+    for level in names:
+        partners = {other for levels in combined if level in levels for other in levels}
+        if not partners:
+            continue
+        for factor in factors:
+            if partners.isdisjoint(factor):
+                factor.append(level)
+                break
+        else:
+            factors.append([NOMINAL, level])
+    return [tuple(factor) for factor in sorted(factors, key=len, reverse=True)]
 
 
 class Dataset:
@@ -111,31 +130,19 @@ class Dataset:
         pairs = set(self.runs[["family", "condition"]].itertuples(index=False, name=None))
         self.situations = [pair for pair in product(self.families, every) if pair in pairs]
         self.factorials: dict[str, Factorial] = {}
+        only_levels = set[tuple[str, str]]()
         for family in self.families:
-            table = (
-                self.configuration["families"]
-                .get(family, {})
-                .get("tables", {})
-                .get("conditions", {})
-            )
-            own = Factorial.of(
-                table, [condition for name, condition in self.situations if name == family]
-            )
-            self.factorials |= {family: own} if own is not None else {}
-        levels = {
-            (family, name)
-            for family, own in self.factorials.items()
-            for name in own.conditions.values()
-        }
-        outside = {
-            NOMINAL,
-            *(
-                condition
-                for family, condition in self.situations
-                if (family, condition) not in levels
-            ),
-        }
-        self.conditions = tuple(name for name in every if name in outside) or every
+            tables = self.configuration["families"].get(family, {}).get("tables", {})
+            run = [condition for name, condition in self.situations if name == family]
+            factorial = Factorial.of(tables.get("conditions", {}), run)
+            if factorial is not None:
+                self.factorials[family] = factorial
+                only_levels |= {(family, name) for name in factorial.conditions.values()}
+        shown = {NOMINAL}
+        for family, condition in self.situations:
+            if (family, condition) not in only_levels:
+                shown.add(condition)
+        self.conditions = tuple(name for name in every if name in shown) or every
         self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
@@ -147,9 +154,9 @@ class Dataset:
 
     def picture(self, figure: Figure, *needed: object) -> str:
         """Draw a figure and return it with its caption; empty without figures."""
-        return (
-            picture(figure, self.folder / "figures", self.formats, *needed) if self.figures else ""
-        )
+        if not self.figures:
+            return ""
+        return picture(figure, self.folder / "figures", self.formats, *needed)
 
     @cached_property
     def runs(self) -> pd.DataFrame:
@@ -220,14 +227,17 @@ class Dataset:
 
     def families_of(self, *conditions: str) -> list[str]:
         """Return the families that have runs in all of these conditions."""
-        there = [set(self.among(condition)["family"]) for condition in conditions]
-        return [name for name in self.families if all(name in one for one in there)]
+        common = set(self.families)
+        for condition in conditions:
+            common &= set(self.among(condition)["family"])
+        return [name for name in self.families if name in common]
 
 
 def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
     """Return the names that are present: planned ones in their order, then the others."""
-    there = set(present)
-    return tuple(dict.fromkeys([*(name for name in planned if name in there), *sorted(there)]))
+    names = set(present)
+    in_order = [name for name in planned if name in names]
+    return tuple(dict.fromkeys([*in_order, *sorted(names)]))
 
 
 def replay(

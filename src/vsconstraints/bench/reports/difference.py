@@ -27,7 +27,7 @@ def page(found: Difference) -> str:
     """Return the whole page."""
     outcomes = [(each, p) for each, p in found.found if isinstance(each, Outcome)]
     shifts = [(each, p) for each, p in found.found if isinstance(each, Shift)]
-    shifts.sort(key=lambda one: (one[1] is None, one[1] or 0))
+    shifts.sort(key=lambda shift: (shift[1] is None, shift[1] or 0))
     return render(
         Path(__file__).with_name("difference.md"),
         found=found,
@@ -88,24 +88,18 @@ def _names(change: Change) -> str:
 
 
 def _value(value: Any) -> str:
+    if value is None:
+        return DASH
     text = str(value)
-    return (
-        DASH
-        if value is None
-        else plain(text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}…")
-    )
+    return plain(text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}…")
 
 
 def _named(runs: Any) -> str:
-    more = f", and {len(runs) - MAX_RUNS} more" if len(runs) > MAX_RUNS else ""
-    return (
-        plain(
-            "; ".join(
-                ", ".join(map(str, run)) for run in runs.head(MAX_RUNS).itertuples(index=False)
-            )
-        )
-        + more
-    )
+    names = []
+    for run in runs.head(MAX_RUNS).itertuples(index=False):
+        names.append(", ".join(map(str, run)))
+    text = plain("; ".join(names))
+    return f"{text}, and {len(runs) - MAX_RUNS} more" if len(runs) > MAX_RUNS else text
 
 
 def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
@@ -113,11 +107,11 @@ def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
     for position in outcome.lost[:MAX_RUNS]:
         run = found.pairs.b.iloc[position]
         name = ", ".join(map(str, found.pairs.b.index[position]))
-        why = (
-            (f"violated {run['violated']}" if outcome.what == "stays inside" else run["status"]),
-            run["reason"],
-        )
-        yield f"{plain(name)} no longer {outcome.what}: {plain('; '.join(filter(None, why)))}"
+        status = run["status"]
+        if outcome.what == "stays inside":
+            status = f"violated {run['violated']}"
+        why = "; ".join(filter(None, (status, run["reason"])))
+        yield f"{plain(name)} no longer {outcome.what}: {plain(why)}"
     if len(outcome.lost) > MAX_RUNS:
         yield f"{len(outcome.lost) - MAX_RUNS} more of {plain(outcome.group)}"
 
@@ -125,19 +119,24 @@ def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
 def _times(found: Difference) -> Iterator[tuple[Any, ...]]:
     for group in found.groups:
         for column in TIMES:
-            a, b = (runs[column].to_numpy(dtype=float) for runs in (group.a, group.b))
-            exist = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
-            if exist.any():
-                a = a[exist]
-                b = b[exist]
-                medians = (number(float(np.median(each))) for each in (a, b, b / a))
+            a = group.a[column].to_numpy(dtype=float)
+            b = group.b[column].to_numpy(dtype=float)
+            known = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
+            if known.any():
+                a = a[known]
+                b = b[known]
+                medians = [number(float(np.median(times))) for times in (a, b, b / a)]
                 yield group, column, *medians
 
 
 def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:
     if found.counts(each, p):
         return bold("worse")
-    return ("worse" if each.for_worse else "better") if significant(p) else "" if p is None else "≈"
+    if p is None:
+        return ""
+    if not significant(p):
+        return "≈"
+    return "worse" if each.for_worse else "better"
 
 
 def _moved(shift: Shift, confidence: float) -> str:

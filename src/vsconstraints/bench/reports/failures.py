@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...comparisons.runs.spec import BASELINE
 from ...errors import described
 from ...reports.figures import FIGURES, View
@@ -28,23 +30,28 @@ MAX_REASONS = 3
 MIN_SHARE = 0.02
 #: Order of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-#: Relative luminance above which black text has more contrast than white (WCAG).
+#: Relative luminance of linear red, green and blue, and that above which black text has more
+#: contrast than white (WCAG).
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BRIGHT = 0.179
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
 
 def kinds(runs: Any) -> list[tuple[str, int]]:
     """Return the most frequent ways in which runs were unsuccessful, with their counts."""
-    columns = (runs[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
-    every = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
+    texts = runs[["ending", "violated", "reason"]].fillna("").astype(str)
+    every = Counter(_failure_kind(*run) for run in texts.itertuples(index=False))
     return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
 
 
 def _failure_kind(ending: str, violated: str, reason: str) -> str:
     """Return the kinds of rows that a run violated or, without violation, its ending."""
-    if kinds := sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}):
-        return f"{enumeration(kinds)} violated"
-    return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
+    kinds = {plain(label.partition("[")[0]) for label in violated.split("; ") if label}
+    if kinds:
+        return f"{enumeration(sorted(kinds))} violated"
+    if ending == "failed" and reason:
+        return f"failed: {plain(reason_kind(reason))}"
+    return ending
 
 
 def worst_last(runs: Any) -> Any:
@@ -131,17 +138,12 @@ def scene_figures(dataset: Dataset) -> list[str]:
                 f"{plain(described(error))}."
             )
             continue
-        success: Any = (
-            dataset.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
-        )
+        flags: Any = dataset.paired(condition, "success", [family]).astype(bool)
+        success = flags.loc[(family, scene)]
         successful = enumeration([law for law in laws if success[law]]) or "none of these"
         title = f"{plain(family)} {scene}, {condition}"
-        figure = replace(
-            TRACKS,
-            name=f"scene--{family}",
-            title=title,
-            caption=f"{title}. Successful: {successful}.",
-        )
+        caption = f"{title}. Successful: {successful}."
+        figure = replace(TRACKS, name=f"scene--{family}", title=title, caption=caption)
         texts.append(dataset.picture(figure, View(setup, runs, (BASELINE, *laws))))
     return texts
 
@@ -172,11 +174,9 @@ class Cell(NamedTuple):
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 
-        rgb = colormaps["cividis"](self.share.value)[:3]
-        linear = [
-            part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in rgb
-        ]
-        luminance = sum(w * part for w, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+        rgb = np.array(colormaps["cividis"](self.share.value)[:3])
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        luminance = linear @ LUMINANCE
         return to_hex(rgb), "#000" if luminance > BRIGHT else "#fff"
 
 
@@ -222,10 +222,14 @@ def heat_map(dataset: Dataset) -> str:
     A cell links to its worst run. A click on a heading sorts the columns.
     """
     entries = dataset.configuration["controllers"]
-    shown = {"laws": dataset.laws, "endings": UNSUCCESSFUL}
-    own = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
-    template = Path(__file__).with_name("heat-map.html")
-    return render_html(template, situations=situations(dataset), own=own, **shown)
+    custom = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
+    return render_html(
+        Path(__file__).with_name("heat-map.html"),
+        situations=situations(dataset),
+        custom=custom,
+        laws=dataset.laws,
+        endings=UNSUCCESSFUL,
+    )
 
 
 def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
@@ -233,14 +237,17 @@ def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
 
     It has the success with its interval, and counts of endings.
     """
-    return [
-        {
-            "family": one.family,
-            "condition": one.condition,
-            "law": law,
-            **cell.share.numbers("success"),
-        }
-        | {"endings": cell.endings, "front": cell.front, "worst_scene": cell.worst}
-        for one in situations(dataset)
-        for law, cell in one.cells.items()
-    ]
+    lines = []
+    for situation in situations(dataset):
+        for law, cell in situation.cells.items():
+            line = {
+                "family": situation.family,
+                "condition": situation.condition,
+                "law": law,
+                **cell.share.numbers("success"),
+                "endings": cell.endings,
+                "front": cell.front,
+                "worst_scene": cell.worst,
+            }
+            lines.append(line)
+    return lines

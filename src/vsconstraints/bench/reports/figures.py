@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
@@ -63,16 +64,16 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     """Draw the shares (laws, N) of the shown laws over x (N,), each in its usual style."""
     look = looks(laws)
     width = widths(laws, 2.4, 1.2)
-    for law, own in zip(shown, shares, strict=True):
+    for law, share in zip(shown, shares, strict=True):
         style = {"color": look[law].colour, "linestyle": look[law].line, "linewidth": width[law]}
-        ax.plot(x, 100.0 * own, **style, **markers(law, laws, len(x)))
+        ax.plot(x, 100.0 * share, **style, **markers(law, laws, len(x)))
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
 def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
     entries = []
-    for law, one in looks(laws).items():
-        entries.append(line(shortened(law), one.colour, one.line, **mark_of(one)))
+    for law, look in looks(laws).items():
+        entries.append(line(shortened(law), look.colour, look.line, **mark_of(look)))
     sheet.legend(entries)
 
 
@@ -85,13 +86,8 @@ def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | Non
     labels = "tolerated depth [% of L]", "success [% of scenes]"
     every = _panels(sheet, [title for title, _ in panels], height=2.0, gap=0.4, labels=labels)
     for ax, (_, least) in zip(every, panels, strict=True):
-        _curves(
-            ax,
-            100.0 * depth,
-            (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T,
-            least.columns,
-            laws,
-        )
+        success = (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0)
+        _curves(ax, 100.0 * depth, success.T, least.columns, laws)
         ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
         logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
     _legend(sheet, laws)
@@ -108,11 +104,12 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     sheet = Sheet(left=0.62, right=0.2)
     labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
-        finite = [profile.ratios[np.isfinite(profile.ratios)] for _, _, profile in panels]
         # Where nearly all curves have reached their end.
-        last = max(
-            [1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))]
-        )
+        last = 1.1
+        for _, _, profile in panels:
+            finite = profile.ratios[np.isfinite(profile.ratios)]
+            if len(finite):
+                last = max(last, min(float(np.quantile(finite, 0.99)), MAX_RATIO))
         tau = np.geomspace(1.0, last, 400)
         ticks = [1.0]
         for tick in TICKS:
@@ -136,24 +133,22 @@ def draw_levels(
     ``rankings`` are keyed by condition.
     """
     first, *others = factorial.factors
-    panels = (
-        [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
-    )
-    titles = [
-        ", ".join(level for level in panel if level != NOMINAL) or NOMINAL for panel in panels
-    ]
+    # The second factor varies along a row of panels.
+    panels: list[tuple[str, ...]] = []
+    titles = []
+    for *rest, column in product(*others[1:], _columns(others)):
+        panel = (*column, *map(str, rest))
+        panels.append(panel)
+        changed = [level for level in panel if level != NOMINAL]
+        titles.append(", ".join(changed) or NOMINAL)
     sheet = Sheet(left=0.62, right=0.2)
     look = looks(laws)
     labels = ("", "success [% of scenes]")
     step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
-    grid: dict[str, Any] = {
-        "columns": len(others[0]) if others else 1,
-        "height": 1.9,
-        "gap": 0.2,
-        "above": 0.3,
-    }
-    for ax, panel in zip(_panels(sheet, titles, **grid, labels=labels), panels, strict=True):
-        for i, (law, own) in enumerate(look.items()):
+    count = len(_columns(others))
+    axes = _panels(sheet, titles, count, height=1.9, gap=0.2, above=0.3, labels=labels)
+    for ax, panel in zip(axes, panels, strict=True):
+        for i, (law, law_look) in enumerate(look.items()):
             places = []
             shares = []
             for k, level in enumerate(first):
@@ -162,10 +157,16 @@ def draw_levels(
                     places.append(k + step * (i - 0.5 * (len(laws) - 1)))
                     shares.append(rankings[condition].shares[law])
             middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
-            style = {"color": own.colour, "linestyle": own.line, "marker": own.marker}
-            error = np.maximum([middle - low, high - middle], 0.0)
             ax.errorbar(
-                places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7
+                places,
+                middle,
+                np.maximum([middle - low, high - middle], 0.0),
+                color=law_look.colour,
+                linestyle=law_look.line,
+                marker=law_look.marker,
+                markersize=3.0,
+                linewidth=1.2,
+                elinewidth=0.7,
             )
         ax.set(
             xlim=(-0.5, len(first) - 0.5),
@@ -174,13 +175,17 @@ def draw_levels(
             xticklabels=first,
         )
     small = {"markersize": 4.0, "linewidth": 1.2}
-    sheet.legend(
-        [
-            line(shortened(law), one.colour, one.line, marker=one.marker) | small
-            for law, one in look.items()
-        ]
-    )
+    entries = []
+    for law, law_look in look.items():
+        entry = line(shortened(law), law_look.colour, law_look.line, marker=law_look.marker)
+        entries.append(entry | small)
+    sheet.legend(entries)
     return sheet
+
+
+def _columns(factors: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
+    """Return the levels of the first of these factors, one empty combination without factors."""
+    return [(level,) for level in factors[0]] if factors else [()]
 
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
@@ -188,14 +193,14 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
     look = looks(laws)
     sheet = Sheet(left=MARGIN, right=MARGIN)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
-    for title, own, ranks in shown:
-        count = len(own)
-        half = -(-len(own) // 2)
+    for title, ranked_laws, ranks in shown:
+        count = len(ranked_laws)
+        half = math.ceil(count / 2)
         bars = BAR * len(ranks.groups) + 0.08
         height = bars + NAME_LINE * half + 0.1
-        sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
-        ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
-        sheet.at += 0.12
+        sheet.text(0.1, sheet.bottom + 0.1, title, fontsize=9.0, va="center", color=INK)
+        ax = sheet.axes(MARGIN, sheet.bottom + 0.5, WIDTH - 2.0 * MARGIN, height)
+        sheet.bottom += 0.12
         ax.set(
             xlim=(0.9, count + 0.1),
             ylim=(height, 0.0),
@@ -207,41 +212,31 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         ax.spines[["left", "right", "bottom"]].set_visible(False)
         for i, group in enumerate(ranks.groups):
             ends = [float(ranks.means[k]) for k in group]
-            at = 0.08 + BAR * i
-            ax.plot(
-                [min(ends) - 0.03, max(ends) + 0.03],
-                [at, at],
-                color=INK,
-                linewidth=3.0,
-                solid_capstyle="butt",
-            )
-        for place, (rank, law) in enumerate(
-            sorted(zip(map(float, ranks.means), own, strict=True), key=lambda x: x[0])
-        ):
+            y = 0.08 + BAR * i
+            bar = [min(ends) - 0.03, max(ends) + 0.03]
+            ax.plot(bar, [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
+        order = np.argsort(ranks.means, kind="stable")
+        for place, k in enumerate(order):
             # A line from the rank down to the law's name beside the diagram.
+            law = ranked_laws[k]
+            rank = float(ranks.means[k])
             left = place < half
-            at = bars + NAME_LINE * (place if left else count - 1 - place)
+            y = bars + NAME_LINE * (place if left else count - 1 - place)
             end = ax.get_xlim()[not left]
-            ax.plot(
-                [rank, rank, end],
-                [0.0, at, at],
-                color=look[law].colour,
-                linewidth=1.3,
-                clip_on=False,
+            colour = look[law].colour
+            ax.plot([rank, rank, end], [0.0, y, y], color=colour, linewidth=1.3, clip_on=False)
+            name = shortened(law)
+            ax.annotate(
+                f"{name}  {rank:.2f}" if left else f"{rank:.2f}  {name}",
+                (end, y),
+                (-5 if left else 5, 0),
+                textcoords="offset points",
+                ha="right" if left else "left",
+                va="center_baseline",
+                fontsize=8.5,
+                color=INK,
+                annotation_clip=False,
             )
-            text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
-            font: dict[str, Any] = {
-                "fontsize": 8.5,
-                "color": INK,
-                "va": "center_baseline",
-                "annotation_clip": False,
-            }
-            side = {
-                "xytext": (-5 if left else 5, 0),
-                "ha": "right" if left else "left",
-                "textcoords": "offset points",
-            }
-            ax.annotate(text, (end, at), **side, **font)
     return sheet if shown else None
 
 
@@ -254,9 +249,9 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.2, above=0.05)
     for law, look in looks(laws).items():
-        own = evaluations[evaluations["law"] == law].sort_values("number")
-        share = own.assign(share=100.0 * own["successes"] / own["runs"])
-        best = share.pivot_table(index="number", columns="seed", values="share").cummax()
+        tried = evaluations[evaluations["law"] == law].sort_values("number")
+        tried = tried.assign(share=100.0 * tried["successes"] / tried["runs"])
+        best = tried.pivot_table(index="number", columns="seed", values="share").cummax()
         number = best.index + 1
         style = {"color": look.colour, "linestyle": look.line, "linewidth": width[law]}
         ax.plot(number, best.median(axis=1), **style, **markers(law, laws, len(number)))
@@ -270,8 +265,8 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     return sheet
 
 
-TOLERANCE = Figure.told("tolerance", draw_tolerance)
-PROFILES = Figure.told("profiles", draw_profiles)
-LEVELS = Figure.told("levels", draw_levels)
-CRITICAL_DIFFERENCE = Figure.told("ranks", draw_critical_difference)
-BUDGETS = Figure.told("budgets", draw_budgets)
+TOLERANCE = Figure.named("tolerance", draw_tolerance)
+PROFILES = Figure.named("profiles", draw_profiles)
+LEVELS = Figure.named("levels", draw_levels)
+CRITICAL_DIFFERENCE = Figure.named("ranks", draw_critical_difference)
+BUDGETS = Figure.named("budgets", draw_budgets)

@@ -94,9 +94,11 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
     """Return findings on the best controllers that do not need some information, such as L_fφ."""
     if ranked.hopeless or ranked.next is None:
         return []
-    known = {
-        law: required for law in ranked.laws if (required := dataset.required[law]) is not None
-    }
+    known = {}
+    for law in ranked.laws:
+        required = dataset.required[law]
+        if required is not None:
+            known[law] = required
     several = []
     for what, words in INFORMATION:
         spare = [law for law, required in known.items() if what not in required]
@@ -109,12 +111,13 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         numbers = dict[str, float]()
         facts = dict[str, Any]()
         if not in_front:
-            own = ranked.among(spare)
+            without = ranked.among(spare)
             leader = ranked.leader
-            named = [*named_of(own.front), leader]
-            pair = (leader, own.leader)
-            numbers = numbers_of(ranked, named[:-1], pair)
-            facts = {"ranked": own, "leader": leader, "difference": ranked.differences[pair]}
+            pair = (leader, without.leader)
+            named = named_of(without.front)
+            numbers = numbers_of(ranked, named, pair)
+            named.append(leader)
+            facts = {"ranked": without, "leader": leader, "difference": ranked.differences[pair]}
         text = text_of(about, words=words, in_front=names_text(in_front), **facts)
         several.append(Finding(text, about, ranked.condition, tuple(named), numbers))
     return several
@@ -131,9 +134,8 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
     (calm,), pairs = best
     second = max((law for law in front if law != calm), key=lambda law: pairs[calm, law].difference)
     pair = pairs[calm, second]
-    text = text_of(
-        "calmest", calm=calm, second=second, pair=pair, scenes=counted(pair.scenes, "scene")
-    )
+    scenes = counted(pair.scenes, "scene")
+    text = text_of("calmest", calm=calm, second=second, pair=pair, scenes=scenes)
     numbers = {
         "ratio": pair.difference,
         "ratio_low": pair.low,
@@ -151,22 +153,22 @@ def violations(dataset: Dataset, condition: str) -> Finding:
     numbers: dict[str, float] = {"scenes": ranked.scenes}
     for law, share in violated.items():
         numbers |= share.numbers("violation", law=law)
-    return Finding(
-        text_of("violations", shares=violated), "violations", condition, tuple(violated), numbers
-    )
+    text = text_of("violations", shares=violated)
+    return Finding(text, "violations", condition, tuple(violated), numbers)
 
 
 def attainable(dataset: Dataset, condition: str) -> Finding | None:
     """Return the finding on how often the baseline reaches the goal, None if nearly always."""
     runs = dataset.evidence.runs
-    own = runs[(runs["controller"] == BASELINE) & (runs["condition"] == condition)]
-    share = Share.of(rate((own["status"] == "converged").to_numpy(bool)))
-    if not len(own) or share.value >= MIN_REACHED:
+    baseline = runs[(runs["controller"] == BASELINE) & (runs["condition"] == condition)]
+    count = len(baseline)
+    share = Share.of(rate((baseline["status"] == "converged").to_numpy(bool)))
+    if not count or share.value >= MIN_REACHED:
         return None
-    text = text_of("attainable", share=share, scenes=counted(len(own), "scene"))
-    return Finding(
-        text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)}, ""
-    )
+    text = text_of("attainable", share=share, scenes=counted(count, "scene"))
+    numbers: dict[str, float] = share.numbers("reached")
+    numbers["scenes"] = count
+    return Finding(text, "attainable", condition, (), numbers, standard="")
 
 
 def reversals(dataset: Dataset) -> Iterator[Finding]:
@@ -177,32 +179,39 @@ def reversals(dataset: Dataset) -> Iterator[Finding]:
     first, *others = dataset.conditions or ("",)
     for other in others:
         common = dataset.families_of(first, other)
-        before, after = (
-            ranking(dataset, condition, families=common) for condition in (first, other)
-        )
-        sizes = {
-            (a, b): min(before.differences[a, b].value, after.differences[b, a].value)
-            for a, b in combinations(before.laws, 2)
-            if {a, b} <= set(after.laws) and after.differences[a, b].value < 0.0
-            if before.significant(a, b) and after.significant(a, b)
+        before = ranking(dataset, first, families=common)
+        after = ranking(dataset, other, families=common)
+        sizes = _reversal_sizes(before, after)
+        if not sizes:
+            continue
+        a, b = max(sizes, key=sizes.__getitem__)
+        shares = {first: before.differences[a, b], other: after.differences[b, a]}
+        texts = {}
+        numbers: dict[str, float] = {
+            "scenes": before.scenes,
+            "families": before.families,
+            "pairs": len(sizes),
         }
-        if sizes:
-            a, b = max(sizes, key=sizes.__getitem__)
-            shares = {first: before.differences[a, b], other: after.differences[b, a]}
-            texts = {
-                condition_text(condition, inside=True): share for condition, share in shares.items()
-            }
-            text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
-            numbers: dict[str, float] = {
-                "scenes": before.scenes,
-                "families": before.families,
-                "pairs": len(sizes),
-            }
-            for condition, share in shares.items():
-                numbers |= share.numbers(
-                    f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]"
-                )
-            yield Finding(text, "turned", other, (a, b), numbers)
+        for condition, share in shares.items():
+            texts[condition_text(condition, inside=True)] = share
+            numbers |= share.numbers(
+                f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]"
+            )
+        text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
+        yield Finding(text, "turned", other, (a, b), numbers)
+
+
+def _reversal_sizes(before: Ranking, after: Ranking) -> dict[tuple[str, str], float]:
+    """Return the smaller difference of each pair that is significantly reversed, by pair."""
+    sizes = {}
+    for a, b in combinations(before.laws, 2):
+        if a not in after.laws or b not in after.laws or after.differences[a, b].value >= 0.0:
+            continue
+        if before.significant(a, b) and after.significant(a, b):
+            gap_before = before.differences[a, b].value
+            gap_after = after.differences[b, a].value
+            sizes[a, b] = min(gap_before, gap_after)
+    return sizes
 
 
 def tuning_gain(dataset: Dataset) -> Finding | None:
@@ -237,9 +246,12 @@ def always_failing(dataset: Dataset) -> list[Finding]:
     for law in dataset.laws:
         runs = dataset.of_law(law)
         if runs["status"].isin(["failed", "aborted"]).all():
-            why = str(runs["reason"].fillna("").astype(str).value_counts().index[0])
-            text = text_of("nowhere", law=law, runs=counted(len(runs), "run"), why=why)
-            several.append(Finding(text, "nowhere", "", (law,), {"runs": len(runs)}, ""))
+            reasons = runs["reason"].fillna("").astype(str)
+            why = str(reasons.value_counts().index[0])
+            count = counted(len(runs), "run")
+            text = text_of("nowhere", law=law, runs=count, why=why)
+            numbers = {"runs": len(runs)}
+            several.append(Finding(text, "nowhere", "", (law,), numbers, standard=""))
     return several
 
 

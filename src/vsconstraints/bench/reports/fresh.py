@@ -64,8 +64,8 @@ def _success(study: Study, law: str, condition: str) -> Rate:
     )
 
 
-def _p_value(one: Rate, other: Rate) -> float:
-    counts = [[each.count, each.of - each.count] for each in (one, other)]
+def _p_value(fresh: Rate, published: Rate) -> float:
+    counts = [[rate.count, rate.of - rate.count] for rate in (fresh, published)]
     return float(fisher_exact(counts).pvalue)
 
 
@@ -97,11 +97,12 @@ def fresh_page(fresh: Study, published: Study) -> str:
 
 
 def _cells(rates: list[FreshRate], law: str, condition: str) -> Iterator[str]:
-    own = next((each for each in rates if (each.law, each.condition) == (law, condition)), None)
-    if own is None:
-        yield from ("", "", "")
-        return
-    fresh = own.fresh
-    yield f"{100 * fresh.share:.1f} ({100 * fresh.low:.1f}–{100 * fresh.high:.1f})"
-    yield f"{100 * own.published.share:.1f}"
-    yield f"{own.p:.2f}"
+    for each in rates:
+        if (each.law, each.condition) == (law, condition):
+            fresh = each.fresh
+            interval = f"({100 * fresh.low:.1f}–{100 * fresh.high:.1f})"
+            yield f"{100 * fresh.share:.1f} {interval}"
+            yield f"{100 * each.published.share:.1f}"
+            yield f"{each.p:.2f}"
+            return
+    yield from ("", "", "")

@@ -28,10 +28,8 @@ def require_whole(study: Study, testset: TestSet, where: str) -> None:
     for family in testset.families:
         file = FILE.format(family.name, HALF)
         known = family.tables["frozen"][HALF]
-        own = study.frozen.get(family.name, {})
-        if {key: own.get(key) for key in ("seed", "sha256")} != {
-            key: known[key] for key in ("seed", "sha256")
-        }:
+        stored = study.frozen.get(family.name, {})
+        if any(stored.get(key) != known[key] for key in ("seed", "sha256")):
             raise ConfigurationError(
                 f"{where}: {file} of test set {testset.version} is not the file that was run"
             )
@@ -61,16 +59,16 @@ def _require_scenes(study: Study, testset: TestSet, where: str) -> None:
             raise ConfigurationError(f"{where}: test set {testset.version} has no {which}")
     for family in testset.families:
         scenes = set(range(len(testset.hashes[FILE.format(family.name, HALF)])))
-        own = study.runs[study.runs["family"] == family.name]
+        runs = study.runs[study.runs["family"] == family.name]
         for condition in family.conditions:
-            there = set(own.loc[own[CONDITION] == condition, "scene"])
+            run_scenes = set(runs.loc[runs[CONDITION] == condition, "scene"])
             which = f"{HALF} scenes of {family.name}, {condition}"
-            if unknown := sorted(there - scenes):
+            if unknown := sorted(run_scenes - scenes):
                 raise ConfigurationError(
                     f"{where}: {len(unknown)} {which}, do not exist, such as scene {unknown[0]}; "
                     f"they are numbered from 0 to {len(scenes) - 1}"
                 )
-            if condition in CONDITIONS and (missing := sorted(scenes - there)):
+            if condition in CONDITIONS and (missing := sorted(scenes - run_scenes)):
                 raise ConfigurationError(
                     f"{where}: {len(missing)} {which}, are missing, such as scene {missing[0]}"
                 )
@@ -92,11 +90,12 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
         parts.append(study.runs.assign(controller=study.runs["controller"].map(names)))
     runs = pd.concat(parts)
     runs = runs[runs[CONDITION].isin(CONDITIONS)]
-    by_condition = [
-        ranked(own.pivot(index=SCENE, columns="controller", values="success"), condition)
-        for condition, own in runs.groupby(CONDITION)
-    ]
-    by_condition.sort(key=lambda one: CONDITIONS.index(one.condition))
+    by_condition = []
+    for condition in CONDITIONS:
+        chosen = runs[runs[CONDITION] == condition]
+        if len(chosen):
+            flags = chosen.pivot(index=SCENE, columns="controller", values="success")
+            by_condition.append(ranked(flags, condition))
     disturbed = runs[runs[CONDITION] == DISTURBED]
     tolerated = ranked(
         disturbed.pivot(index=SCENE, columns="controller", values="tolerant_success"), DISTURBED
@@ -108,11 +107,14 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
         .sort_values(ascending=False, kind="stable")
         .index
     )
-    texts = {
-        "condition_text": condition_text,
-        "information_text": information_text,
-        "tolerant": TOLERANT,
-    }
-    laws = {law: of[law] for law in order}
-    facts = {"rankings": by_condition, "tolerated": tolerated, "families": families, "laws": laws}
-    return render(Path(__file__).with_name("leaderboard.md"), **facts, **texts).rstrip("\n")
+    text = render(
+        Path(__file__).with_name("leaderboard.md"),
+        rankings=by_condition,
+        tolerated=tolerated,
+        families=families,
+        laws={law: of[law] for law in order},
+        condition_text=condition_text,
+        information_text=information_text,
+        tolerant=TOLERANT,
+    )
+    return text.rstrip("\n")

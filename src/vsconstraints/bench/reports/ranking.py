@@ -79,15 +79,14 @@ class Share(NamedTuple):
     def digits(self) -> int:
         """Number of decimals that the interval can resolve."""
         half = 50.0 * (self.high - self.low)
-        return (
-            min(max(math.ceil(-math.log10(half / 3.0)), 0), 4)
-            if math.isfinite(half) and half > 0.0
-            else 1
-        )
+        if not math.isfinite(half) or half <= 0.0:
+            return 1
+        digits = math.ceil(-math.log10(half / 3.0))
+        return min(max(digits, 0), 4)
 
     def _texts(self) -> tuple[str, str]:
         """Return the value and its interval as texts without a unit."""
-        value, low, high = (percentage(one, self.digits) for one in self)
+        value, low, high = (percentage(share, self.digits) for share in self)
         # A dash next to a negative number would be read as a sign.
         return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
 
@@ -179,23 +178,20 @@ class Ranking(NamedTuple):
         if law not in self.shares:
             return DASH
         share = self.shares[law]
-        text = (share.complement if complement else share).cell
-        if (
-            len(self.laws) < 2
-            or law not in self.laws
-            or law not in self.front
-            or (self.hopeless and not complement)
-        ):
+        text = share.complement.cell if complement else share.cell
+        is_compared = len(self.laws) > 1 and law in self.laws
+        if not is_compared or law not in self.front or (self.hopeless and not complement):
             return text
         return bold(text) if len(self.front) == 1 else f"≈ {text}"
 
     @property
     def named_front(self) -> str:
         """Controllers of the front with their shares, or the first and the number of the others."""
-        texts = first_names(self.front, MAX_NAMES)
-        return enumeration(
-            [f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts]
-        )
+        texts = []
+        for name in first_names(self.front, MAX_NAMES):
+            is_law = name in self.shares  # or the number of the others
+            texts.append(f"{bold(name)} {self.shares[name].text}" if is_law else name)
+        return enumeration(texts)
 
 
 def ranking(
@@ -221,15 +217,19 @@ def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
     """
     arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
     # Sorting is stable: ties keep their order.
-    laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
+    laws: tuple[str, ...] = ()
+    if len(flags):
+        laws = tuple(sorted(arrays, key=lambda law: int(arrays[law].sum()), reverse=True))
+    shares = {law: Share.of(rate(arrays[law])) for law in laws}
     pairs = list(combinations(laws, 2))
     level = simultaneous(0.95, len(pairs))
-    differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
-    differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
-    shares = {law: Share.of(rate(arrays[law])) for law in laws}
-    return Ranking(
-        condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0)))
-    )
+    differences = {}
+    for a, b in pairs:
+        difference = Share(*mcnemar(arrays[a], arrays[b], level)[:3])
+        differences[a, b] = difference
+        differences[b, a] = difference.reversed
+    families = len(set(flags.index.get_level_values(0)))
+    return Ranking(condition, laws, shares, differences, len(flags), families)
 
 
 class PairVerdict(NamedTuple):
@@ -268,18 +268,16 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
     """
     verdicts: PairVerdicts = {}
     for line in compare_laws(runs, metric, by=()).itertuples():
-        ends = (
-            (line.ratio, line.ratio_low, line.ratio_high)
-            if ratio
-            else (line.difference, line.low, line.high)
-        )
-        middle, high, low = (
-            [1.0 / end if end else math.inf for end in ends] if ratio else [-end for end in ends]
-        )
-        against = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
-        same = line.p_corrected, line.paired, line.differ
-        verdicts[line.a, line.b] = PairVerdict(*ends, *same, line.verdict)
-        verdicts[line.b, line.a] = PairVerdict(middle, low, high, *same, against)
+        if ratio:
+            estimate = (line.ratio, line.ratio_low, line.ratio_high)
+            middle, high, low = (1.0 / value if value else math.inf for value in estimate)
+        else:
+            estimate = (line.difference, line.low, line.high)
+            middle, high, low = (-value for value in estimate)
+        opposite = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
+        test = (line.p_corrected, line.paired, line.differ)
+        verdicts[line.a, line.b] = PairVerdict(*estimate, *test, line.verdict)
+        verdicts[line.b, line.a] = PairVerdict(middle, low, high, *test, opposite)
     return verdicts
 
 
@@ -292,24 +290,23 @@ def best_by(
     without such scenes, or for fewer than two controllers.
     """
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
-    clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(
-        axis=1
-    ) & values.notna().all(axis=1)
-    values = values[clean]
+    success = dataset.paired(condition, "success").astype(bool)[list(laws)]
+    values = values[success.all(axis=1) & values.notna().all(axis=1)]
     if len(laws) < 2 or values.empty:
         return None
-    runs = dataset.among(condition)
-    chosen = runs["controller"].isin(list(laws)) & runs.set_index(["family", "scene"]).index.isin(
-        values.index
-    )
     medians = values.median()
-    first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
+    less_is_better = judged_metric(metric).better == "less"
+    first = str(medians.idxmin() if less_is_better else medians.idxmax())
     # One set of scenes for all laws, so that the same scenes decide which law is first.
-    pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)
-    return [
-        first,
-        *(law for law in laws if law != first and pairs[first, law].verdict != "better"),
-    ], pairs
+    runs = dataset.among(condition)
+    in_scenes = runs.set_index(["family", "scene"]).index.isin(values.index)
+    runs = runs[runs["controller"].isin(list(laws)) & in_scenes]
+    pairs = pairwise_verdicts(runs, metric, ratio=ratio)
+    best = [first]
+    for law in laws:
+        if law != first and pairs[first, law].verdict != "better":
+            best.append(law)
+    return best, pairs
 
 
 def gap(pair: PairVerdict, factor: float = 1.0) -> str:
@@ -317,7 +314,10 @@ def gap(pair: PairVerdict, factor: float = 1.0) -> str:
     if not pair.scenes:
         return DASH
     middle, low, high = (factor * value for value in pair[:3])
-    tie = "" if pair.verdict in ("better", "worse") else "≈ "
-    known = math.isfinite(low) and math.isfinite(high) and low != high
-    between = " to " if low < 0.0 else "–"
-    return f"{tie}{number(middle)}{f' ({number(low)}{between}{number(high)})' if known else ''}"
+    text = number(middle)
+    if pair.verdict not in ("better", "worse"):
+        text = f"≈ {text}"
+    if math.isfinite(low) and math.isfinite(high) and low != high:
+        between = " to " if low < 0.0 else "–"
+        text += f" ({number(low)}{between}{number(high)})"
+    return text

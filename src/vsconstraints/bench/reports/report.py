@@ -38,8 +38,9 @@ DEFINED = (
     "acceleration_variation",
     "share_to_hold",
 )
-#: Metrics of the profiles, all positive, with their names; ranks use the first.
+#: Metrics of the profiles, all positive, with their names; and the metric of ranks.
 PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
+RANKED_BY = "acceleration_variation"
 #: Kinds of findings on several conditions, each on a separate line.
 ACROSS = ("turned", "tuned", "nowhere")
 #: Kinds of findings not in the line of a condition: those across conditions and in tables.
@@ -81,8 +82,8 @@ def write_evidence_report(
         )
     if out is not None:
         _make_report_folder(out)
-    own = evidence.folder / "tuning"
-    tuning = tuning if tuning is not None else own if own.is_dir() else None
+    if tuning is None and (evidence.folder / "tuning").is_dir():
+        tuning = evidence.folder / "tuning"
     return write_report_of(Dataset(evidence, tuning, figures, formats, out), on_written)
 
 
@@ -108,12 +109,12 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
     on_written(len(parts), len(parts))
     rankings: list[Ranking] = context["rankings"]
     data = {
-        "sentences": [asdict(one) for one in context["claims"]],
-        "table": [finite(line) for line in context["headline"]],
-        "conclusions": [one.as_data() for one in robustness.conclusions(dataset)],
-        "power": [finite(one._asdict()) for one in robustness.powers(dataset)],
-        "answers": [finite(one) for one in context["answers"]],
-        "situations": [finite(one) for one in failures.situation_data(dataset)],
+        "sentences": list(map(asdict, context["claims"])),
+        "table": list(map(finite, context["headline"])),
+        "conclusions": [each.as_data() for each in robustness.conclusions(dataset)],
+        "power": [finite(each._asdict()) for each in robustness.powers(dataset)],
+        "answers": list(map(finite, context["answers"])),
+        "situations": list(map(finite, failures.situation_data(dataset))),
     }
     call_times = dataset.configuration.get("call_times")
     late = (
@@ -152,58 +153,63 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
 
 def claims_of(dataset: Dataset) -> list[Finding]:
     """Return the findings of the first screen in order; none if only the baseline was run."""
-    every = [finding for own in findings(dataset).values() for finding in own]
-    if every:
-        every += [
-            *reversals(dataset),
-            *robustness.robustness_findings(dataset),
-            *across.across_findings(dataset),
-        ]
-        every += [*filter(None, [tuning_gain(dataset)]), *always_failing(dataset)]
-    return every
+    claims = list[Finding]()
+    for on_condition in findings(dataset).values():
+        claims += on_condition
+    if not claims:
+        return []
+    claims += reversals(dataset)
+    claims += robustness.robustness_findings(dataset)
+    claims += across.across_findings(dataset)
+    gain = tuning_gain(dataset)
+    if gain is not None:
+        claims.append(gain)
+    claims += always_failing(dataset)
+    return claims
 
 
 def _claims(dataset: Dataset) -> dict[str, Any]:
     claims = claims_of(dataset)
-    rankings = [
-        one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes
-    ]
-    texts = {
-        one.condition: " ".join(
-            x.text for x in claims if x.condition == one.condition and x.about not in HIDDEN
-        )
-        for one in rankings
-    }
-    depths = [
-        (condition_text(one.condition), dataset.paired(one.condition, "tolerance"))
-        for one in rankings
-    ]
+    rankings = [ranking(dataset, condition) for condition in dataset.conditions]
+    rankings = [each for each in rankings if each.scenes]
+    texts = []
+    depths = []
+    for condition in (each.condition for each in rankings):
+        sentences = [
+            claim.text
+            for claim in claims
+            if claim.condition == condition and claim.about not in HIDDEN
+        ]
+        texts.append(" ".join(sentences))
+        depths.append((condition_text(condition), dataset.paired(condition, "tolerance")))
+    texts += [claim.text for claim in claims if claim.about in ACROSS]
     laws = dict.fromkeys((*rankings[0].laws, *dataset.laws)) if rankings else ()
     return {
         "claims": claims,
         "headline": [tables.headline_numbers(dataset, rankings, law) for law in laws],
         "rankings": rankings,
-        "answers": [tables.answer_numbers(dataset, one) for one in rankings],
-        "findings": [*texts.values(), *(one.text for one in claims if one.about in ACROSS)],
+        "answers": [tables.answer_numbers(dataset, each) for each in rankings],
+        "findings": texts,
         "tolerance": dataset.picture(TOLERANCE, depths, dataset.laws),
-        "levels": [*filter(None, _levels(dataset))],
+        "levels": list(filter(None, _levels(dataset))),
     }
 
 
 def _levels(dataset: Dataset) -> Iterator[str]:
     """Yield the figure of each family whose conditions are a factorial."""
     for family, factorial in dataset.factorials.items():
-        rankings = {
-            name: ranking(dataset, name, families=[family])
-            for name in factorial.conditions.values()
-        }
-        scenes = sorted({one.scenes for one in rankings.values()})
-        caption = (
-            f"{family}, {' to '.join(map(str, (scenes[0], scenes[-1])[-len(scenes) :]))} "
-            f"scenes. {LEVELS.caption}"
-        )
+        rankings = {}
+        for name in factorial.conditions.values():
+            rankings[name] = ranking(dataset, name, families=[family])
+        scenes = {each.scenes for each in rankings.values()}
+        count = str(min(scenes))
+        if len(scenes) > 1:
+            count += f" to {max(scenes)}"
         figure = replace(
-            LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption
+            LEVELS,
+            name=f"levels--{family}",
+            title=f"{family}: {LEVELS.title}",
+            caption=f"{family}, {count} scenes. {LEVELS.caption}",
         )
         yield dataset.picture(figure, factorial, rankings, dataset.laws)
 
@@ -212,19 +218,21 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
     """Return the figures of all conditions: profiles and critical differences."""
     panels: dict[str, list[Panel]] = {metric: [] for metric in PROFILED}
     diagrams: list[Diagram] = []
-    for (metric, words), condition in product(
-        PROFILED.items(), dataset.conditions if len(dataset.laws) > 1 else ()
-    ):
+    conditions = dataset.conditions if len(dataset.laws) > 1 else ()
+    for (metric, words), condition in product(PROFILED.items(), conditions):
         cost = costs(dataset.among(condition), metric).table
         laws = tuple(law for law in dataset.laws if law in cost.columns)
         values = cost[list(laws)].to_numpy(float)
-        if len(values):
-            panels[metric].append((f"{words}, {condition}", laws, profile(values)))
-            if metric == next(iter(PROFILED)):
-                diagrams.append((condition_text(condition), laws, ranks(values)))
-    shown = (PROFILES, list(panels.values())), (CRITICAL_DIFFERENCE, diagrams)
-    figures = [dataset.picture(figure, data, dataset.laws) for figure, data in shown]
-    return {"figures": [*filter(None, figures)]}
+        if not len(values):
+            continue
+        panels[metric].append((f"{words}, {condition}", laws, profile(values)))
+        if metric == RANKED_BY:
+            diagrams.append((condition_text(condition), laws, ranks(values)))
+    figures = [
+        dataset.picture(PROFILES, list(panels.values()), dataset.laws),
+        dataset.picture(CRITICAL_DIFFERENCE, diagrams, dataset.laws),
+    ]
+    return {"figures": list(filter(None, figures))}
 
 
 def _singles(dataset: Dataset) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
 
 #: Outcomes: same significant order, opposite significant order, no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
+#: Outcomes by the verdict on a conclusion's pair in the other condition.
+REPEATED = {"better": "holds", "worse": "reversed"}
 POWER = 0.8  #: Power with which a reversal of the reported size would have been detected.
 
 
@@ -35,11 +37,9 @@ class Measure(NamedTuple):
 
     def text(self, pair: PairVerdict) -> str:
         """Format the difference for a table's cell."""
-        return (
-            f"× {number(pair.difference)}"
-            if self.ratio
-            else f"{percentage(pair.difference, 1)} points"
-        )
+        if self.ratio:
+            return f"× {number(pair.difference)}"
+        return f"{percentage(pair.difference, 1)} points"
 
 
 #: Measures of the conclusions. The margins are a choice: half the gap between neighbours in the
@@ -76,11 +76,9 @@ class Conclusion(NamedTuple):
     @property
     def excluded(self) -> bool:
         """True if the interval excludes a reversal by the margin or more."""
-        return (
-            self.other.low > -self.measure.margin
-            if self.measure.more
-            else self.other.high < self.measure.margin
-        )
+        if self.measure.more:
+            return self.other.low > -self.measure.margin
+        return self.other.high < self.measure.margin
 
     def as_data(self) -> dict[str, Any]:
         """Return the conclusion as a dictionary for files."""
@@ -119,27 +117,27 @@ def powers(dataset: Dataset) -> list[Power]:
 
 
 def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
-    (first, *others), every, powers = dataset.conditions or ("",), list[Conclusion](), list[Power]()
+    first, *others = dataset.conditions or ("",)
+    every = list[Conclusion]()
+    powers = list[Power]()
     for condition, measure in product(others, MEASURES):
-        before, after = (
-            _verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first))
-        )
-        own = [pair for pair, one in before.items() if one.verdict == "better" and pair in after]
-        for a, b in own:
-            outcome = {"better": "holds", "worse": "reversed"}.get(
-                after[a, b].verdict, "inconclusive"
-            )
+        before = _verdicts(dataset, first, condition, measure)
+        after = _verdicts(dataset, condition, first, measure)
+        better = [pair for pair, verdict in before.items() if verdict.verdict == "better"]
+        concluded = [pair for pair in better if pair in after]
+        if not concluded:
+            continue
+        for a, b in concluded:
+            outcome = REPEATED.get(after[a, b].verdict, "inconclusive")
             every.append(Conclusion(measure, a, b, condition, outcome, before[a, b], after[a, b]))
-        if own:
-            tests = sum(one.verdict != "too few" for one in after.values()) // 2
-            scenes = median(after[pair].scenes for pair in own)
-            differing = (
-                median(after[p].differ / after[p].scenes for p in own if after[p].scenes)
-                if scenes
-                else 0.0
-            )
-            least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
-            powers.append(Power(measure.name, condition, len(own), scenes, least))
+        verdicts = [after[pair] for pair in concluded]
+        scenes = median(verdict.scenes for verdict in verdicts)
+        differing = 0.0
+        if scenes:
+            differing = median(v.differ / v.scenes for v in verdicts if v.scenes)
+        tests = sum(verdict.verdict != "too few" for verdict in after.values()) // 2
+        least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+        powers.append(Power(measure.name, condition, len(concluded), scenes, least))
     return every, powers
 
 
@@ -167,52 +165,52 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
     """
     several = []
     for condition in dataset.conditions[1:]:
-        if own := [one for one in conclusions(dataset) if one.condition == condition]:
-            runs = _runs(dataset, condition, dataset.conditions[0])
-            scenes = len(runs[SCENE].drop_duplicates())
-            families = len(set(runs["family"]))
-            numbers = {
-                "conclusions": len(own),
-                **_counts(own),
-                "scenes": scenes,
-                "families": families,
-            }
-            for power in powers(dataset):
-                if (power.condition, power.measure) == (condition, "success") and isfinite(
-                    power.detectable
-                ):
-                    numbers["detectable"] = power.detectable
-            several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
+        concluded = [each for each in conclusions(dataset) if each.condition == condition]
+        if not concluded:
+            continue
+        runs = _runs(dataset, condition, dataset.conditions[0])
+        numbers = {
+            "conclusions": len(concluded),
+            **_counts(concluded),
+            "scenes": len(runs[SCENE].drop_duplicates()),
+            "families": len(set(runs["family"])),
+        }
+        for power in powers(dataset):
+            is_success = (power.condition, power.measure) == (condition, "success")
+            if is_success and isfinite(power.detectable):
+                numbers["detectable"] = power.detectable
+        several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
     return several
 
 
-def _counts(own: list[Conclusion]) -> dict[str, float]:
+def _counts(concluded: list[Conclusion]) -> dict[str, float]:
     """Count the conclusions with each outcome.
 
     ``reversal_excluded`` counts the inconclusive ones that exclude a reversal by the margin.
     """
-    excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
-    return {
-        **{name: sum(one.outcome == name for one in own) for name in OUTCOMES},
-        "reversal_excluded": excluded,
-    }
+    counts: dict[str, float] = {}
+    for outcome in OUTCOMES:
+        counts[outcome] = sum(each.outcome == outcome for each in concluded)
+    inconclusive = [each for each in concluded if each.outcome == "inconclusive"]
+    counts["reversal_excluded"] = sum(each.excluded for each in inconclusive)
+    return counts
 
 
 def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, float]:
     """Count the outcomes of the conclusions by a measure in a condition."""
-    return _counts(
-        [
-            one
-            for one in conclusions(dataset)
-            if (one.condition, one.measure) == (condition, measure)
-        ]
-    )
+    concluded = [
+        each
+        for each in conclusions(dataset)
+        if each.condition == condition and each.measure == measure
+    ]
+    return _counts(concluded)
 
 
 def pairs(dataset: Dataset, measure: Measure) -> dict[tuple[str, str], dict[str, Conclusion]]:
     """Return the conclusions by a measure, keyed by (better, worse) and other condition."""
     found: dict[tuple[str, str], dict[str, Conclusion]] = {}
-    for one in conclusions(dataset):
-        if one.measure == measure:
-            found.setdefault((one.better, one.worse), {})[one.condition] = one
+    for each in conclusions(dataset):
+        if each.measure == measure:
+            by_condition = found.setdefault((each.better, each.worse), {})
+            by_condition[each.condition] = each
     return found

@@ -41,7 +41,7 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
     clean = runs[(runs["condition"] == dataset.conditions[0]) & runs["success"]]
     return {
         "law": law,
-        **{one.condition: one.shares[law].value for one in rankings if law in one.laws},
+        **{each.condition: each.shares[law].value for each in rankings if law in each.laws},
         "variation": middle(clean, "acceleration_variation"),
         "call": middle(runs, "step_time_median_us"),
     }
@@ -56,10 +56,11 @@ def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
     call = middle(dataset.of_law(first), "step_time_median_us")
     numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
     numbers |= ranked.shares[first].numbers("success")
-    for name, law in zip(
-        LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False
-    ):
-        numbers |= {name: law, **ranked.differences[first, law].numbers("loss", law=name)}
+    if others:
+        compared = (others[0], others[len(others) // 2], others[-1])
+        for name, law in zip(LOSSES, compared, strict=True):
+            numbers[name] = law
+            numbers |= ranked.differences[first, law].numbers("loss", law=name)
     return numbers
 
 
@@ -93,9 +94,11 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
 
 def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
     """Return the most frequent names with at least ``least`` counts, and the sum of the others."""
-    common = [(name, n) for name, n in counts.most_common(most) if n >= least]
-    others = counts.total() - sum(n for _, n in common)
-    return [*common, *[("others", others)] * bool(others)]
+    frequent = [(name, count) for name, count in counts.most_common(most) if count >= least]
+    others = counts.total() - sum(count for _, count in frequent)
+    if others:
+        frequent.append(("others", others))
+    return frequent
 
 
 def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
@@ -124,19 +127,20 @@ def scene_facts(dataset: Dataset) -> dict[str, Any]:
     """
     every = dataset.evidence.scenes
     kinds = Counter[str]()
-    found = every[every["found"].astype(bool)]
+    is_found = every["found"].astype(bool)
+    found = every[is_found]
     known = every[every["least_time_s"].notna()]
     for text in found["challenged"].astype(str):
         kinds.update(sorted({label.partition("[")[0] for label in text.split("; ") if label}))
-    missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
-    texts = [
-        f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()
-    ]
+    violated = []
+    for kind, count in kinds.most_common():
+        violated.append(f"{plain(kind)} in {percentage(count / len(found), 0)} %")
+    missing = {}
+    for family, count in every[~is_found]["family"].astype(str).value_counts().items():
+        missing[plain(family)] = counted(int(count), "scene")
     return {
-        "missing": {
-            plain(family): counted(int(count), "scene") for family, count in missing.items()
-        },
-        "violated": enumeration(texts),
+        "missing": missing,
+        "violated": enumeration(violated),
         "late": int((known["least_time_s"] > known["duration_s"]).sum()),
         "known": counted(len(known), "scene") if len(known) else "",
     }

@@ -33,10 +33,7 @@ def write_report(tuning: Tuning, folder: Path) -> None:
 
 
 def _short(value: object) -> str:
-    return (
-        f"{value:.4g}"
-        if isinstance(value, float)
-        else str(value).lower()
-        if isinstance(value, bool)
-        else str(value)
-    )
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    text = str(value)
+    return text.lower() if isinstance(value, bool) else text

@@ -50,8 +50,8 @@ def rates(
         raise unknown_name("outcome", outcome, OUTCOMES)
     flagged = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by)))
     lines = []
-    for group, own in _groups(flagged, (*by, LAW)):
-        result = rate(own["flag"].to_numpy(bool), confidence)
+    for group, group_runs in _groups(flagged, (*by, LAW)):
+        result = rate(group_runs["flag"].to_numpy(bool), confidence)
         lines.append((*group, result.count, result.of, result.share, result.low, result.high))
     return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
 
@@ -64,11 +64,11 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
     """
     judged = judged_metric(metric)
     lines = []
-    for group, own in _groups(
+    for group, group_runs in _groups(
         runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)
     ):
-        middle = median(own["value"].dropna(), confidence)
-        lines.append((*group, middle.n, len(own), middle.median, middle.low, middle.high))
+        middle = median(group_runs["value"].dropna(), confidence)
+        lines.append((*group, middle.n, len(group_runs), middle.median, middle.low, middle.high))
     return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
 
 
@@ -133,9 +133,9 @@ def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Compar
 
 
 def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
-    one = ~np.isnan(a)
-    other = ~np.isnan(b)
-    both = one & other
+    known_a = ~np.isnan(a)
+    known_b = ~np.isnan(b)
+    both = known_a & known_b
     result = paired(a, b, better=better, least=least, confidence=confidence)
     ratios = [math.nan] * 3
     if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
@@ -147,8 +147,8 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
     scenes = (
         len(a),
         result.n,
-        int((one & ~other).sum()),
-        int((other & ~one).sum()),
+        int((known_a & ~known_b).sum()),
+        int((known_b & ~known_a).sum()),
         result.wins + result.losses,
     )
     return Comparison._make((*scenes, *result[:3], *ratios, result.effect, result.p))
@@ -210,22 +210,31 @@ def compare_laws(
     better: Better = (OUTCOMES[metric] if judged is None else judged).better or "less"
     each, ran = (_by_law(runs, (*by, *SCENE), column) for column in (value.astype(float), 1.0))
     lines: list[tuple[Any, ...]] = []
-    for group, own in _groups(each, by):
-        there = ran.loc[own.index].notna()
-        laws = [law for law in own.columns if there[law].any()]
+    for group, values_by_law in _groups(each, by):
+        was_run = ran.loc[values_by_law.index].notna()
+        laws = [law for law in values_by_law.columns if was_run[law].any()]
         against = [(law, reference) for law in laws if law != reference and reference in laws]
         pairs = []
         for a, b in combinations(laws, 2) if reference is None else against:
-            both = (there[a] & there[b]).to_numpy()
-            pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
-        tests = sum(int((~np.isnan(one + other)).sum()) >= MIN_SCENES for *_, one, other in pairs)
+            both = (was_run[a] & was_run[b]).to_numpy()
+            pairs.append(
+                (a, b, values_by_law[a].to_numpy()[both], values_by_law[b].to_numpy()[both])
+            )
+        tests = sum(
+            int((~np.isnan(values_a + values_b)).sum()) >= MIN_SCENES
+            for *_, values_a, values_b in pairs
+        )
         level = simultaneous(confidence, tests)
-        for a, b, one, other in pairs:
+        for a, b, values_a, values_b in pairs:
             if judged is None:
-                result = _by_outcome(one, other, better, level)
+                result = _by_outcome(values_a, values_b, better, level)
             else:
                 result = _by_metric(
-                    one, other, better, resolution(judged) if least is None else least, level
+                    values_a,
+                    values_b,
+                    better,
+                    resolution(judged) if least is None else least,
+                    level,
                 )
             judgement = verdict(result.low, result.high, n=result.paired, better=better)
             corrected = min(result.p * tests, 1.0) if result.paired >= MIN_SCENES else 1.0

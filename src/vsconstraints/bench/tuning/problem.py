@@ -309,7 +309,7 @@ def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Ite
     with processes(workers)(scored) as pool:
         families = [task.family.name for task in tasks]
         of_family = {
-            name: [at for at, family in enumerate(families) if name in (ALL, family)]
+            name: [position for position, family in enumerate(families) if name in (ALL, family)]
             for name in (ALL, *families)
         }
 
@@ -319,13 +319,16 @@ def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Ite
                 replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings
             ]
             found = {}
-            for at, part in results(calls, pool):
+            for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)
                 files.update(part.files)
                 lines = part.runs.to_pandas().set_index("controller").to_dict("index")
-                found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
+                found[position] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
             return [
-                {name: judged([found[at][i] for at in own]) for name, own in of_family.items()}
+                {
+                    name: judged([found[position][i] for position in positions])
+                    for name, positions in of_family.items()
+                }
                 for i in range(len(settings))
             ]
 

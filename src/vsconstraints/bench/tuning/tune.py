@@ -367,11 +367,11 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     """Write the manifest. Raises ConfigurationError if the folder holds another tuning."""
     path = folder / MANIFEST
     here = plain(problem.configuration())
-    there = manifest_of(folder).get("tuning") if path.exists() else here
-    if there is None:
+    stored = manifest_of(folder).get("tuning") if path.exists() else here
+    if stored is None:
         raise ConfigurationError(f"{path} cannot be read: it is not the manifest of a tuning")
-    if there != here:
-        other = in_words(list(differences(there, here)))
+    if stored != here:
+        other = in_words(list(differences(stored, here)))
         raise ConfigurationError(
             f"{folder} holds another tuning: {other}. Give another folder with --out"
         )

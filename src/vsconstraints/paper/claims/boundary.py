@@ -98,26 +98,26 @@ def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
 
     The rule is :data:`FULFILLED`.
     """
-    own = with_sigma(labels)
+    with_rows = with_sigma(labels)
     phi = greatest_phi(run, labels)
-    sigma = greatest_sigma(run, *own)
+    sigma = greatest_sigma(run, *with_rows)
     worst = max(labels, key=lambda label: excess(run, label))
     longest = max(labels, key=run.positive_samples)
     most = excess(run, worst)
     samples = run.positive_samples(longest)
     part = (
         sigma <= 0.0
-        and clear(run, *own) >= 0.0
+        and clear(run, *with_rows) >= 0.0
         and most <= MAX_EXCESS
         and samples <= MAX_POSITIVE_SAMPLES
     )
-    at = run.index(longest)
+    position = run.index(longest)
     which = f" ({longest})" if len(labels) > 1 else ""
     text = (
         f"max σ = {amount(sigma)}; max φ = {amount(phi)}, up to {most:.2f} T_s u⁺ ({worst}), "
         f"at or above zero for {shown_samples(samples)} in a row{which}; "
-        f"(12) asks for u⁺ > {run.drift[:, at].max():.3g} there, "
-        f"where u⁺ = {run.record.switching_gain[at]:g}"
+        f"(12) asks for u⁺ > {run.drift[:, position].max():.3g} there, "
+        f"where u⁺ = {run.record.switching_gain[position]:g}"
     )
     values = {"phi_max": phi, "sigma_max": sigma, "excess": most, "longest": samples}
     return finding(text, holds=phi <= 0.0, partly=part, **values)
@@ -203,16 +203,16 @@ def approaches(run: Run, label: str) -> list[Approach]:
 def smoothly(run: Run, *labels: str) -> Finding:
     """Finding that the boundary is reached smoothly in every approach of these rows."""
     by_row = {label: approaches(run, label) for label in labels}
-    every = [approach for own in by_row.values() for approach in own]
-    if missing := [label for label, own in by_row.items() if not own]:
+    every = [approach for of_row in by_row.values() for approach in of_row]
+    if missing := [label for label, of_row in by_row.items() if not of_row]:
         text = f"no approach lasts 3 K: {', '.join(missing)}"
         return finding(text, holds=False, partly=bool(every))
-    smooth = [one.smooth for one in every]
-    left = max(one.share for one in every)
+    smooth = [approach.smooth for approach in every]
+    left = max(approach.share for approach in every)
     texts = []
-    for label, own in by_row.items():
+    for label, of_row in by_row.items():
         unit = run.unit(label)
-        speeds = [f"{one.first:.3g} → {one.later:.2g} {unit}/s" for one in own]
+        speeds = [f"{approach.first:.3g} → {approach.later:.2g} {unit}/s" for approach in of_row]
         texts.append(f"{label} {', '.join(speeds)}")
     text = f"normal speed, at first and 3 K later: {'; '.join(texts)}"
     return finding(text, holds=all(smooth), partly=any(smooth), share_left=left)

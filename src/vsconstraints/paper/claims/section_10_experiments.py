@@ -83,9 +83,9 @@ def exponentially(run: Run, kind: str) -> Finding:
     Only times from the row's first activity on count.
     """
     label = sliding_row(run, kind)
-    at = np.flatnonzero(acts(run, label))
-    times = run.t[at]
-    while_acting = slice(at[0], at[-1] + 1)
+    acting = np.flatnonzero(acts(run, label))
+    times = run.t[acting]
+    while_acting = slice(acting[0], acting[-1] + 1)
     clearance = run.trajectory.clearance[while_acting, run.index(label)]
     speed = run.approach_speed(label)[while_acting]
     K = run.constraint(label).K
@@ -364,7 +364,7 @@ def _performance_is_satisfactory(pbvs: Run, ibvs: Run, unselected: StudyResult) 
     first, second = findings
     return finding(
         f"T_s = {pbvs.sampling_time:g} s. Experiment 1: {first.text}. Experiment 2: {second.text}",
-        holds=slow and all(one.verdict == "holds" for one in findings),
-        partly=any(one.verdict != "does not hold" for one in findings),
+        holds=slow and all(each.verdict == "holds" for each in findings),
+        partly=any(each.verdict != "does not hold" for each in findings),
         **{**first.values, **second.values},
     )

@@ -85,7 +85,7 @@ def _integrated_twice(*runs: Run) -> Finding:
         Ts = run.sampling_time
         filtered = OrderFilter(q[0], qd[0], Ts)
         places.append(np.abs(np.diff(q, axis=0) - Ts * qd[:-1] - 0.5 * Ts**2 * qdd).max())
-        places.append(np.abs([filtered.step(one) for one in qdd] - q[1:]).max())
+        places.append(np.abs([filtered.step(command) for command in qdd] - q[1:]).max())
         speeds.append(np.abs(np.diff(qd, axis=0) - Ts * qdd).max())
     most = max(places + speeds)
     text = f"up to {max(places):.2g} rad and {max(speeds):.2g} rad/s are left"

@@ -52,15 +52,15 @@ class Comparison:
         for scenario in SCENARIOS:
             self.broken[scenario] = number(pareto, scenario, "printed", "kept") == 0.0
             lost = number(pareto, scenario, law, "kept") != 1.0 and law == "printed"
-            own = nan if lost else pareto.numbers.get((scenario, law, name), nan)
+            value = nan if lost else pareto.numbers.get((scenario, law, name), nan)
             fields = {
                 field: pareto.numbers.get((scenario, field, "least_unused"), nan)
                 for field in FIELDS
             }
-            used = own <= FULLY_USED
-            beaten = any(left < own for left in fields.values())
+            used = value <= FULLY_USED
+            beaten = any(left < value for left in fields.values())
             self.verdicts[scenario] = judged(used and not beaten, used)
-            self.unused[scenario] = {SLIDING: own} | fields
+            self.unused[scenario] = {SLIDING: value} | fields
 
     def finding(self, text: str) -> Finding:
         """Return the finding over all scenarios."""
@@ -94,11 +94,11 @@ def _printed_gains_use_the_space(pareto: StudyResult) -> Finding:
     texts = []
     for scenario, laws in compared.unused.items():
         sliding = laws[SLIDING]
-        own = "does not keep its boundaries (5d), so that it is not compared"
+        result = "does not keep its boundaries (5d), so that it is not compared"
         if isfinite(sliding):
-            own = leaves(sliding)
+            result = leaves(sliding)
         fields = ", ".join(f"{field} {leaves(laws[field])}" for field in FIELDS)
-        texts.append(f"{scenario}: {SLIDING} {own}; {fields} at best")
+        texts.append(f"{scenario}: {SLIDING} {result}; {fields} at best")
     return compared.finding(". ".join(texts))
 
 

@@ -120,8 +120,8 @@ def _all_constraints_are_fulfilled(case: Run, case_halved: Run) -> Finding:
         f"with half the period φ ≥ 0 for {shown_samples(longest_halved)} in a row; "
         f"the speed of joint 2 is at most {100 * speed_excess:.2f} % above its limit"
     )
-    own = {"speed_excess": speed_excess, "longest_halved": longest_halved}
-    return Finding(kept.verdict, text, {**kept.values, **own})
+    further = {"speed_excess": speed_excess, "longest_halved": longest_halved}
+    return Finding(kept.verdict, text, {**kept.values, **further})
 
 
 @claim(

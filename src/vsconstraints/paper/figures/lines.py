@@ -93,8 +93,8 @@ def pose_errors(
 ) -> None:
     """Draw some components of the camera's position and orientation error, one panel each."""
     kinds = (("position\nerror [m]", (0, 1, 2)), ("orientation\nerror [rad]", (3, 4, 5)))
-    for ax, (label, own) in zip(panels, kinds, strict=True):
-        shown = [part for part in own if part in parts]
+    for ax, (label, components) in zip(panels, kinds, strict=True):
+        shown = [part for part in components if part in parts]
         for part, dash in zip(shown, ("-", "--", ":"), strict=False):
             look = {
                 "color": (BLUE, MAGENTA, RED)[part % 3],

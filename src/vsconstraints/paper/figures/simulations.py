@@ -112,7 +112,7 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     The obstacle's row of the other marker gets a separate panel, together with the first marker's.
     """
     sheet = Sheet(paper.LEFT)
-    sheet.at = 0.28
+    sheet.bottom = 0.28
     whole, detail = sheet.views((3.0, 3.0), (2.05, 2.05), gap=0.45)
     entries = paper.draw_tracks(whole, run, upwards=True)
     square(whole, met.centre, met.half, met.half, color=INK, linewidth=0.9, zorder=7)
@@ -158,7 +158,7 @@ def frame_times(run: Run) -> list[float]:
         phases(run, BORDERS[1])[1],
         phases(run, SPHERE)[1],
     ]
-    middles = [0.5 * (own[0][0] + own[0][1]) for own in spans if own]
+    middles = [0.5 * (of_row[0][0] + of_row[0][1]) for of_row in spans if of_row]
     return [float(run.t[np.argmin(np.abs(run.t - middle))]) for middle in middles]
 
 

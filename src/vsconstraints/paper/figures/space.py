@@ -58,7 +58,7 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
         away = -0.6 * lengths[name]
         beside = pose.act(np.array([away, away, 0.0]))
         ax.text(*beside, name, fontsize=11, fontweight="bold", ha="center", va="center", zorder=50)
-    sheet.at = 5.3
+    sheet.bottom = 5.3
     return sheet
 
 

@@ -86,8 +86,8 @@ class Layer:
         self, points: Points, numbers: Numbers, looks: Mapping[str, Look]
     ) -> Iterator[Series]:
         """Yield the series, in the order of the figure's looks if these name them."""
-        own = self.points(points, numbers)
-        groups = grouped(own, self.by) if self.by else {"": own}
+        selected = self.points(points, numbers)
+        groups = grouped(selected, self.by) if self.by else {"": selected}
         names = [name for name in looks if name in groups]
         names = names or [name for name in groups if name or not self.by]
         thinner = widths(names, *self.widths) if self.widths else {}
@@ -238,7 +238,7 @@ class SweepFigure:
         for series in every:
             entries.setdefault(series.look.get("label", ""), series.look)
         sheet.legend([look for label, look in entries.items() if label], self.legend)
-        sheet.at += self.above
+        sheet.bottom += self.above
         scenarios = [None] if self.columns else list(grouped(points, "scenario"))
         places = list(product(self.measures, scenarios))
         made = sheet.panels(
@@ -254,8 +254,8 @@ class SweepFigure:
             for series in every:
                 layer = series.layer
                 if name in (layer.on or self.measures):
-                    own = where(series.points, scenario=scenario) if scenario else series.points
-                    layer.draw(ax, series, own, self.x, layer.y or name)
+                    shown = where(series.points, scenario=scenario) if scenario else series.points
+                    layer.draw(ax, series, shown, self.x, layer.y or name)
             measure = self.measures[name].of(scenario)
             self._set_scales(ax, measure)
             self._set_limits(ax, measure)

@@ -129,14 +129,14 @@ class GradientError(Sweep):
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
         """Return the sentences of the result."""
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
+        for scenario, of_scenario in grouped(points, "scenario").items():
             texts = [
                 f"{point['controller']} {described(point)}"
-                for point in where(own, gradient_error=PRINTED)
+                for point in where(of_scenario, gradient_error=PRINTED)
             ]
             sentences.append(f"{sentence_start(scenario)}, c_e = {PRINTED}: {'; '.join(texts)}.")
-            most = greatest(own, "gradient_error")
-            arrived = where(own, gradient_error=most, status="converged")
+            most = greatest(of_scenario, "gradient_error")
+            arrived = where(of_scenario, gradient_error=most, status="converged")
             laws = ", ".join(point["controller"] for point in arrived) or "no controller"
             sentences.append(f"With c_e = {most:g} the goal is reached by {laws}.")
         return sentences

@@ -208,9 +208,9 @@ class NonStatic(Sweep):
         numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
         above: Points = []
         missing = {"switching_gain": math.nan, "depth": math.nan}
-        for key, own in grouped(points, "scenario", "speed").items():
-            known = where(own, known=True)
-            unknown = next(iter(where(own, known=False)), missing)
+        for key, of_speed in grouped(points, "scenario", "speed").items():
+            known = where(of_speed, known=True)
+            unknown = next(iter(where(of_speed, known=False)), missing)
             same = where(known, switching_gain=unknown["switching_gain"])
             # the run whose bound is used for the speed
             largest = max(known, key=lambda point: float(point["switching_gain"]))
@@ -233,9 +233,9 @@ class NonStatic(Sweep):
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
         """Return the sentences of the result."""
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
+        for scenario, of_scenario in grouped(points, "scenario").items():
             texts = []
-            for speed in grouped(own, "speed"):
+            for speed in grouped(of_scenario, "speed"):
                 of = about(numbers, scenario, speed)
                 when = f"at {speed:g} times its speed" if speed else "if it stands still"
                 bound = number(of["bound_12"])
@@ -244,7 +244,7 @@ class NonStatic(Sweep):
                 f"{scenario_title(scenario).capitalize()}: the smallest u⁺ tried from which on "
                 f"the boundary is kept is {'; '.join(texts)}."
             )
-            if unknown := where(own, known=False):
+            if unknown := where(of_scenario, known=False):
                 texts = [
                     entered(about(numbers, scenario, speed), speed, OBSTACLES[scenario].unit)
                     for speed in grouped(unknown, "speed")

@@ -216,10 +216,14 @@ class Pareto(Sweep):
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
         """Return the sentences of the result."""
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
-            texts = [f"{law} {described(runs)}" for law, runs in grouped(own, "controller").items()]
+        for scenario, of_scenario in grouped(points, "scenario").items():
+            texts = [
+                f"{law} {described(runs)}"
+                for law, runs in grouped(of_scenario, "controller").items()
+            ]
             on_front = sorted(
-                where(own, front=True), key=lambda p: (p["unused"], p["acceleration_variation"])
+                where(of_scenario, front=True),
+                key=lambda p: (p["unused"], p["acceleration_variation"]),
             )
             laws = ", ".join(grouped(on_front, "controller")) or "nobody"
             sentences.append(

@@ -87,9 +87,9 @@ def run_studies(
         except OSError as error:
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
     drift_noted: dict[RunSpec, bool] = {}
-    for name, own in runs.items():
+    for name, cases in runs.items():
         drift_noted |= {
-            run: drift_noted.get(run, False) or studies[name].drift_noted for run in own.values()
+            run: drift_noted.get(run, False) or studies[name].drift_noted for run in cases.values()
         }
     # the baseline on the unchanged scenario determines which rows are challenged
     baselines = {run.name: RunSpec(run.name, ControllerSpec(BASELINE)) for run in drift_noted}
@@ -113,9 +113,12 @@ def run_studies(
         summaries: dict[RunSpec, Any] = answers | lost
         return {
             name: _finish(
-                studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats
+                studies[name],
+                {case: summaries[run] for case, run in cases.items()},
+                folder,
+                formats,
             )
-            for name, own in runs.items()
+            for name, cases in runs.items()
         }
 
 

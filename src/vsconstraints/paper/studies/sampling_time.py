@@ -160,11 +160,11 @@ class SamplingTime(Sweep):
         """
         numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
         for scenario in BAND_SCENARIOS:
-            own = where(points, scenario=scenario, row="")
-            own = [point for point in own if math.isfinite(point["band"])]
-            if own:
-                numbers[scenario,] = growth(own)
-                numbers[scenario, "band"] = {point["Ts_ms"]: point["band"] for point in own}
+            of_scenario = where(points, scenario=scenario, row="")
+            of_scenario = [point for point in of_scenario if math.isfinite(point["band"])]
+            if of_scenario:
+                numbers[scenario,] = growth(of_scenario)
+                numbers[scenario, "band"] = {point["Ts_ms"]: point["band"] for point in of_scenario}
         if rows := [point for point in points if point["row"]]:
             longest = max(rows, key=lambda point: float(point["longest_run"]))
             numbers[ROW_SCENARIO,] = {

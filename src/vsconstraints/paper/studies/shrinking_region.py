@@ -153,8 +153,8 @@ class ShrinkingRegion(Sweep):
     def numbers(self, points: Points) -> Found:
         """Distances to the sliding-mode law, by scenario, blend and region."""
         numbers: dict[tuple[Any, ...], Mapping[Any, float]] = {}
-        for scenario, own in grouped(points, "scenario").items():
-            by_law = grouped(own, "law")
+        for scenario, of_scenario in grouped(points, "scenario").items():
+            by_law = grouped(of_scenario, "law")
             floor, unused = (
                 float(by_law[law][0][column]) if law in by_law else math.nan
                 for law, column in (("halved", "joint_distance"), ("sliding-mode", "unused"))
@@ -201,21 +201,23 @@ def described(of: Mapping[str | float, float], sliding_unused: float) -> str:
 
 def shrinking(points: Points, floor: float) -> dict[str, float]:
     """Numbers about the runs of one blend, from the largest to the smallest region."""
-    own = sorted(
+    ordered = sorted(
         [point for point in points if not ended_early(point)], key=lambda point: -point["region"]
     )
-    found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
-    if not own:
+    found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(ordered)}
+    if not ordered:
         return found
-    for place, point in (("largest", own[0]), ("smallest", own[-1])):
+    for place, point in (("largest", ordered[0]), ("smallest", ordered[-1])):
         found[f"region_{place}"] = point["region"]
         found[f"distance_{place}_region"] = point["joint_distance"]
         found[f"unused_{place}_region"] = point["unused"]
     # a rise smaller than the effect of sampling alone does not count
-    falls = all(b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(own))
-    deepest = max(own, key=lambda point: float(point["violation_depth"]))
+    falls = all(
+        b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(ordered)
+    )
+    deepest = max(ordered, key=lambda point: float(point["violation_depth"]))
     return found | {
-        "distance_falls": falls and len(own) == len(points),
+        "distance_falls": falls and len(ordered) == len(points),
         "violation_depth": deepest["violation_depth"],
         "violation_region": deepest["region"],
     }

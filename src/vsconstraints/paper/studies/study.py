@@ -111,7 +111,7 @@ class Sweep(Study):
         """Return the points with columns that depend on all points."""
         return points
 
-    def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
+    def point(self, case: Any, run: RunSummary, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Return a point, one line of data: the case, and the columns.
 
         Columns that are not the study's own are taken from the summary. ``violation`` is in % of L.
@@ -130,7 +130,7 @@ class Sweep(Study):
             "phi_max": run.phi_max,
             "longest_run": float(run.longest_run),
             "bound_12": run.needed_gain,
-            **own,
+            **columns,
         }
         names = (*varied, *self.columns)
         return {name: known[name] if name in known else run.value(name) for name in names}
@@ -138,9 +138,9 @@ class Sweep(Study):
     def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
         """See :class:`Study`."""
         lines = (
-            self.point(case, run, own)
+            self.point(case, run, columns)
             for case, run in results.items()
-            for own in self.lines(case, run, results)
+            for columns in self.lines(case, run, results)
         )
         points = self.completed(list(lines))
         numbers = {

@@ -156,22 +156,22 @@ class SwitchingGain(Sweep):
     def numbers(self, points: Points) -> Found:
         """Bounds and smallest sufficient gains for each speed; runs above (12) by outcome."""
         numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
-        for Kp0, own in grouped(points, "Kp0").items():
+        for Kp0, chosen in grouped(points, "Kp0").items():
             # the greatest along the sliding runs or, if none slides, along the run with the largest
             # gain
-            bounding = where(own, outcome="sliding")
-            bounding = bounding or [max(own, key=lambda point: float(point["switching_gain"]))]
+            bounding = where(chosen, outcome="sliding")
+            bounding = bounding or [max(chosen, key=lambda point: float(point["switching_gain"]))]
             bounds = ("bound_12", "bound_sampled")
             numbers[Kp0,] = {name: greatest(bounding, name) for name in bounds}
             for name, outcomes in ENOUGH.items():
-                numbers[Kp0,][f"smallest_{name}"] = smallest_gain(own, outcomes)
+                numbers[Kp0,][f"smallest_{name}"] = smallest_gain(chosen, outcomes)
         # bound along the run's own motion; without an active row there is no bound
         below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
         above = [point for point in points if point not in below]
         numbers[()] = {"above_bound": len(above), "below_bound": len(below)}
-        for side, own in (("above_bound", above), ("below_bound", below)):
+        for side, chosen in (("above_bound", above), ("below_bound", below)):
             for name, good in ENOUGH.items():
-                numbers[()][f"{side}_{name}"] = len(where(own, outcome=[*good]))
+                numbers[()][f"{side}_{name}"] = len(where(chosen, outcome=[*good]))
         return numbers
 
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:

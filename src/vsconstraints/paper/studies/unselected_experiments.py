@@ -190,7 +190,9 @@ class UnselectedExperiments(Sweep):
     def numbers(self, points: Points) -> Found:
         """Numbers of scenes in which each error changes little; values in the shipped scene."""
         accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
-        numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
+        numbers = {
+            key: counted(of_case) for key, of_case in grouped(accepted, "scenario", "case").items()
+        }
         names = (*HOLDS, "track_px", "speed_share", "clearance_share")
         for point in where(accepted, scene=SHIPPED):
             key = (point["scenario"], point["case"], SHIPPED)
@@ -200,11 +202,11 @@ class UnselectedExperiments(Sweep):
     def sentences(self, points: Points, numbers: Numbers) -> list[str]:
         """Return the sentences of the result."""
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
+        for scenario, of_scenario in grouped(points, "scenario").items():
             start = sentence_start(scenario)
             by_geometry = kept_scenes()[scenario]["rejected"]
             reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
-            by_run = rejected_by_run(own).items()
+            by_run = rejected_by_run(of_scenario).items()
             runs = ", ".join(f"{count} ({reason})" for reason, count in by_run) or "none"
             sentences.append(
                 f"{start}: rejected by geometry, {sum(by_geometry.values())} draws ({reasons}); "
@@ -225,14 +227,14 @@ class UnselectedExperiments(Sweep):
 
 def counted(points: Points) -> dict[str, float]:
     """Numbers of unselected scenes with each property, and medians."""
-    own = [point for point in points if point["scene"] != SHIPPED]
+    drawn = [point for point in points if point["scene"] != SHIPPED]
     medians = {
-        f"median_{name}": median([point[name] for point in own])
+        f"median_{name}": median([point[name] for point in drawn])
         for name in ("track_px", "speed_share")
     }
     return {
-        "scenes": len(own),
-        **{name: sum(bool(point[name]) for point in own) for name in HOLDS},
+        "scenes": len(drawn),
+        **{name: sum(bool(point[name]) for point in drawn) for name in HOLDS},
         **medians,
     }
 

@@ -8,11 +8,11 @@ from .view import View
 
 __all__ = ["FIGURES", "OVERVIEW", "View"]
 #: Drawn from :class:`~vsconstraints.reports.results.Results`.
-OVERVIEW = Figure.told("trade-off", draw_trade_off)
-TRACKS = Figure.told("tracks", draw_tracks)
-PHI = Figure.told("phi", draw_phi)
-ERRORS = Figure.told("errors", draw_errors)
-ACCELERATION = Figure.told("acceleration", draw_acceleration)
+OVERVIEW = Figure.named("trade-off", draw_trade_off)
+TRACKS = Figure.named("tracks", draw_tracks)
+PHI = Figure.named("phi", draw_phi)
+ERRORS = Figure.named("errors", draw_errors)
+ACCELERATION = Figure.named("acceleration", draw_acceleration)
 #: Figures of each scenario in the order of the report, before those that parts register; drawn
 #: from a :class:`View`.
 FIGURES = (TRACKS, PHI, ERRORS, ACCELERATION)

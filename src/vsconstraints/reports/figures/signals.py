@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...comparisons.suite import BASELINE
 from ...rows import Array
-from ...simulation import Tolerances, Trajectory, intervals
+from ...simulation import Tolerances, intervals
 from ..plots.sheet import Sheet
 from ..plots.style import (
     FAINT,
@@ -43,38 +43,12 @@ def draw_phi(view: View) -> Sheet | None:
     sheet = Sheet(left=1.85, right=0.2)
     sheet.legend(view.entries(None if view.phi_rows else view.competitors))
     lane = len(view.competitors) * LANE + LANE_GAP
-    heights = [PANEL] * len(view.phi_rows) + [lane * len(view.lane_rows)] * bool(view.lane_rows)
+    heights = [PANEL] * len(view.phi_rows)
+    if view.lane_rows:
+        heights.append(lane * len(view.lane_rows))
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
     for ax, label in zip(panels, view.phi_rows, strict=False):
-        band(ax, -1.0, 1.0)
-        zero_line(ax)
-        low = -3.0
-        high = 3.0
-        for name, run, look in view.lines():
-            if label in run.trajectory.labels:
-                i = run.trajectory.labels.index(label)
-                relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
-                low = min(low, float(np.nanmin(relative, initial=low)))
-                until = run.trajectory.t <= view.rows_end
-                t, least, greatest, _ = extremes(run.trajectory.t[until], relative[until], BINS)
-                ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
-                if name != BASELINE:
-                    high = max(high, float(np.nanmax(relative, initial=high)))
-                    area(
-                        ax,
-                        t,
-                        least,
-                        greatest,
-                        color=look["color"],
-                        alpha=0.15,
-                        linewidth=0.0,
-                        zorder=3,
-                    )
-        low = 1.3 * max(low, -MAX_PHI)
-        high = 1.5 * min(high, MAX_PHI)
-        ax.set_ylim(low, high)
-        logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
-        ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
+        _draw_row(ax, view, label)
         head, bracket, rest = label.partition("[")
         sheet.name(ax, f"{head}\n{bracket}{rest}" if len(label) > 14 else label)
     if view.lane_rows:
@@ -84,6 +58,33 @@ def draw_phi(view: View) -> Sheet | None:
     for ax in panels:
         view.time_axis(ax, view.rows_end)
     return sheet
+
+
+def _draw_row(ax: Any, view: View, label: str) -> None:
+    """Draw φ / (T_s u⁺) of a row into its panel."""
+    band(ax, -1.0, 1.0)
+    zero_line(ax)
+    low = -3.0
+    high = 3.0
+    for name, run, look in view.lines():
+        trajectory = run.trajectory
+        if label not in trajectory.labels:
+            continue
+        i = trajectory.labels.index(label)
+        relative = trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
+        low = min(low, float(np.nanmin(relative, initial=low)))
+        shown = trajectory.t <= view.rows_end
+        t, least, greatest, _ = extremes(trajectory.t[shown], relative[shown], BINS)
+        ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
+        if name != BASELINE:
+            high = max(high, float(np.nanmax(relative, initial=high)))
+            shade = {"color": look["color"], "alpha": 0.15, "linewidth": 0.0, "zorder": 3}
+            area(ax, t, least, greatest, **shade)
+    low = 1.3 * max(low, -MAX_PHI)
+    high = 1.5 * min(high, MAX_PHI)
+    ax.set_ylim(low, high)
+    logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
+    ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
 
 
 def _lanes(ax: Any, view: View, height: float) -> None:
@@ -96,14 +97,14 @@ def _lanes(ax: Any, view: View, height: float) -> None:
             band(ax, i * height, (i + 1) * height, "#F6F6F6", zorder=0.2)
         for k, name in enumerate(view.competitors):
             run = view.runs[name]
-            if label in run.trajectory.labels:
-                active = run.trajectory.active[:, run.trajectory.labels.index(label)]
-                spans = intervals(
-                    run.trajectory.t, active, max(10.0 * run.Ts, view.rows_end / 200.0)
-                )
-                bars = [(a, max(b - a, view.rows_end / 500.0)) for a, b in spans]
-                place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
-                ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
+            if label not in run.trajectory.labels:
+                continue
+            active = run.trajectory.active[:, run.trajectory.labels.index(label)]
+            least_gap = max(10.0 * run.Ts, view.rows_end / 200.0)
+            spans = intervals(run.trajectory.t, active, least_gap)
+            bars = [(begin, max(end - begin, view.rows_end / 500.0)) for begin, end in spans]
+            place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
+            ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
 
 
 def draw_errors(view: View) -> Sheet:
@@ -111,67 +112,86 @@ def draw_errors(view: View) -> Sheet:
 
     A line marks the tolerance if it decides whether the goal is reached.
     """
-    setup = view.setup
-    quantities = list[tuple[str, float, bool, dict[str, Array]]]()
-    image = setup is not None and setup.task.feature.reached_by != "pose"
-    accepted = Tolerances() if setup is None else setup.tolerances
-    pose = setup is not None and not image
-    errors: list[tuple[str, float, bool, Callable[[Trajectory], Array]]] = [
-        ("image error [px]", accepted.feature_px, True, lambda run: run.feature_error_px),
-        (
-            "position error [mm]",
-            1e3 * accepted.translation_m,
-            pose,
-            lambda run: 1e3 * run.camera_error[:, 0],
-        ),
-        (
-            "orientation error [mrad]",
-            1e3 * accepted.rotation_rad,
-            pose,
-            lambda run: 1e3 * run.camera_error[:, 1],
-        ),
-    ]
-    for label, tolerance, decides, values in errors if image else errors[1:]:
-        own = {name: values(run.trajectory) for name, run in view.runs.items()}
-        if any(np.isfinite(one).any() for one in own.values()):
-            quantities.append((label, tolerance, decides, own))
+    quantities = [quantity for quantity in _error_quantities(view) if quantity.is_known]
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
     panels = sheet.panels(
         len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", "")
     )
-    for ax, (label, tolerance, decides, own) in zip(panels, quantities, strict=True):
+    for ax, quantity in zip(panels, quantities, strict=True):
+        tolerance = quantity.tolerance
         floor = ERROR_FLOOR * tolerance
-        top = max(10.0 * floor, *(float(np.nanmax(one, initial=0.0)) for one in own.values()))
+        greatest = [float(np.nanmax(error, initial=0.0)) for error in quantity.errors.values()]
+        top = 2.0 * max(10.0 * floor, *greatest)
         for name, run, look in view.lines():
             t = run.trajectory.t
-            drawn = np.maximum(own[name], 1e-3 * floor)
+            drawn = np.maximum(quantity.errors[name], 1e-3 * floor)
             signal(ax, t, drawn, **look, **view.marks(name, t, view.end))
-        if decides:
+        if quantity.decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
             note(ax, "tolerance", tolerance, above=False)
         view.time_axis(ax)
-        ax.set_ylim(floor, 2.0 * top)
-        logarithmic(ax.yaxis, decades(floor, 2.0 * top))
-        ax.set_ylabel(label, labelpad=2)
+        ax.set_ylim(floor, top)
+        logarithmic(ax.yaxis, decades(floor, top))
+        ax.set_ylabel(quantity.label, labelpad=2)
     return sheet
+
+
+class ErrorQuantity(NamedTuple):
+    """Error of a kind in all runs of a view.
+
+    ``decides`` is True if its tolerance decides whether the goal is reached; ``errors`` (N,) are
+    keyed by controller, in the unit of the label.
+    """
+
+    label: str
+    tolerance: float
+    decides: bool
+    errors: dict[str, Array]
+
+    @property
+    def is_known(self) -> bool:
+        """True if any value is finite."""
+        return any(np.isfinite(error).any() for error in self.errors.values())
+
+
+def _error_quantities(view: View) -> list[ErrorQuantity]:
+    """Return the errors of the markers, if they decide about the goal, and of the camera's pose."""
+    setup = view.setup
+    accepted = Tolerances() if setup is None else setup.tolerances
+    decided_by_pose = setup is not None and setup.task.feature.reached_by == "pose"
+    trajectories = {name: run.trajectory for name, run in view.runs.items()}
+    position = {name: 1e3 * run.camera_error[:, 0] for name, run in trajectories.items()}
+    angle = {name: 1e3 * run.camera_error[:, 1] for name, run in trajectories.items()}
+    quantities = [
+        ErrorQuantity(
+            "position error [mm]", 1e3 * accepted.translation_m, decided_by_pose, position
+        ),
+        ErrorQuantity(
+            "orientation error [mrad]", 1e3 * accepted.rotation_rad, decided_by_pose, angle
+        ),
+    ]
+    if setup is not None and not decided_by_pose:
+        image = {name: run.feature_error_px for name, run in trajectories.items()}
+        quantities.insert(0, ErrorQuantity("image error [px]", accepted.feature_px, True, image))
+    return quantities
 
 
 def draw_acceleration(view: View) -> Sheet:
     """Draw mean and range of q̈_c of all joints in short windows, with equal axes."""
-    commands = {
-        name: (view.runs[name].trajectory.t, view.runs[name].trajectory.qdd_command)
-        for name in view.shown
-    }
-    every = [np.abs(run.trajectory.qdd_command) for run in view.runs.values()]
-    # Without the largest 0.05 % of the samples of each run.
-    sizes = [
-        float(np.quantile(size[np.isfinite(size)], 0.9995))
-        for size in every
-        if np.isfinite(size).any()
-    ]
-    limit = 1.3 * max(1.0, *sizes)
-    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
+    commands = {}
+    for name in view.shown:
+        trajectory = view.runs[name].trajectory
+        commands[name] = (trajectory.t, trajectory.qdd_command)
+    largest = 1.0
+    for run in view.runs.values():
+        command = run.trajectory.qdd_command
+        sizes = np.abs(command[np.isfinite(command)])
+        if len(sizes):
+            # Without the largest 0.05 % of the samples.
+            largest = max(largest, float(np.quantile(sizes, 0.9995)))
+    scale = (1.0, 1.3 * largest)
+    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
     for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
         middle, _, _, mean = extremes(t, qdd, MEAN_BINS)
         for k in range(qdd.shape[1]):
@@ -195,25 +215,28 @@ def joint_panels(
     from matplotlib import colormaps
 
     linear, limit = scale
-    n = max(own.shape[1] for _, own in values.values())
+    n = max(joints.shape[1] for _, joints in values.values())
     colours = [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
     panels = sheet.panels(
         len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True
     )
-    for ax, (t, own) in zip(panels, values.values(), strict=True):
-        middle, least, greatest, _ = extremes(t, own, BINS)
+    for ax, (t, joints) in zip(panels, values.values(), strict=True):
+        middle, least, greatest, _ = extremes(t, joints, BINS)
         # Joints that vary most lie below the others.
-        order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
-        for rank, k in enumerate(order):
-            look: dict[str, Any] = {
-                "color": colours[k],
-                "alpha": 0.4,
-                "linewidth": 0.4,
-                "zorder": 2 + 0.01 * rank,
-            }
-            area(ax, middle, least[:, k], greatest[:, k], **look)
+        variation = np.nan_to_num(greatest - least).mean(axis=0)
+        for rank, k in enumerate(np.argsort(-variation, kind="stable")):
+            area(
+                ax,
+                middle,
+                least[:, k],
+                greatest[:, k],
+                color=colours[k],
+                alpha=0.4,
+                linewidth=0.4,
+                zorder=2 + 0.01 * rank,
+            )
         view.time_axis(ax)
         # Few and short labels, so that those of neighbouring panels do not overlap.
         ax.locator_params(axis="x", nbins=5, steps=[1, 2, 5, 10])

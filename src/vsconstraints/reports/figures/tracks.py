@@ -48,25 +48,24 @@ def draw_tracks(view: View) -> Sheet | None:
     if not any(run.trajectory.features_px.size for run in view.runs.values()):
         return None
     names = view.competitors or view.shown
-    if view.setup is not None:
-        plane = Plane.of(view.setup)
-    else:
-        seen = np.concatenate(
-            [run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()]
-        )
-        plane = Plane(tuple(2.0 * np.nanmax(np.abs(seen), axis=0)))
+    plane = _plane_of(view)
     detail = close_up(view, plane)
-    # With its close-up a panel takes half as much room again.
-    columns, share, apart = (
-        (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
-    )
+    columns = COLUMNS if detail is None else COLUMNS - 1
     room = (WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns
-    width = (room - apart) / share
+    # With its close-up a panel takes half as much room again.
+    width = room if detail is None else (room - APART) / (1.0 + BESIDE)
     height = width * plane.half[1] / plane.half[0]
     sheet = Sheet(left=LEFT)
-    grid = {"width": width, "above": TITLE, "gap": room - width + GAP}
-    labels = ("u [px]", "v [px], downwards")
-    panels = sheet.panels(len(names), columns, height=height, labels=labels, same_y=True, **grid)
+    panels = sheet.panels(
+        len(names),
+        columns,
+        height=height,
+        width=width,
+        above=TITLE,
+        gap=room - width + GAP,
+        labels=("u [px]", "v [px], downwards"),
+        same_y=True,
+    )
     for ax, name in zip(panels, names, strict=True):
         plane.draw(ax, labels=False)
         draw_run(ax, view, name)
@@ -85,10 +84,19 @@ def draw_tracks(view: View) -> Sheet | None:
     if taken < columns and tall > needed:
         # The space above that place has the numbers and the label of a panel.
         left = LEFT + taken * (room + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.at - 0.5 * (tall + needed)), labelspacing=0.7)
+        sheet.legend(entries, 1, (left, sheet.bottom - 0.5 * (tall + needed)), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet
+
+
+def _plane_of(view: View) -> Plane:
+    """Return the image plane of a view's setup, or one around all tracks without a setup."""
+    if view.setup is not None:
+        return Plane.of(view.setup)
+    seen = [run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()]
+    reach = np.nanmax(np.abs(np.concatenate(seen)), axis=0)
+    return Plane(tuple(2.0 * reach))
 
 
 def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
@@ -97,13 +105,8 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     look = view.looks[name]
     pixels = run.trajectory.features_px
     if view.baseline is not None and name != BASELINE:
-        tracks(
-            ax,
-            view.baseline.trajectory.features_px,
-            color=view.looks[BASELINE].colour,
-            linewidth=0.9,
-            zorder=2.2,
-        )
+        baseline = view.baseline.trajectory.features_px
+        tracks(ax, baseline, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
     tracks(ax, pixels, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
     for track in _violations(run):
         ax.plot(*track.T, **VIOLATED, zorder=5)
@@ -127,23 +130,22 @@ def _entries(
     view: View, plane: Plane, names: list[str], detail: CloseUp | None
 ) -> list[dict[str, Any]]:
     goals = view.setup.task.goals if view.setup is not None else ()
-    side = 2.0 * (detail.half if detail else 0.0)
-    violated = any(True for name in names for _ in _violations(view.runs[name]))
-    alone = view.baseline is not None and bool(view.competitors)
-    return [
-        START | {"label": "start of marker 1, 2, …"},
-        *[EARLIER | {"label": "earlier goal"}] * (len(goals) > 1),
-        *[LAST | {"label": "goal" if len(goals) == 1 else "last goal"}] * bool(goals),
-        symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"),
-        *[
-            line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9}
-            for _ in range(alone)
-        ],
-        *[line("row in the image violated", **VIOLATED)] * violated,
-        *plane.entries(forbidden="forbidden to markers"),
-        *[patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8)]
-        * bool(detail),
-    ]
+    entries = [START | {"label": "start of marker 1, 2, …"}]
+    if len(goals) > 1:
+        entries.append(EARLIER | {"label": "earlier goal"})
+    if goals:
+        entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
+    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
+    if view.baseline is not None and view.competitors:
+        entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
+    if any(list(_violations(view.runs[name])) for name in names):
+        entries.append(line("row in the image violated", **VIOLATED))
+    entries += plane.entries(forbidden="forbidden to markers")
+    if detail is not None:
+        side = f"{2.0 * detail.half:.0f}"
+        text = f"close-up, {side} × {side} px"
+        entries.append(patch(text, "none", edgecolor=INK, linewidth=0.8))
+    return entries
 
 
 def _violations(run: RunRecord) -> Iterator[Array]:
@@ -162,33 +164,35 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     it.
     """
     size = max(plane.size)
-    found = dict[tuple[float, int], CloseUp]()
-    for run in (run for name, run in view.runs.items() if name != BASELINE):
+    candidates: list[tuple[float, CloseUp]] = []
+    for name, run in view.runs.items():
+        if name == BASELINE:
+            continue
         for i, pixels in _rows_in_image(run):
+            if run.trajectory.labels[i] not in view.phi_rows:
+                continue
             seen = (np.abs(pixels) <= plane.half).all(axis=1)
             clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
             k = int(np.argmin(clearance))
-            acts = run.trajectory.active[:, i].any()
             least = float(clearance[k])
-            matters = run.trajectory.labels[i] in view.phi_rows
-            if (
-                matters
-                and least > -MAX_DEPTH * size
-                and (acts or least < -NEGLIGIBLE * run.length[i])
-            ):
-                found[least / run.length[i], len(found)] = CloseUp(
-                    pixels[k], max(SHARE * size, -1.6 * least)
-                )
+            is_active = run.trajectory.active[:, i].any()
+            is_violated = least < -NEGLIGIBLE * run.length[i]
+            if least > -MAX_DEPTH * size and (is_active or is_violated):
+                detail = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
+                candidates.append((least / run.length[i], detail))
+    candidates.sort(key=lambda candidate: candidate[0])
+    for _, detail in candidates:
+        if _has_boundary(plane, detail):
+            return detail
+    return None
 
-    def has_boundary(detail: CloseUp) -> bool:
-        moving = [points for _, lines in plane.moving for points in lines]
-        if any(
-            (np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving
-        ):
-            return True
-        depth = plane.depth(
-            *(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre)
-        )
-        return bool(depth.min() <= 0.0 <= depth.max())
 
-    return next((found[key] for key in sorted(found) if has_boundary(found[key])), None)
+def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
+    """Return True if a fixed or moving boundary passes through a close-up."""
+    for _, lines in plane.moving:
+        for points in lines:
+            if (np.abs(points - detail.centre) < detail.half).all(axis=1).any():
+                return True
+    offsets = np.linspace(-detail.half, detail.half, GRID)
+    depth = plane.depth(detail.centre[0] + offsets, detail.centre[1] + offsets)
+    return bool(depth.min() <= 0.0 <= depth.max())

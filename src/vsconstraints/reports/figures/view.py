@@ -76,15 +76,18 @@ class View:
 
         It is at most ``end``.
         """
+        shown_rows = {*self.phi_rows, *self.lane_rows}
         last = 0.0
         for name in self.shown:
             run = self.runs[name]
-            for label in dict.fromkeys((*self.phi_rows, *self.lane_rows)):
-                if label in run.trajectory.labels:
-                    i = run.trajectory.labels.index(label)
-                    outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
-                    acting = run.trajectory.active[:, i] if name != BASELINE else outside
-                    last = max(last, float(np.max(run.trajectory.t[acting | outside], initial=0.0)))
+            trajectory = run.trajectory
+            for i, label in enumerate(trajectory.labels):
+                if label not in shown_rows:
+                    continue
+                relevant = trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
+                if name != BASELINE:
+                    relevant |= trajectory.active[:, i]
+                last = max(last, float(np.max(trajectory.t[relevant], initial=0.0)))
         return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
@@ -96,12 +99,11 @@ class View:
         width = {BASELINE: 1.0, **widths(self.competitors)}
         for name in sorted(self.shown, key=lambda name: name != BASELINE):
             look = self.looks[name]
-            order = 2 if name == BASELINE else 4
             style = {
                 "color": look.colour,
                 "linestyle": look.line,
                 "linewidth": width[name],
-                "zorder": order,
+                "zorder": 2 if name == BASELINE else 4,
             }
             yield name, self.runs[name], style
 
@@ -129,15 +131,13 @@ class View:
 
     def time_axis(self, ax: Any, end: float = 0.0) -> None:
         """Draw the time axis up to ``end``, by default that of the view, with the goal changes."""
-        begins = {
-            float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0
-        }
-        goals = () if self.setup is None else self.setup.task.goals[1:]
-        time_axis(
-            ax,
-            end or self.end,
-            [goal.from_time for goal in goals] if self.setup is not None else sorted(begins),
-        )
+        changes = set[float]()
+        if self.setup is not None:
+            changes.update(goal.from_time for goal in self.setup.task.goals[1:])
+        else:
+            for run in self.runs.values():
+                changes.update(float(begin) for begin in run.goal_begins if begin > 0.0)
+        time_axis(ax, end or self.end, sorted(changes))
 
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
         """Write a controller's name above its panel, with this distance [pt]; fold a long name."""

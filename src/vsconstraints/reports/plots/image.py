@@ -54,22 +54,28 @@ class Plane:
         Moving boundaries are shown from their first to their last time in the image.
         """
         width, height = map(float, setup.scene.camera.size)
-        image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
-        every = np.linspace(0.0, setup.duration, INSTANTS)
-        drifting = tuple(
-            (c, c.motion, c.boundary((width, height), every)) for c in image if c.motion is not None
-        )
-        still = tuple(c for c in image if c.motion is None)
-        plane = cls((width, height), still, drifting, (), _outline(setup.scene.camera))
+        instants = np.linspace(0.0, setup.duration, INSTANTS)
+        still = []
+        drifting = []
+        for constraint in setup.constraints.constraints:
+            if not isinstance(constraint, ImageConstraint):
+                continue
+            if constraint.motion is None:
+                still.append(constraint)
+            else:
+                lines = constraint.boundary((width, height), instants)
+                drifting.append((constraint, constraint.motion, lines))
+        outline = _outline(setup.scene.camera)
+        plane = cls((width, height), tuple(still), tuple(drifting), (), outline)
         half = 0.5 * np.array(plane.size)
-        seen = [
-            any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t)) for t in every
-        ]
-        if any(seen):
-            first, last = np.flatnonzero(seen)[[0, -1]]
-            plane.times = tuple(
-                every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))]
-            )
+
+        def is_seen(t: float) -> bool:
+            return any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t))
+
+        seen = np.flatnonzero([is_seen(t) for t in instants])
+        if len(seen):
+            moments = np.linspace(seen[0], seen[-1], MOMENTS)
+            plane.times = tuple(instants[np.unique(np.round(moments).astype(int))])
         return plane
 
     def moved(self, t: float) -> list[Array]:
@@ -81,7 +87,9 @@ class Plane:
     @property
     def moving(self) -> tuple[tuple[float, list[Array]], ...]:
         """Times [s] and polylines of the moving boundaries, as they are drawn."""
-        return tuple((t, lines) for t in self.times if (lines := self.moved(t)))
+        if not any(lines for _, _, lines in self.drifting):
+            return ()
+        return tuple((t, self.moved(t)) for t in self.times)
 
     @cached_property
     def lines(self) -> list[Array]:
@@ -100,9 +108,9 @@ class Plane:
     @property
     def half(self) -> Array:
         """Half the size (2,) of the shown part [px]."""
-        return np.asarray(
-            AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0))
-        )
+        reach = np.abs(self.edge).max(axis=0)
+        half: Array = AROUND * np.maximum(0.5 * np.asarray(self.size), reach)
+        return half
 
     @cached_property
     def forbidden(self) -> list[Array]:
@@ -113,14 +121,13 @@ class Plane:
         """Return outlines (p, 2) of forbidden areas within ``half`` (2,) of a centre (2,) [px]."""
         if not self.constraints:
             return []
-        count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
-        u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
-        filled = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset").filled(0.0, 1.0)
-        return [
-            ring
-            for points, ends in zip(*filled, strict=True)
-            for ring in np.split(points, ends[1:-1].astype(int))
-        ]
+        count = int(np.clip(2.0 * half.max() / GRID_STEP, 80, 600))
+        u, v = np.linspace(centre - half, centre + half, count, axis=1)
+        contours = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset")
+        outlines = []
+        for points, offsets in zip(*contours.filled(0.0, 1.0), strict=True):
+            outlines += np.split(points, offsets[1:-1].astype(int))
+        return outlines
 
     def depth(self, u: Array, v: Array) -> Array:
         """Return the greatest σ (b, a) of fixed constraints on a grid of u (a,) and v (b,) [px].
@@ -128,12 +135,11 @@ class Plane:
         Values are clipped at ±0.1.
         """
         grid = np.stack(np.meshgrid(u, v), axis=-1)
+        depth: Array = np.full(grid.shape[:-1], -0.1)
+        for constraint in self.constraints:
+            depth = np.maximum(depth, constraint.sigma(grid))
         # Only the sign is needed; huge values far from a boundary would spoil interpolation.
-        return np.asarray(
-            np.max(
-                [np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1
-            )
-        )
+        return np.minimum(depth, 0.1)
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
         """Draw the whole plane; ``v`` points down, as in an image, or up with ``upwards``."""
@@ -144,14 +150,16 @@ class Plane:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
                 if (np.abs(middle) <= LABELLED * self.half).all():  # a time beyond would be cut off
-                    place: dict[str, Any] = {
-                        "ha": "center",
-                        "va": "center",
-                        "clip_on": True,
-                        "annotation_clip": True,
-                    }
                     ax.annotate(
-                        f"{t:.1f} s", middle, **place, fontsize=7.5, color=FAINT, zorder=2.2
+                        f"{t:.1f} s",
+                        middle,
+                        ha="center",
+                        va="center",
+                        clip_on=True,
+                        annotation_clip=True,
+                        fontsize=7.5,
+                        color=FAINT,
+                        zorder=2.2,
                     )
         ax.plot(*self.edge.T, **FRAME, zorder=2.5)
         if upwards:
@@ -172,9 +180,12 @@ class Plane:
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
 
-        if rings := self.forbidden_within(centre, half) if forbidden is None else forbidden:
-            outlines = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
-            ax.add_artist(PathPatch(outlines, **FORBIDDEN, linewidth=0.0, zorder=0.6))
+        if forbidden is None:
+            forbidden = self.forbidden_within(centre, half)
+        if forbidden:
+            paths = [Path(outline, closed=True) for outline in forbidden]
+            area = Path.make_compound_path(*paths)
+            ax.add_artist(PathPatch(area, **FORBIDDEN, linewidth=0.0, zorder=0.6))
         for points in self.lines:
             ax.plot(*points.T, **BOUNDARY, zorder=3)
         for k, (_, lines) in enumerate(self.moving):
@@ -186,31 +197,32 @@ class Plane:
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Return legend entries of the image and its contents; of the boundary if it has a name."""
-        when = "these times" if len(self.times) > 1 else "that time"
-        return [
-            patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"]),
-            *[line(boundary, **BOUNDARY)] * bool(boundary),
-            *[patch(forbidden, **FORBIDDEN)] * bool(self.constraints),
-            *[line(f"boundary at {when}", **_moving(2, MOMENTS))] * bool(self.moving),
-        ]
+        entries = [patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])]
+        if boundary:
+            entries.append(line(boundary, **BOUNDARY))
+        if self.constraints:
+            entries.append(patch(forbidden, **FORBIDDEN))
+        if self.moving:
+            when = "these times" if len(self.times) > 1 else "that time"
+            entries.append(line(f"boundary at {when}", **_moving(2, MOMENTS)))
+        return entries
 
 
 def _moving(moment: int, of: int) -> dict[str, Any]:
     """Return the style of a moving boundary at one of its moments; later ones are darker."""
-    return {
-        **BOUNDARY,
-        "linestyle": "--",
-        "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0,
-    }
+    alpha = 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0
+    return BOUNDARY | {"linestyle": "--", "alpha": alpha}
 
 
 def square(
     ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any
 ) -> None:
     """Draw the outline of a part of the image [px]."""
-    u, v = centre
-    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
-    ax.plot([u + i * half_u for i, _ in signs], [v + j * half_v for _, j in signs], **look)
+    left = centre[0] - half_u
+    right = centre[0] + half_u
+    top = centre[1] - half_v
+    bottom = centre[1] + half_v
+    ax.plot([left, right, right, left, left], [top, top, bottom, bottom, top], **look)
 
 
 def tracks(ax: Any, pixels: Array, **look: Any) -> None:
@@ -229,15 +241,25 @@ def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
 
     Markers beyond ``within`` (2,) are drawn at its edge, in red.
     """
+    clip = within is None
     for i, marker in enumerate(pixels):
-        if np.isfinite(marker).all():
-            u, v = marker if within is None else np.clip(marker, -within, within)
-            colour = INK if (u, v) == tuple(marker) else OUTSIDE
-            order = 6.4 + 0.01 * i
-            clip = within is None
-            ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
-            place: dict[str, Any] = {"ha": "center", "va": "center_baseline", "clip_on": clip}
-            ax.text(u, v, str(i + 1), fontsize=8, color=colour, zorder=order + 0.005, **place)
+        if not np.isfinite(marker).all():
+            continue
+        u, v = marker if within is None else np.clip(marker, -within, within)
+        colour = INK if (u, v) == tuple(marker) else OUTSIDE
+        order = 6.4 + 0.01 * i
+        ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
+        ax.text(
+            u,
+            v,
+            str(i + 1),
+            fontsize=8,
+            color=colour,
+            ha="center",
+            va="center_baseline",
+            clip_on=clip,
+            zorder=order + 0.005,
+        )
 
 
 def _outline(camera: Camera) -> Array | None:
@@ -247,12 +269,11 @@ def _outline(camera: Camera) -> Array | None:
     """
     if camera.distortion is None:
         return None
-    side = np.linspace(-0.5, 0.5, 41)
-    ends = np.full(41, 0.5)
-    edge = np.stack(
-        (np.concatenate((side, ends, -side, -ends)), np.concatenate((-ends, side, ends, -side))),
-        axis=1,
-    )
+    along = np.linspace(-0.5, 0.5, 41)
+    end = np.full(41, 0.5)
+    u = np.concatenate((along, end, -along, -end))
+    v = np.concatenate((-end, along, end, -along))
+    edge = np.stack((u, v), axis=1)
     try:
         return camera.undistort(edge * np.asarray(camera.size))
     except InvalidInput:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from .style import FORMULAS, STYLE_SHEET
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI = 150
 SCREEN_DPI = 100
+POINTS = 72.0  #: Points per inch.
 #: Least distance from the left edge; space below a row of panels for its numbers and label [in].
 EDGE = 0.03
 FOOT = 0.45
@@ -33,8 +35,8 @@ class Sheet:
     """Figure of the common width that grows downwards.
 
     Places are measured in inches from its top left corner. ``left`` and ``right`` are the margins
-    of rows, ``at`` is the height that is filled so far, and ``beside`` the place for a legend right
-    of the last row of views.
+    of rows, ``bottom`` is the height that is filled so far, and ``beside`` the place for a legend
+    right of the last row of views.
     """
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
@@ -44,8 +46,8 @@ class Sheet:
 
         self.left = left
         self.right = right
-        self.at = 0.08
-        self.beside = (left, self.at)
+        self.bottom = 0.08
+        self.beside = (left, self.bottom)
         self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
         whole: Any = self.figure.transFigure
@@ -57,7 +59,7 @@ class Sheet:
         """Add axes whose frame is at this place."""
         ax = self.figure.add_axes((0.0, 0.0, 1.0, 1.0), **options)
         self._places[ax] = left, top, width, height
-        self.at = max(self.at, top + height)
+        self.bottom = max(self.bottom, top + height)
         return ax
 
     def panels(
@@ -80,20 +82,24 @@ class Sheet:
         at the left. With ``same_y`` only panels at the left have vertical numbers.
         """
         columns = max(min(columns, count), 1)
-        width = width or (WIDTH - self.left - self.right - gap * (columns - 1)) / columns
+        room = WIDTH - self.left - self.right - gap * (columns - 1)
+        width = width or room / columns
         made: list[Any] = []
+        top = row_height = 0.0
         for i in range(count):
             row, column = divmod(i, columns)
-            if column == 0:
-                top = self.at + above
-                tall = height if isinstance(height, float) else height[row]
-            ax = self.axes(self.left + column * (width + gap), top, width, tall)
-            lowest = i + columns >= count
-            ax.tick_params(labelbottom=lowest, labelleft=column == 0 or not same_y)
-            ax.set_xlabel(labels[0] if lowest else "", labelpad=2)
-            ax.set_ylabel(labels[1] if column == 0 else "", labelpad=2)
+            is_first = column == 0
+            is_lowest = i + columns >= count
+            if is_first:
+                top = self.bottom + above
+                row_height = height if isinstance(height, float) else height[row]
+            ax = self.axes(self.left + column * (width + gap), top, width, row_height)
+            ax.tick_params(labelbottom=is_lowest, labelleft=is_first or not same_y)
+            ax.set_xlabel(labels[0] if is_lowest else "", labelpad=2)
+            ax.set_ylabel(labels[1] if is_first else "", labelpad=2)
             made.append(ax)
-        self.at += FOOT if made else 0.0
+        if made:
+            self.bottom += FOOT
         return made
 
     def views(self, *sizes: tuple[float, float], gap: float = 0.62) -> list[Any]:
@@ -102,13 +108,13 @@ class Sheet:
         A legend can be placed right of them.
         """
         left = self.left
-        top = self.at
+        top = self.bottom
         made = []
         for width, height in sizes:
             made.append(self.axes(left, top, width, height))
             left += width + gap
         self.beside = (left - gap + 0.3, top)
-        self.at += FOOT
+        self.bottom += FOOT
         return made
 
     def beside_panel(self, panel: Any, gap: float, side: float) -> Any:
@@ -125,38 +131,45 @@ class Sheet:
 
     def name(self, ax: Any, text: str, height: float = 0.5, **options: Any) -> None:
         """Write text in the left margin, beside a panel at a relative height in it (0 to 1)."""
-        away: dict[str, Any] = {
-            "xytext": (72.0 * (0.08 - self.left), 0.0),
-            "textcoords": "offset points",
-        }
-        ax.annotate(text, (0.0, height), xycoords="axes fraction", va="center", **away, **options)
+        ax.annotate(
+            text,
+            (0.0, height),
+            xytext=(POINTS * (0.08 - self.left), 0.0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center",
+            **options,
+        )
 
     def legend(
         self,
         entries: Sequence[Mapping[str, Any]],
         columns: int = 3,
-        at: tuple[float, float] | None = None,
-        **look: Any,
+        place: tuple[float, float] | None = None,
+        labelspacing: float = 0.5,
     ) -> None:
-        """Add a legend below the present content, or at left, top [in].
+        """Add a legend below the present content, or at a place [in].
 
         Entries are those of :func:`.line`, :func:`.patch` and :func:`.symbol`.
         """
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        handles = [
-            Patch(**entry) if "facecolor" in entry else Line2D([], [], **entry) for entry in entries
-        ]
-        place = {
-            "loc": "upper left",
-            "bbox_to_anchor": at or (self.left, self.at),
-            "bbox_transform": self.inches,
-        }
-        look = {"columnspacing": 1.5, "labelspacing": 0.5, **look}
-        self.figure.legend(handles=handles, ncols=columns, **place, **look)
-        if at is None:
-            self.at += 0.18 * -(-len(entries) // columns) + 0.06
+        handles: list[Any] = []
+        for entry in entries:
+            is_area = "facecolor" in entry
+            handles.append(Patch(**entry) if is_area else Line2D([], [], **entry))
+        self.figure.legend(
+            handles=handles,
+            ncols=columns,
+            loc="upper left",
+            bbox_to_anchor=place or (self.left, self.bottom),
+            bbox_transform=self.inches,
+            columnspacing=1.5,
+            labelspacing=labelspacing,
+        )
+        if place is None:
+            self.bottom += 0.18 * math.ceil(len(entries) / columns) + 0.06
 
     def side_legend(self, entries: Sequence[Mapping[str, Any]]) -> None:
         """Add a legend right of the views."""
@@ -164,21 +177,21 @@ class Sheet:
 
     def placed(self) -> Any:
         """Return the figure of matplotlib with its final size and all parts in place."""
-        self.figure.set_size_inches(WIDTH, self.at)
+        self.figure.set_size_inches(WIDTH, self.bottom)
         self._place()
-        for axis in (axis for ax in self.figure.axes for axis in (ax.xaxis, ax.yaxis)):
-            if not axis.get_label_text():
-                axis.set_label_coords(0.0, 0.0)  # avoids a search for its place
+        for ax in self.figure.axes:
+            for axis in (ax.xaxis, ax.yaxis):
+                if not axis.get_label_text():
+                    axis.set_label_coords(0.0, 0.0)  # avoids a search for its place
         self.canvas.draw()
         # Labels of vertical axes would be cut off if their numbers are longer than expected.
-        labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
-        beyond = [EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI for ax in labelled]
-        cut = max(
-            (b / (1.0 - ax.get_position().x0) for b, ax in zip(beyond, labelled, strict=True)),
-            default=0.0,
-        )
-        if cut > 0.0:
-            self._place(cut)
+        margin = 0.0
+        for ax in self.figure.axes:
+            if ax.get_ylabel() and ax.axison:
+                cut = EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI
+                margin = max(margin, cut / (1.0 - ax.get_position().x0))
+        if margin > 0.0:
+            self._place(margin)
             self.canvas.draw()
         return self.figure
 
@@ -186,14 +199,14 @@ class Sheet:
         """Place all axes, with an additional margin at the left that makes all narrower [in]."""
         narrower = 1.0 - margin / WIDTH
         for ax, (left, top, width, height) in self._places.items():
-            bottom = self.at - top - height
-            place = (
-                (margin + narrower * left) / WIDTH,
-                bottom / self.at,
-                narrower * width / WIDTH,
-                height / self.at,
+            ax.set_position(
+                (
+                    (margin + narrower * left) / WIDTH,
+                    (self.bottom - top - height) / self.bottom,
+                    narrower * width / WIDTH,
+                    height / self.bottom,
+                )
             )
-            ax.set_position(place)
 
     def save(self, *paths: Path) -> None:
         """Write files atomically; their suffixes are in :data:`FORMATS`."""
@@ -232,7 +245,7 @@ class Figure:
     formulas: bool = False
 
     @classmethod
-    def told(cls, name: str, draw: Callable[..., Sheet | None]) -> Figure:
+    def named(cls, name: str, draw: Callable[..., Sheet | None]) -> Figure:
         """Return the figure of this name with its texts from ``figures.toml``."""
         return cls(name, draw=draw, **TEXTS[name])
 
@@ -245,12 +258,12 @@ class Figure:
 
         Return False if the figure would be empty. Any exception is passed on.
         """
+        paths = [path, *(path.with_suffix(f".{kind}") for kind in formats)]
         with self._sheet(*needed) as sheet:
-            if sheet is not None:
-                sheet.save(
-                    *dict.fromkeys((path, *(path.with_suffix(f".{kind}") for kind in formats)))
-                )
-            return sheet is not None
+            if sheet is None:
+                return False
+            sheet.save(*dict.fromkeys(paths))
+            return True
 
     def drawn(self, *needed: object) -> Any:
         """Draw the figure and return it as a figure of matplotlib, which notebooks show.
@@ -280,5 +293,9 @@ def _notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
     """
     file = BytesIO()
     figure.savefig(file, format="png")
-    width, height = (round(SCREEN_DPI * float(side)) for side in figure.get_size_inches())
-    return file.getvalue(), {"width": width, "height": height}
+    width, height = figure.get_size_inches()
+    pixels = {
+        "width": round(SCREEN_DPI * float(width)),
+        "height": round(SCREEN_DPI * float(height)),
+    }
+    return file.getvalue(), pixels

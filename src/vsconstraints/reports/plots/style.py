@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ COLOURS: dict[str, str] = _TABLE["colours"]
 FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "vermillion")]
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
+#: Digits and sign of an exponent.
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 TUNED = "-tuned"  # suffix of a tuned law, after the name of the original law
 
 
@@ -40,10 +43,10 @@ class Look:
     line: str = "-"
 
 
-LOOKS = {
-    law: Look(COLOURS[colour], marker, line)
-    for law, (colour, marker, line) in ((law, look.split()) for law, look in _TABLE["laws"].items())
-}
+LOOKS: dict[str, Look] = {}
+for _law, _look in _TABLE["laws"].items():
+    _colour, _marker, _line = _look.split()
+    LOOKS[_law] = Look(COLOURS[_colour], _marker, _line)
 
 
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
@@ -53,14 +56,14 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     A tuned law has the colour of the law from which it was tuned, dashed.
     """
     result = {name: LOOKS[name] for name in controllers if name in LOOKS}
-    for name in sorted(dict.fromkeys(controllers), key=lambda name: name.endswith(TUNED)):
-        if name in result:
-            continue
+    others = [name for name in dict.fromkeys(controllers) if name not in LOOKS]
+    for name in sorted(others, key=lambda name: name.endswith(TUNED)):
         original = name.removesuffix(TUNED)
-        taken = [*result.values()]
+        taken = list(result.values())
         look = result.get(original) or LOOKS.get(original) or _free_look(original, taken)
         if original != name:
-            look = Look(look.colour, _free_marker(MARKERS.index(look.marker) + 1, taken), LINES[1])
+            marker = _free_marker(MARKERS.index(look.marker) + 1, taken)
+            look = Look(look.colour, marker, LINES[1])
         result[name] = look
     return {name: result[name] for name in controllers}
 
@@ -69,12 +72,13 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
     """Return the preferred look of a name, as far as no other law has it."""
     number = crc32(name.encode())
     colours = {look.colour for look in taken}
-    pairs = {(x.line, x.colour) for x in taken}
+    pairs = {(look.line, look.colour) for look in taken}
     k = number % len(FREE_COLOURS)
     ordered = dict.fromkeys([*FREE_COLOURS[k:], *FREE_COLOURS[:k], *list(COLOURS.values())[1:]])
     preferred = list(product(LINES, ordered))
     unused = [pair for pair in preferred if pair not in pairs] or preferred
-    line, colour = next((pair for pair in unused if pair[1] not in colours), unused[0])
+    new_colours = [pair for pair in unused if pair[1] not in colours]
+    line, colour = (new_colours or unused)[0]
     return Look(colour, _free_marker(number, taken), line)
 
 
@@ -83,7 +87,8 @@ def _free_marker(start: int, taken: Sequence[Look]) -> str:
     k = start % len(MARKERS)
     used = {look.marker for look in taken}
     ordered = MARKERS[k:] + MARKERS[:k]
-    return next((marker for marker in ordered if marker not in used), ordered[0])
+    free = [marker for marker in ordered if marker not in used]
+    return (free or ordered)[0]
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -111,11 +116,8 @@ def folded(name: str, most: int) -> str:
     """Fold a long name after a hyphen into two lines, or shorten it in its middle."""
     if len(name) <= most:
         return name
-    breaks = [
-        k + 1
-        for k, letter in enumerate(name)
-        if letter == "-" and max(k + 1, len(name) - k - 1) <= most
-    ]
+    after_hyphens = [match.end() for match in re.finditer("-", name)]
+    breaks = [k for k in after_hyphens if max(k, len(name) - k) <= most]
     if not breaks:
         return shortened(name, most)
     middle = min(breaks, key=lambda k: abs(2 * k - len(name)))
@@ -158,11 +160,9 @@ def time_axis(
 ) -> None:
     """Set the time axis from zero to the end [s], with dashed lines at events and a label."""
     ax.set_xlim(0.0, end)
+    dashed = {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5}
     for time in events:
-        ax.axvline(
-            time,
-            **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look},
-        )
+        ax.axvline(time, **dashed | look)
     if label:
         ax.set_ylabel(label, labelpad=3)
 
@@ -172,8 +172,13 @@ def mark_of(look: Look) -> dict[str, Any]:
 
     Markers are needed because not every reader can distinguish lines by colour.
     """
-    edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
-    return {"marker": look.marker, "markersize": 5.5, "markerfacecolor": look.colour, **edge}
+    return {
+        "marker": look.marker,
+        "markersize": 5.5,
+        "markerfacecolor": look.colour,
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.6,
+    }
 
 
 def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[str, Any]:
@@ -182,11 +187,8 @@ def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[st
     Markers of different laws stand at different places.
     """
     share = (list(laws).index(law) + 0.5) / len(laws)
-    places = [int(count * (k + share) / most) for k in range(most)]
-    return {
-        **mark_of(looks(laws)[law]),
-        "markevery": sorted({min(place, count - 1) for place in places}),
-    }
+    places = {min(int(count * (k + share) / most), count - 1) for k in range(most)}
+    return mark_of(looks(laws)[law]) | {"markevery": sorted(places)}
 
 
 def zero_line(ax: Any) -> None:
@@ -208,22 +210,45 @@ def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
 
 def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = True) -> None:
     """Write a small text above or below a value, at a relative place across the panel (0 to 1)."""
-    away, aligned = ((4, 2), "bottom") if above else ((4, -2), "top")
-    place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": aligned}
-    ax.annotate(text, (across, height), away, **place, fontsize=8, color=INK)
+    ax.annotate(
+        text,
+        (across, height),
+        (4, 2 if above else -2),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        va="bottom" if above else "top",
+        fontsize=8,
+        color=INK,
+    )
 
 
 def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
     """Add a legend within a panel, on a white background that hides crossing lines."""
-    spaces = {"borderpad": 0.35, "borderaxespad": 0.4, "labelspacing": 0.3, "columnspacing": 1.2}
-    ground = {"frameon": True, "framealpha": 0.92, "edgecolor": "none", "facecolor": "white"}
-    ax.legend(loc=place, ncols=columns, fontsize=8.0, **spaces, **ground)
+    ax.legend(
+        loc=place,
+        ncols=columns,
+        fontsize=8.0,
+        borderpad=0.35,
+        borderaxespad=0.4,
+        labelspacing=0.3,
+        columnspacing=1.2,
+        frameon=True,
+        framealpha=0.92,
+        edgecolor="none",
+        facecolor="white",
+    )
 
 
 def above_legend(ax: Any, columns: int) -> None:
     """Add a legend above the right corner of a panel."""
-    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.02), "ncols": columns}
-    ax.legend(**place, handlelength=1.5, columnspacing=1.2, fontsize=8.5)
+    ax.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.02),
+        ncols=columns,
+        handlelength=1.5,
+        columnspacing=1.2,
+        fontsize=8.5,
+    )
 
 
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
@@ -233,12 +258,15 @@ def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[
     are left out evenly if there would be more than ``most``, and next to zero, where numbers
     overlap.
     """
-    least, both = (low, 1) if low > 0.0 else (least, 2)
-    first = math.ceil(math.log10(least))
+    is_positive = low > 0.0
+    first = math.ceil(math.log10(low if is_positive else least))
     last = math.floor(math.log10(max(-low, high)))
-    step = max(math.ceil(both * (last - first + 1) / most), 1)
-    sizes = [10.0**k for k in range(first if low > 0.0 else first + step - 1, last + 1, step)]
-    return [x for x in (*(-size for size in reversed(sizes)), 0.0, *sizes) if low <= x <= high]
+    count = last - first + 1
+    step = max(math.ceil((count if is_positive else 2 * count) / most), 1)
+    begin = first if is_positive else first + step - 1
+    powers = [10.0**k for k in range(begin, last + 1, step)]
+    negative = [-power for power in reversed(powers)]
+    return [tick for tick in (*negative, 0.0, *powers) if low <= tick <= high]
 
 
 def logarithmic(
@@ -272,7 +300,7 @@ def plain(value: float) -> str:
         return f"{value:g}".replace("-", "−")
     mantissa, exponent = f"{value:.0e}".split("e")
     factor = {"1": "", "-1": "−"}.get(mantissa, f"{mantissa.replace('-', '−')}·")
-    return f"{factor}10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return f"{factor}10{str(int(exponent)).translate(RAISED)}"
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
@@ -289,9 +317,9 @@ def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]
     starts = np.unique(np.linspace(0, len(t), min(bins, len(t)), endpoint=False).astype(np.int64))
     middle = 0.5 * (t[starts] + t[np.append(starts[1:], len(t)) - 1])
     known = np.isfinite(y)
-    total, count = (
-        np.add.reduceat(x, starts, axis=0)
-        for x in (np.where(known, y, 0.0), known.astype(np.int64))
-    )
+    count = np.add.reduceat(known.astype(np.int64), starts, axis=0)
+    total = np.add.reduceat(np.where(known, y, 0.0), starts, axis=0)
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return middle, np.fmin.reduceat(y, starts, axis=0), np.fmax.reduceat(y, starts, axis=0), mean
+    least = np.fmin.reduceat(y, starts, axis=0)
+    greatest = np.fmax.reduceat(y, starts, axis=0)
+    return middle, least, greatest, mean

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +23,9 @@ from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
 from ...errors import ConfigurationError, FolderTaken, unknown_name
 from ...reports.figures import View
-from ...reports.numbers import FORMATS, over_trials
 from ...reports.page import render_html
-from ...reports.results import Results, shown
+from ...reports.results import Results
+from ...reports.scenario import metric_text
 from ...reports.summary import FIRST, MARKS, outcome
 from ...rows.readable import counted, in_one_line
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
@@ -72,8 +73,9 @@ def compare(
     suite = Suite(
         NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed
     ).checked()
-    own = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
-    notes += tuple(f"{name} runs in this process: {one.why_here}" for name, one in own.items())
+    setups = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
+    for name, setup in setups.items():
+        notes += (f"{name} runs in this process: {setup.why_here}",)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
@@ -93,7 +95,7 @@ def compare(
         if finished.interrupted:
             raise KeyboardInterrupt
         stored = StoredComparison.load(folder, trust=True)
-        stored.scenarios.update(own)  # a setup cannot be loaded from its files
+        stored.scenarios.update(setups)  # a setup cannot be loaded from its files
         comparison = Comparison(stored, (*notes, *stored.notes))
     except FolderTaken as error:
         another = "give another folder as out=…, or delete this one"
@@ -170,14 +172,13 @@ class Comparison:
                 f"there is no trial {trial}: there are {self._lines.trials}, counted from 0"
             )
         records = []
-        for one in (law, BASELINE):
-            if (record := self.stored.run(name, one, trial)) is None:
-                reasons = [
-                    line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial
-                ]
-                raise ConfigurationError(
-                    f"{one} has no results on {name}: {'; '.join(reasons) or 'it was not run'}"
-                )
+        for controller in (law, BASELINE):
+            record = self.stored.run(name, controller, trial)
+            if record is None:
+                lines = self._lines.runs(name, controller)
+                reasons = [line["reason"] for line in lines if line["trial"] == trial]
+                why = "; ".join(reasons) or "it was not run"
+                raise ConfigurationError(f"{controller} has no results on {name}: {why}")
             records.append(record)
         found = self.stored.scenarios[name]
         setup = found.setup(trial, self._lines.seed)
@@ -189,21 +190,14 @@ class Comparison:
         Example: ``comparison.plot("ur5-fov").rows()``.
         """
         name = self._scenario(scenario)
-        runs = {
-            law: run
-            for law in self.laws
-            if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1
-        }
+        runs = {}
+        for law in self.laws:
+            run = self.stored.run(name, law)
+            if run is not None and len(run.trajectory.t) > 1:
+                runs[law] = run
         rows = self._lines.rows_shown(name)
-        return Plots(
-            View(
-                self.stored.scenarios[name].setup(0, self._lines.seed),
-                runs,
-                self.laws,
-                rows.phi,
-                rows.lanes,
-            )
-        )
+        setup = self.stored.scenarios[name].setup(0, self._lines.seed)
+        return Plots(View(setup, runs, self.laws, rows.phi, rows.lanes))
 
     def replay(
         self,
@@ -243,18 +237,14 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: outcomes of laws on scenarios, and main scores."""
-        metrics = [one for one in METRICS if one.column in FIRST]
+        metrics = [metric for metric in METRICS if metric.column in FIRST]
         results = self._lines
         lines = []
-        for scenario in self.scenarios:
-            for law in results.competitors:
-                own = results.runs(scenario, law)
-                scores = [
-                    over_trials([shown(one, line) for line in own], FORMATS[one.style])
-                    for one in metrics
-                ]
-                lines.append((scenario, law, outcome(results, scenario, law), *scores))
-        header = ("scenario", "law", "outcome", *(one.header for one in metrics))
+        for scenario, law in product(self.scenarios, results.competitors):
+            runs = results.runs(scenario, law)
+            scores = [metric_text(metric, runs) for metric in metrics]
+            lines.append((scenario, law, outcome(results, scenario, law), *scores))
+        header = ("scenario", "law", "outcome", *(metric.header for metric in metrics))
         return render_html(TEMPLATE, header=header, lines=lines, marks=MARKS, notes=self.notes)
 
 

@@ -164,10 +164,10 @@ def _options(law: Controller) -> dict[str, Any] | None:
             continue
         value = getattr(holder, parameter.name)
         if isinstance(value, Demand | Resolver):
-            own = {
-                field.name: (getattr(value, field.name), field.default) for field in fields(value)
-            }
-            options |= {key: chosen for key, (chosen, default) in own.items() if chosen != default}
+            for field in fields(value):
+                chosen = getattr(value, field.name)
+                if chosen != field.default:
+                    options[field.name] = chosen
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
@@ -227,13 +227,15 @@ def scenarios_of(scenarios: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenar
     if isinstance(scenarios, Scenario | Setup | str | Path) or not isinstance(scenarios, Iterable):
         scenarios = [scenarios]
     found: list[Scenario] = []
-    for one in scenarios:
-        if isinstance(one, Setup):
-            found.append(SetupScenario.of(one))
-        elif isinstance(one, Scenario | str | Path):
-            found.append(one if isinstance(one, Scenario) else Scenario.load(one))
+    for scenario in scenarios:
+        if isinstance(scenario, Scenario):
+            found.append(scenario)
+        elif isinstance(scenario, Setup):
+            found.append(SetupScenario.of(scenario))
+        elif isinstance(scenario, str | Path):
+            found.append(Scenario.load(scenario))
         else:
             raise ConfigurationError(
-                f"a scenario is a name, a path, a Scenario or a Setup, not {format_value(one)}"
+                f"a scenario is a name, a path, a Scenario or a Setup, not {format_value(scenario)}"
             )
     return tuple(found)

@@ -23,10 +23,11 @@ from ...errors import ConfigurationError, unknown_name
 from ...plugins.classes import beside
 from ...plugins.extras import demand
 from ...reports.figures import ACCELERATION, ERRORS, PHI, TRACKS, View
-from ...reports.numbers import DASH, FORMATS
+from ...reports.numbers import DASH
 from ...reports.page import render_html
 from ...reports.plots import Figure
-from ...reports.results import RowsShown, shown
+from ...reports.results import RowsShown
+from ...reports.scenario import metric_text
 from ...rows.readable import amount, counted, in_one_line
 from ...simulation import Trajectory, simulate
 from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenarios_of, spec_of
@@ -163,7 +164,9 @@ class NotebookRun(Run):
         """
         from ..replay import ReplayRun, replay_html, write_replay
 
-        runs = [ReplayRun(one.law, one.setup, one.trajectory, one.title) for one in (self, *others)]
+        runs = []
+        for run in (self, *others):
+            runs.append(ReplayRun(run.law, run.setup, run.trajectory, run.title))
         if path is None:
             return ReplayPage(replay_html(runs))
         write_replay(runs, path)
@@ -188,10 +191,13 @@ class NotebookRun(Run):
         file = BytesIO()
         if len(self.t) > 1 and self.trajectory.features_px.size:
             self.plot.tracks().savefig(file, format="png", dpi=PICTURE_DPI)
-        metrics = [one for one in METRICS if one.header and one.group in SHOWN]
-        cells = [(one.header, FORMATS[one.style](shown(one, result))) for one in metrics]
         picture = base64.b64encode(file.getvalue()).decode()
-        lines = [cell for cell in cells if cell[1] != DASH]
+        lines = []
+        for metric in METRICS:
+            if metric.header and metric.group in SHOWN:
+                text = metric_text(metric, [result])
+                if text != DASH:
+                    lines.append((metric.header, text))
         return render_html(TEMPLATE, run=self, result=result, picture=picture, lines=lines)
 
 
@@ -254,41 +260,29 @@ def frame_of(trajectory: Trajectory) -> pd.DataFrame:
     demand("pandas")
     import pandas as pd
 
-    def numbered(name: str, *values: Any) -> list[tuple[list[str], Any]]:
-        return [([f"{name} {i + 1}" for i in range(one.shape[1])], one) for one in values]
+    index = pd.Index(trajectory.t, name="t")
 
-    one = trajectory
-    u = one.features_px[:, :, 0]
-    v = one.features_px[:, :, 1]
+    def named(values: Any, names: Sequence[str]) -> pd.DataFrame:
+        return pd.DataFrame(values, index, names)
+
+    def numbered(values: Any, name: str) -> pd.DataFrame:
+        return named(values, [f"{name} {i + 1}" for i in range(values.shape[1])])
+
     parts = {
-        **dict(
-            zip(
-                ("q", "qd", "qdd_command"),
-                numbered("joint", one.q, one.qd, one.qdd_command),
-                strict=True,
-            )
-        ),
-        "error": numbered("feature", one.error)[0],
-        "camera_error": (["distance [m]", "angle [rad]"], one.camera_error),
-        "camera_position": (["x", "y", "z"], one.camera_position),
-        **dict(zip(("u_px", "v_px"), numbered("marker", u, v), strict=True)),
-        **{
-            what: (list(one.labels), getattr(one, what))
-            for what in ("phi", "sigma", "clearance", "active")
-        },
+        "q": numbered(trajectory.q, "joint"),
+        "qd": numbered(trajectory.qd, "joint"),
+        "qdd_command": numbered(trajectory.qdd_command, "joint"),
+        "error": numbered(trajectory.error, "feature"),
+        "camera_error": named(trajectory.camera_error, ["distance [m]", "angle [rad]"]),
+        "camera_position": named(trajectory.camera_position, ["x", "y", "z"]),
+        "u_px": numbered(trajectory.features_px[:, :, 0], "marker"),
+        "v_px": numbered(trajectory.features_px[:, :, 1], "marker"),
     }
-    columns = {
-        (what, name): own[:, i]
-        for what, (names, own) in parts.items()
-        for i, name in enumerate(names)
-    }
-    columns |= {
-        (what, ""): getattr(one, what)
-        for what in ("feature_error_px", "saturated", "rows_time", "step_time")
-    }
-    frame = pd.DataFrame(columns, index=pd.Index(one.t, name="t"))
-    frame.columns = pd.MultiIndex.from_tuples(columns)
-    return frame
+    for quantity in ("phi", "sigma", "clearance", "active"):
+        parts[quantity] = named(getattr(trajectory, quantity), trajectory.labels)
+    for quantity in ("feature_error_px", "saturated", "rows_time", "step_time"):
+        parts[quantity] = named(getattr(trajectory, quantity), [""])
+    return pd.concat(parts, axis="columns")
 
 
 def table_of(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

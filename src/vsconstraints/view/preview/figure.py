@@ -70,45 +70,41 @@ def draw_preview(preview: Preview) -> Sheet:
     columns = min(len(preview.moments), COLUMNS)
     width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
     headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
-    sheet.text(LEFT, sheet.at + 0.16, headline, fontsize=10, fontweight="bold")
-    sheet.at += 0.2
+    sheet.text(LEFT, sheet.bottom + 0.16, headline, fontsize=10, fontweight="bold")
+    sheet.bottom += 0.2
     _images(sheet, preview, columns, width)
     _space(sheet, preview, columns, width)
     _rows(sheet, preview)
-    lines = [
-        line
-        for warning in preview.warnings
-        for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
-    ]
+    lines = list[str]()
+    for warning in preview.warnings:
+        lines += wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
     for line in lines:
-        sheet.text(LEFT, sheet.at + 0.12, line, fontsize=8, color=OUTSIDE)
-        sheet.at += 0.16
-    sheet.at += 0.08 if lines else 0.0
+        sheet.text(LEFT, sheet.bottom + 0.12, line, fontsize=8, color=OUTSIDE)
+        sheet.bottom += 0.16
+    sheet.bottom += 0.08 if lines else 0.0
     return sheet
 
 
 def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     plane = Plane.of(preview.setup)
-    grid: dict[str, Any] = {
-        "width": width,
-        "gap": GAP,
-        "above": TITLE,
-        "labels": ("u [px]", "v [px], downwards"),
-    }
-    height = width * plane.half[1] / plane.half[0]
-    panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
+    panels = sheet.panels(
+        len(preview.moments),
+        columns,
+        height=width * plane.half[1] / plane.half[0],
+        width=width,
+        gap=GAP,
+        above=TITLE,
+        labels=("u [px]", "v [px], downwards"),
+        same_y=True,
+    )
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
         if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
-            ax.plot(
-                *np.concatenate((moment.pixels, moment.pixels[:1])).T,
-                color="#909090",
-                linewidth=0.9,
-                zorder=3.5,
-            )
+            outline = np.concatenate((moment.pixels, moment.pixels[:1]))
+            ax.plot(*outline.T, color="#909090", linewidth=0.9, zorder=3.5)
         numbered(ax, moment.pixels, within=plane.half)
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
         if count := len(moment.problems):
@@ -124,7 +120,7 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     if not known:
         return
-    top = sheet.at + 0.12
+    top = sheet.bottom + 0.12
     height = min(width, 2.5)
     viewpoint = viewpoint_of(preview.setup, known, width / height)
     for first in range(0, len(preview.moments), columns):
@@ -133,17 +129,13 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
         for column, moment in enumerate(row):
             left = LEFT + column * (width + GAP)
             if moment.q is None:
-                sheet.text(
-                    left + 0.1,
-                    top + 0.5 * tall,
-                    f"{moment.name}: no configuration found",
-                    color=OUTSIDE,
-                )
+                text = f"{moment.name}: no configuration found"
+                sheet.text(left + 0.1, top + 0.5 * tall, text, color=OUTSIDE)
             else:
                 ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
         top += tall
-    sheet.at = top + 0.1
+    sheet.bottom = top + 0.1
 
 
 def _rows(sheet: Sheet, preview: Preview) -> None:
@@ -151,19 +143,23 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
-        sheet.text(LEFT, sheet.at + 0.1, "No rows and no joint limits.")
-        sheet.at += 0.3
+        sheet.text(LEFT, sheet.bottom + 0.1, "No rows and no joint limits.")
+        sheet.bottom += 0.3
         return
     names = [moment.name for moment in preview.moments]
-    marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
-    each = len(names) <= COLUMNS
-    cells = CELL * len(names) if each else NEAREST
-    top = sheet.at + 0.38
-    where = WIDTH - cells - 0.1
-    _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
-    if each:
+    marks = [STARTED, *[EARLIER] * (len(names) - 2)]
+    if len(names) > 1:
+        marks.append(GOAL)
+    # Many moments have no room beside each other: only the nearest of each row is written.
+    every_moment = len(names) <= COLUMNS
+    cells = CELL * len(names) if every_moment else NEAREST
+    top = sheet.bottom + 0.38
+    cells_left = WIDTH - cells - 0.1
+    _usage(sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown)), shown, marks)
+    if every_moment:
         for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
-            sheet.legend([mark | {"label": name}], 1, (where + k * CELL - 0.08, top - 0.22))
+            left = cells_left + k * CELL
+            sheet.legend([mark | {"label": name}], 1, (left - 0.08, top - 0.22))
     else:
         entries = [
             STARTED | {"label": names[0]},
@@ -172,16 +168,18 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         ]
         sheet.legend(entries, 3, (LABELS, top - 0.22))
     for y, row in enumerate(shown):
-        for column, k in enumerate(range(len(names)) if each else [int(np.nanargmax(row.usage))]):
-            text = row.text(k) if each else f"{names[k]}: {row.text(k)}"
+        height = top + ROW * (y + 0.5)
+        written = range(len(names)) if every_moment else [int(np.nanargmax(row.usage))]
+        for column, k in enumerate(written):
+            text = row.text(k) if every_moment else f"{names[k]}: {row.text(k)}"
             colour = OUTSIDE if row.usage[k] > 1.0 else INK
-            place = where + column * CELL, top + ROW * (y + 0.5)
-            sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
-    sheet.at = top + ROW * len(shown) + 0.45
+            left = cells_left + column * CELL
+            sheet.text(left, height, text, fontsize=7.5, color=colour, va="center")
+    sheet.bottom = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
         note = "limit[…]: a range of the robot that no row bounds"
-        sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
-        sheet.at += 0.16
+        sheet.text(LABELS, sheet.bottom + 0.12, note, fontsize=7.5)
+        sheet.bottom += 0.16
 
 
 def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
@@ -190,9 +188,16 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     ax.set_xlim(-0.04, end)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
-    turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "zorder": 1.0}
     ax.text(
-        0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned
+        0.5 * (1.0 + end),
+        0.5 * (len(shown) - 1),
+        "outside",
+        fontsize=7.5,
+        color=OUTSIDE,
+        rotation=90,
+        ha="center",
+        va="center",
+        zorder=1.0,
     )
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
@@ -202,13 +207,12 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     for y, row in enumerate(shown):
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
         ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        ax.plot(
-            [np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0
-        )
+        extent = [np.nanmin(usage), np.nanmax(usage)]
+        ax.plot(extent, [y, y], color="#909090", linewidth=1.4, zorder=2.0)
         for u, mark in zip(usage, marks, strict=True):
             if np.isfinite(u):
                 ax.plot(u, y, **mark, zorder=4.0, clip_on=False)
 
 
 #: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.
-FIGURE = Figure.told("preview", draw_preview)
+FIGURE = Figure.named("preview", draw_preview)

@@ -55,38 +55,25 @@ def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     """Return all rows and the limits of joints without a row, nearest to their boundary first."""
     constraints = setup.constraints
     robot = setup.scene.robot
-    phi, clearance = (
-        np.array([getattr(m, what) for m in moments]).T for what in ("phi", "clearance")
-    )
-    named = zip(
-        constraints.labels,
-        constraints.units,
-        phi,
-        clearance,
-        constraints.characteristic_length,
-        strict=True,
-    )
-    rows = [
-        Row(label, unit, own, away, 1.0 - away / length) for label, unit, own, away, length in named
-    ]
+    phi = np.array([moment.phi for moment in moments]).T
+    clearance = np.array([moment.clearance for moment in moments]).T
+    rows = []
+    for i, label in enumerate(constraints.labels):
+        usage = 1.0 - clearance[i] / constraints.characteristic_length[i]
+        rows.append(Row(label, constraints.units[i], phi[i], clearance[i], usage))
     unknown = np.full(robot.n, np.nan)
     half = 0.5 * (robot.q_max - robot.q_min)
     q = np.array([unknown if moment.q is None else moment.q for moment in moments])
     for side, limits in (("lower", q - robot.q_min), ("upper", robot.q_max - q)):
         # A joint that cannot move is reported as a warning.
         for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):
-            if f"range[joint {j + 1}].{side}" not in constraints.labels:
-                label = f"limit[joint {j + 1}].{side}"
-                unit = "m" if robot.prismatic[j] else "rad"
-                rows.append(
-                    Row(
-                        label,
-                        unit,
-                        np.full(len(q), np.nan),
-                        limits[:, j],
-                        1.0 - limits[:, j] / half[j],
-                    )
-                )
+            if f"range[joint {j + 1}].{side}" in constraints.labels:
+                continue
+            label = f"limit[joint {j + 1}].{side}"
+            unit = "m" if robot.prismatic[j] else "rad"
+            no_phi = np.full(len(q), np.nan)
+            distance = limits[:, j]
+            rows.append(Row(label, unit, no_phi, distance, 1.0 - distance / half[j]))
     return tuple(sorted(rows, key=lambda row: -row.greatest))
 
 
@@ -172,7 +159,9 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
     if not isinstance(task, dict) or not isinstance(target, dict):
         return None
     every = constraints if isinstance(constraints, list) else []
-    kept = [one for one in every if not (isinstance(one, dict) and one.get("type") == OF_GOALS)]
+    kept = [
+        table for table in every if not (isinstance(table, dict) and table.get("type") == OF_GOALS)
+    ]
     centre = [[0.0, 0.0]] * (4 if "square" in target else len(target.get("markers", [])))
     for other in (
         {**task, "goals": [{"camera_at_q": tables.get("q0")}]},

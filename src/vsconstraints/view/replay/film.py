@@ -19,6 +19,7 @@ from ..setup_scene import draw_setup
 from .runs import (
     ACTIVE,
     HIGHLIGHTS,
+    INACTIVE,
     VIOLATED,
     Frames,
     ReplayRun,
@@ -41,6 +42,7 @@ COLOURS = 96
 BITS = 5  # of each channel that are compared when the colours of a GIF are chosen
 LETTERS = 12.0  # of the text below an image, per inch of its width
 GOAL = symbol("*", INK, "white", 8.0)
+STATE_NAMES = {ACTIVE: "active", VIOLATED: "violated"}
 
 
 def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
@@ -78,18 +80,15 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
     drawn = []
     for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
         left = 0.1 + k * (width + 0.1)
-        place = (
-            (left, 1.0 + tall, width, arm)
-            if several
-            else (left + width + 0.1, 0.7, width, tall + 0.3)
-        )
         image = sheet.axes(left, 0.7, width, tall)
+        place = (left, 1.0 + tall, width, arm)
+        if not several:
+            place = (left + width + 0.1, 0.7, width, tall + 0.3)
         space = sheet.axes(*place, projection="3d", computed_zorder=False)
-        drawn.append(
-            (run, colour, image, space, frames.samples(run), frames.states(run), things_of(run))
-        )
+        things = things_of(run)
+        drawn.append((run, colour, image, space, frames.samples(run), frames.states(run), things))
     # Films need even numbers of pixels.
-    sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
+    sheet.bottom = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
     sheet.figure.set_dpi(DPI)
     sheet.placed()
     for k, t in enumerate(frames.t.tolist()):
@@ -100,13 +99,7 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
             sample = int(samples[k])
             image.clear()
             plane.draw(image, labels=False)
-            _draw_run(
-                image,
-                run,
-                colour,
-                sample,
-                list(zip(trajectory.labels, states[k].tolist(), things, strict=True)),
-            )
+            _draw_run(image, run, colour, sample, states[k].tolist(), things)
             over = t > trajectory.t[-1] + 1e-9 or k == len(samples) - 1
             image.set_title(trajectory.status if over else "", loc="right", fontsize=9, pad=4)
             for old in list(space.collections):
@@ -117,11 +110,16 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
 
 
 def _draw_run(
-    ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]
+    ax: Any,
+    run: ReplayRun,
+    colour: str,
+    sample: int,
+    states: Sequence[int],
+    things: Sequence[Thing],
 ) -> None:
     """Draw a run in the image plane up to a sample.
 
-    ``rows`` are labels and states of its rows, and the objects to which they apply.
+    ``states`` (m,) are those of its rows, ``things`` (m,) the objects to which the rows apply.
     """
     pixels = run.trajectory.features_px
     t = float(run.trajectory.t[sample])
@@ -131,30 +129,35 @@ def _draw_run(
     name = shortened(run.law, letters)
     ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
     ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
-    ax.plot(
-        *[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T,
-        **GOAL,
-        zorder=5,
-    )
-    tracks(
-        ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5
-    )
+    goals = [goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9]
+    ax.plot(*goals[-1].pixels.T, **GOAL, zorder=5)
+    step = max(sample // 300, 1)
+    tracks(ax, pixels[: sample + 1 : step], color=colour, linewidth=2.0, zorder=4.5)
     for i, marker in enumerate(pixels[sample], start=1):
-        state = max((state for _, state, thing in rows if thing == ("marker", i)), default=0)
-        spot = symbol("o", colour, HIGHLIGHTS.get(state, "white"), 8.5, zorder=6)
-        ax.plot(*marker, **spot | {"markeredgewidth": 2.5 if state else 0.9})
-    worst = max((state for _, state, _ in rows), default=0)
-    labels = [label for label, state, _ in rows if state == worst] if worst else []
-    word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
-    text = shortened(f"{word}{', '.join(labels)}", letters)
-    place = {
-        "transform": ax.transAxes,
-        "fontsize": 9,
-        "va": "top",
-        "fontweight": "bold",
-        "zorder": 7,
-    }
-    ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
+        state = INACTIVE
+        for row_state, thing in zip(states, things, strict=True):
+            if thing == ("marker", i):
+                state = max(state, row_state)
+        edge = HIGHLIGHTS.get(state, "white")
+        width = 2.5 if state else 0.9
+        ax.plot(*marker, **symbol("o", colour, edge, 8.5, zorder=6, markeredgewidth=width))
+    worst = max(states, default=INACTIVE)
+    text = ""
+    if worst:
+        rows = zip(run.trajectory.labels, states, strict=True)
+        labels = ", ".join(label for label, state in rows if state == worst)
+        text = shortened(f"{STATE_NAMES[worst]}: {labels}", letters)
+    ax.text(
+        0.0,
+        -0.02,
+        text,
+        color=darker(HIGHLIGHTS.get(worst, INK), 0.8),
+        transform=ax.transAxes,
+        fontsize=9,
+        va="top",
+        fontweight="bold",
+        zorder=7,
+    )
 
 
 def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from itertools import groupby
@@ -12,7 +11,6 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup
 
 from ...comparisons.runs.files import replaced
 from ...comparisons.runs.machine import VERSION
@@ -65,7 +63,8 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     pages = jinja2.Environment(
         loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
-    pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks, "json": _json}
+    pages.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "ensure_ascii": False}
+    pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks}
     text = pages.get_template("page.html").render(
         title=title or runs[0].title or "Replay",
         laws=", ".join(run.law for run in runs),
@@ -100,29 +99,34 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
     plane = Plane.of(setup)
     moving = []
     for constraint, motion, _ in plane.drifting:
-        if lines := constraint.boundary(plane.size, frames.t):
-            low = np.concatenate(lines).min(axis=0) - 1.0
-            high = np.concatenate(lines).max(axis=0) + 1.0
-            area = Plane(plane.size, (constraint,)).forbidden_within(
-                0.5 * (low + high), 0.5 * (high - low)
-            )
-            still = {"lines": _rounded(lines), "forbidden": _rounded(area)}
-            moving.append(still | {"moved": _rounded([motion.displacement(frames.t)])[0]})
+        lines = constraint.boundary(plane.size, frames.t)
+        if not lines:
+            continue
+        low = np.concatenate(lines).min(axis=0) - 1.0
+        high = np.concatenate(lines).max(axis=0) + 1.0
+        alone = Plane(plane.size, (constraint,))
+        area = alone.forbidden_within(0.5 * (low + high), 0.5 * (high - low))
+        moving.append(
+            {
+                "lines": list(map(_rounded, lines)),
+                "forbidden": list(map(_rounded, area)),
+                "moved": _rounded(motion.displacement(frames.t)),
+            }
+        )
+    goals = []
+    for goal in setup.task.goals:
+        goals.append({"from": goal.from_time, "pixels": _rounded(goal.pixels)})
+    colours = colours_of(runs)
     return {
         "period": round(frames.period, 6),
         "frames": len(frames.t),
-        "half": _rounded([plane.half])[0],
-        "outline": _rounded([plane.edge]),
-        "forbidden": _rounded(plane.forbidden),
-        "lines": _rounded(plane.lines),
+        "half": _rounded(plane.half),
+        "outline": [_rounded(plane.edge)],
+        "forbidden": list(map(_rounded, plane.forbidden)),
+        "lines": list(map(_rounded, plane.lines)),
         "moving": moving,
-        "goals": [
-            {"from": goal.from_time, "pixels": _rounded([goal.pixels])[0]}
-            for goal in setup.task.goals
-        ],
-        "runs": [
-            _run(run, frames, colour) for run, colour in zip(runs, colours_of(runs), strict=True)
-        ],
+        "goals": goals,
+        "runs": [_run(run, frames, colour) for run, colour in zip(runs, colours, strict=True)],
     }
 
 
@@ -131,75 +135,70 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     samples = frames.samples(run)
     states = frames.states(run)
     things = things_of(run)
-    about = [
-        [thing == ("marker", i + 1) for thing in things]
-        for i in range(trajectory.features_px.shape[1])
-    ]
-    shown = [
-        int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()
-    ]
-    pixels = trajectory.features_px[samples].reshape(len(samples), -1)
-
-    def digits(own: States) -> str:
-        return "".join(map(str, own))
-
+    markers = []
+    for i in range(trajectory.features_px.shape[1]):
+        applies = [thing == ("marker", i + 1) for thing in things]
+        markers.append(_digits(states[:, applies].max(axis=1, initial=0)))
+    highlighted_frames = (states > 0).sum(axis=0)
+    order = np.argsort(-highlighted_frames, kind="stable")
+    highlighted = [int(i) for i in order if highlighted_frames[i]]
+    rows = []
+    for i in sorted(highlighted[:MAX_ROWS]):
+        rows.append({"label": trajectory.labels[i], "states": _digits(states[:, i])})
     return {
         "law": run.law,
         "colour": colour,
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        **dict(
-            zip(
-                ("pixels", "error"),
-                _rounded([pixels, trajectory.feature_error_px[samples]]),
-                strict=True,
-            )
-        ),
-        "markers": [digits(states[:, own].max(axis=1, initial=0)) for own in about],
-        "rows": [
-            {"label": trajectory.labels[i], "states": digits(states[:, i])}
-            for i in sorted(shown[:MAX_ROWS])
-        ],
-        "more": max(len(shown) - MAX_ROWS, 0),
-        "quiet": len(trajectory.labels) - len(shown),
+        "pixels": _rounded(trajectory.features_px[samples].reshape(len(samples), -1)),
+        "error": _rounded(trajectory.feature_error_px[samples]),
+        "markers": markers,
+        "rows": rows,
+        "more": max(len(highlighted) - MAX_ROWS, 0),
+        "quiet": len(trajectory.labels) - len(highlighted),
     }
 
 
-def _rounded(arrays: Iterable[Array]) -> list[Any]:
-    """Return the numbers of each array rounded to a tenth, None for those that are not finite."""
-    lists = []
-    for values in arrays:
-        finite = np.where(np.isfinite(values), np.round(values, 1) + 0.0, np.nan).astype(object)
-        finite[finite != finite] = None
-        lists.append(finite.tolist())
+def _digits(states: States) -> str:
+    """Return the states of all frames as one text with a digit each."""
+    return "".join(map(str, states))
+
+
+def _rounded(values: Array) -> list[Any]:
+    """Return numbers rounded to a tenth as lists, None for those that are not finite."""
+    rounded = (np.round(values, 1) + 0.0).astype(object)
+    rounded[~np.isfinite(values)] = None
+    lists: list[Any] = rounded.tolist()
     return lists
-
-
-def _json(data: Any) -> Markup:
-    """Return data as JSON that may stand within a script in HTML."""
-    return Markup(
-        json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-    )
 
 
 def _path(lines: Iterable[Any], close: bool = False) -> str:
     """Return polylines (p, 2) as the data of one SVG path; unknown points are left out."""
-    known = [[f"{u:g},{v:g}" for u, v in line if u is not None] for line in lines]
-    return "".join(f"M{'L'.join(points)}{'Z' if close else ''}" for points in known if points)
+    path = ""
+    for line in lines:
+        points = [f"{u:g},{v:g}" for u, v in line if u is not None]
+        if points:
+            path += f"M{'L'.join(points)}{'Z' if close else ''}"
+    return path
 
 
 def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
     """Return the track of each marker from pixels (F, 2M)."""
     columns = list(zip(*pixels, strict=True))
-    return [list(zip(u, v, strict=True)) for u, v in zip(columns[::2], columns[1::2], strict=True)]
+    tracks = []
+    for u, v in zip(columns[::2], columns[1::2], strict=True):
+        tracks.append(list(zip(u, v, strict=True)))
+    return tracks
 
 
 def _bars(states: str) -> list[tuple[str, int, int]]:
     """Return state, first frame and length of each span in which a row is not inactive."""
-    runs = [(state, len(list(run))) for state, run in groupby(states)]
-    return [
-        (state, sum(n for _, n in runs[:k]), count)
-        for k, (state, count) in enumerate(runs)
-        if state != "0"
-    ]
+    bars = []
+    first = 0
+    for state, span in groupby(states):
+        length = len(list(span))
+        if state != "0":
+            bars.append((state, first, length))
+        first += length
+    return bars

@@ -121,33 +121,30 @@ class Frames:
         every = states(run)
         first = self.samples(run)
         shown = np.maximum.reduceat(every, first, axis=0)
-        shown[1:][first[:-1] == len(every) - 1] = INACTIVE
+        has_ended = first[:-1] == len(every) - 1
+        shown[1:][has_ended] = INACTIVE
         return shown
 
     def remark(self, runs: Sequence[ReplayRun]) -> str:
         """Return a sentence on the number of samples that are shown, empty if all are."""
         samples = max(len(run.trajectory.t) for run in runs)
-        rule = (
-            "a constraint is highlighted if it is active or violated in any sample up to the "
-            "next one shown"
-        )
+        if samples <= len(self.t):
+            return ""
         return (
-            f"{len(self.t)} of {samples} samples are shown; {rule}."
-            if samples > len(self.t)
-            else ""
+            f"{len(self.t)} of {samples} samples are shown; a constraint is highlighted if it is "
+            "active or violated in any sample up to the next one shown."
         )
 
 
 def states(run: ReplayRun) -> States:
     """Return the state (N, m) of each row at each sample."""
-    length = RunRecord.of(run.setup, run.trajectory, "").length
-    outside = (
-        np.minimum(run.trajectory.clearance, run.trajectory.between_clearance)
-        < -NEGLIGIBLE * length
-    )
-    return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(
-        np.uint8
-    )
+    trajectory = run.trajectory
+    length = RunRecord.of(run.setup, trajectory, "").length
+    clearance = np.minimum(trajectory.clearance, trajectory.between_clearance)
+    states = np.full(clearance.shape, INACTIVE, dtype=np.uint8)
+    states[trajectory.active] = ACTIVE
+    states[clearance < -NEGLIGIBLE * length] = VIOLATED
+    return states
 
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
@@ -159,11 +156,14 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, 
     """
     found: dict[tuple[str, int, int], States] = {}
     for k, run in enumerate(runs):
-        for thing, own in zip(things_of(run), frames.states(run).T, strict=True):
-            if thing is not None and own.any():
-                carried = thing[0] == "marker" and run.setup.scene.camera.fixed is not None
-                key = (*thing, k if thing[0] == "joint" or carried else 0)
-                found[key] = np.maximum(found.get(key, INACTIVE), own).astype(np.uint8)
+        carries_markers = run.setup.scene.camera.fixed is not None
+        for thing, row_states in zip(things_of(run), frames.states(run).T, strict=True):
+            if thing is None or not row_states.any():
+                continue
+            kind, number = thing
+            is_shared = kind == "obstacle" or (kind == "marker" and not carries_markers)
+            key = (kind, number, 0 if is_shared else k)
+            found[key] = np.maximum(found.get(key, INACTIVE), row_states).astype(np.uint8)
     return found
 
 
@@ -214,7 +214,8 @@ def select_run(
         form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
         raise ConfigurationError(f"{file} is not the trajectory of a comparison: {form}")
     if not file.is_file():
-        raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
+        stored = [path.name for path in file.parent.glob("*.npz")]
+        raise unknown_name("trajectory", file.name, stored)
     comparison = StoredComparison.load(file.parent.parent, trust)
     for remark in comparison.remarks:
         on_remark(remark)
@@ -280,10 +281,9 @@ def campaign_run(run: str) -> list[str]:
 
 def name_of(run: str) -> str:
     """Return the name of the scenario, or family and scene, in a text that names a run."""
-    if parts := campaign_run(run):
+    parts = campaign_run(run)
+    if parts:
         return "-".join(parts[1:3])
-    return (
-        Path(run).stem.partition("--")[0]
-        if run.endswith(".npz")
-        else Path(run.partition(":")[0]).stem
-    )
+    if run.endswith(".npz"):
+        return Path(run).stem.partition("--")[0]
+    return Path(run.partition(":")[0]).stem

@@ -22,26 +22,23 @@ def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
     These are the controller with the deepest violation, or the unconstrained baseline if none
     violates a row, and the controller with the greatest utilization among the clean ones.
     """
-    lines = {
-        name: line
-        for name in results.controllers
-        for line in results.runs(scenario, name)
-        if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0
-    }
-    depths = {
-        name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines
-    }
-    used = {
-        name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0))
-        for name in depths
-        if clean(lines[name])
-    }
-    worst = max(
-        (name for name in depths if depths[name] > 0.0),
-        key=lambda name: depths[name],
-        default=BASELINE,
-    )
-    best = max(used, key=lambda name: used[name], default=worst)
+    lines = {}
+    for name in results.controllers:
+        for line in results.runs(scenario, name):
+            if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0:
+                lines[name] = line
+    depths = {}
+    used = {}
+    for name in results.competitors:
+        if name not in lines:
+            continue
+        depth = float(lines[name]["violation_depth"])
+        if depth > 0.0:
+            depths[name] = depth
+        if clean(lines[name]):
+            used[name] = float(np.nan_to_num(lines[name]["utilization"], nan=-1.0))
+    worst = max(depths, key=depths.__getitem__, default=BASELINE)
+    best = max(used, key=used.__getitem__, default=worst)
     return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
 
 

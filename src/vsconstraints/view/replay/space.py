@@ -55,11 +55,9 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
             eye = standpoint(runs, viewpoint)
             camera = server.initial_camera
             away = float(np.linalg.norm(eye - viewpoint.centre))
-            camera.position, camera.look_at, camera.up = (
-                tuple(eye),
-                tuple(viewpoint.centre),
-                (0.0, 0.0, 1.0),
-            )
+            camera.position = tuple(eye)
+            camera.look_at = tuple(viewpoint.centre)
+            camera.up = (0.0, 0.0, 1.0)
             camera.fov = FIELD_OF_VIEW
             camera.near = 0.01 * away
             camera.far = 100.0 * away
@@ -80,16 +78,14 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
     for k, colour in enumerate(colours_of(runs)):
-        own = [
-            part._replace(
-                mesh=inset(mesh, k * INSET * scale),
-                colour=paler(colour),
-                opacity=OTHERS if k else 1.0,
-            )
-            for part, mesh in zip(arm, meshes, strict=True)
-        ]
+        look: dict[str, Any] = {"colour": paler(colour), "opacity": OTHERS if k else 1.0}
+        parts = []
+        for part, mesh in zip(arm, meshes, strict=True):
+            parts.append(part._replace(mesh=inset(mesh, k * INSET * scale), **look))
+        # A fixed camera is the same for all runs, and each arm carries a target.
         shared = k > 0 and setup.scene.camera.fixed is not None
-        add_robot(scene, setup, own, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
+        camera_colour = "" if shared else colour
+        add_robot(scene, setup, parts, (1.0 - 0.03 * k) * scale, camera_colour, f"{k} ")
         if shared:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
@@ -101,17 +97,13 @@ def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[s
 
     The frames of run k have ``k`` before their names; shared frames have no prefix.
     """
-    every = [setup_frames(run.setup, own, t) for run, own in zip(runs, q, strict=True)]
-    own = {
-        f"{k} {name}": placement
-        for k, frames in enumerate(every)
-        for name, placement in frames.items()
-    }
-    return own | {
-        name: placement
-        for name, placement in every[0].items()
-        if name.startswith(("target", "obstacle"))
-    }
+    frames = {}
+    for k, run in enumerate(runs):
+        for name, placement in setup_frames(run.setup, q[k], t).items():
+            frames[f"{k} {name}"] = placement
+            if k == 0 and name.startswith(("target", "obstacle")):
+                frames[name] = placement
+    return frames
 
 
 def _recorded(
@@ -127,11 +119,12 @@ def _recorded(
         for state, colour in HIGHLIGHTS.items():
             handle = nodes.add(Part(mesh, colour, frame, 0.85 if what == "marker" else 0.6))
             covers.append((states == state, handle))
-    for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
+    for k, (run, shown, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
-        places = [
-            setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)
-        ]
+        places = []
+        for i in np.unique(shown):
+            placement = setup_frames(run.setup, run.trajectory.q[i], 0.0)[name]
+            places.append(placement.pose.t)
         if len(places) > 1:
             pieces = np.stack((places[:-1], places[1:]), axis=1)
             server.scene.add_line_segments(
@@ -139,10 +132,10 @@ def _recorded(
             )
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
-        q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
+        q = [run.trajectory.q[shown[k]] for run, shown in zip(runs, samples, strict=True)]
         nodes.place(frames_of(runs, q, float(t)))
-        for shown, handle in covers:
-            handle.visible = bool(shown[k])
+        for visible, handle in covers:
+            handle.visible = bool(visible[k])
         serializer.insert_sleep(frames.period)
     html: str = serializer.as_html()
     return html
@@ -176,10 +169,9 @@ class Nodes:
         """Set the poses of the frames; viser sends only those that have changed."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            frame.position, frame.wxyz = (
-                pose.t,
-                np.round(np.roll(pin.Quaternion(pose.R).coeffs(), 1), 6),
-            )
+            xyzw = pin.Quaternion(pose.R).coeffs()
+            frame.position = pose.t
+            frame.wxyz = np.round(np.roll(xyzw, 1), 6)
             if name in self.rails:
                 self.rails[name].scale = (1.0, 1.0, stretch)
 
@@ -191,14 +183,14 @@ def _cover(
     setup = runs[run].setup
     scale = half / REACH
     if what == "marker":
-        return ball(
-            setup.scene.markers[number - 1], 0.021 * scale, 12
-        ), f"{run} target" if run else "target"
+        mesh = ball(setup.scene.markers[number - 1], 0.021 * scale, 12)
+        return mesh, f"{run} target" if run else "target"
     if what == "obstacle":
         return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
     poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
     axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
-    return tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
+    mesh = tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20)
+    return mesh, f"{run} joint {number}"
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
@@ -226,23 +218,24 @@ def coarse(meshes: list[Mesh]) -> list[Mesh]:
     while sum(len(mesh.triangles) for mesh in fewer) > MAX_TRIANGLES:
         fewer = []
         for mesh in meshes:
-            _, first, own = np.unique(
-                np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True
-            )
-            triangles = np.asarray(own).reshape(-1)[mesh.triangles]
+            cells = np.round(mesh.points / cell)
+            _, first, merged = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+            triangles = np.asarray(merged).reshape(-1)[mesh.triangles]
             a, b, c = triangles.T
-            fewer.append(Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)]))
+            has_area = (a != b) & (b != c) & (c != a)
+            fewer.append(Mesh(mesh.points[first], triangles[has_area]))
         cell *= 1.4
     return fewer
 
 
 def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     """Return joint coordinates (n,) and times [s] from the starts of runs to their ends."""
-    every = [
-        (run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int))
-        for run in runs
-    ]
-    return [(trajectory.q[k], float(trajectory.t[k])) for trajectory, at in every for k in at]
+    instants = []
+    for run in runs:
+        trajectory = run.trajectory
+        for k in np.linspace(0, len(trajectory.t) - 1, INSTANTS).astype(int):
+            instants.append((trajectory.q[k], float(trajectory.t[k])))
+    return instants
 
 
 def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
@@ -261,7 +254,6 @@ def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
     across, up, towards = ((points - viewpoint.centre) @ axes).T
     needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
-    eye: Array = (
-        viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]
-    )
+    away = np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW))
+    eye: Array = viewpoint.centre + away * axes[:, 2]
     return eye

@@ -38,25 +38,25 @@ class CameraPose(Feature):
         """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         assert old.camera is not None
         assert new.camera is not None
-        there = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
-        _, t, w = pose_error(new.camera.R, new.camera.t, there.R, there.t, near[3:], True)
-        return np.array((*t, *w))
+        camera = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
+        _, t, rotation = pose_error(new.camera.R, new.camera.t, camera.R, camera.t, near[3:], True)
+        return np.array((*t, *rotation))
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate the feature in NumPy: see :meth:`Feature.evaluate`."""
         assert goal.camera is not None
         near = np.zeros(6) if previous is None else previous
         camera = state.camera
-        E, t, w = pose_error(
+        E, t, rotation = pose_error(
             goal.camera.R, goal.camera.t, camera.R, camera.t, near[3:], previous is not None
         )
         v, omega = state.camera_twist.reshape(2, 3)
-        w_dot, L, L_dot = rotation_vector_rate(w, omega)
+        w_dot, L, L_dot = rotation_vector_rate(rotation, omega)
         t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, *state.camera_drift.reshape(2, 3))
         J: Array = np.concatenate((rotate(E, state.camera_J[:3]), rotate(L, state.camera_J[3:])))
         velocity = np.array((*t_dot, *w_dot))
         return FeatureMotion(
-            error=np.array((*t, *w)),
+            error=np.array((*t, *rotation)),
             J=J,
             velocity=velocity,
             drift=np.array((*t_ddot, *w_ddot)),

@@ -64,25 +64,25 @@ class ImagePoints(Feature):
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
-        at = selected(self.markers, len(old.normalised), self.name)
-        return reference + (old.normalised - new.normalised)[at].ravel()
+        markers = selected(self.markers, len(old.normalised), self.name)
+        return reference + (old.normalised - new.normalised)[markers].ravel()
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate the feature in NumPy: see :meth:`Feature.evaluate`."""
         image = state.normalised
-        at = selected(self.markers, len(image.position), self.name)
+        markers = selected(self.markers, len(image.position), self.name)
         qd = state.robot.qd
-        J = image.J[at].reshape(-1, len(qd))
-        velocity = image.velocity[at].ravel()
-        drift = image.drift[at].ravel()
+        J = image.J[markers].reshape(-1, len(qd))
+        velocity = image.velocity[markers].ravel()
+        drift = image.drift[markers].ravel()
         partial = velocity - J @ qd
         share = SHARES[self.interaction_matrix]
         if share > 0.0:
             now = interaction_matrix(image.position, state.depth)
             L = (1.0 - share) * now + share * goal.interaction.reshape(now.shape)
-            L = L[at].reshape(-1, 6)
+            L = L[markers].reshape(-1, 6)
             J = L @ state.camera_J
             velocity = J @ qd + partial
             drift = L @ state.camera_drift
-        error = (image.position - goal.normalised)[at].ravel()
+        error = (image.position - goal.normalised)[markers].ravel()
         return FeatureMotion(error, J, velocity, drift, partial)

@@ -55,7 +55,8 @@ class Stack(Feature):
         references = self._split(reference, markers)
         nearby = self._split(near, markers)
         each = zip(self.features, references, nearby, strict=True)
-        return np.concatenate([feature.carried(s, old, new, at) for feature, s, at in each])
+        carried = [feature.carried(s, old, new, close) for feature, s, close in each]
+        return np.concatenate(carried)
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate all features: see :meth:`Feature.evaluate`."""

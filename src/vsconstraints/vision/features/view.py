@@ -117,8 +117,8 @@ class ViewFeature(Feature):
     @property
     def remarks(self) -> list[str]:
         """Remark on a matrix that is derived by differences."""
-        told = f"the interaction matrix of the feature {self.name} is derived by differences"
-        return [told] if self.derived else []
+        remark = f"the interaction matrix of the feature {self.name} is derived by differences"
+        return [remark] if self.derived else []
 
     def count(self, markers: int) -> int:
         """Return the number of the feature's own markers, of so many in all."""
@@ -126,8 +126,8 @@ class ViewFeature(Feature):
 
     def seen(self, view: View) -> View:
         """Return the feature's own markers of a view."""
-        at = selected(self.markers, len(view.xy), self.name)
-        return View(view.xy[at], view.depth[at], view.camera)
+        markers = selected(self.markers, len(view.xy), self.name)
+        return View(view.xy[markers], view.depth[markers], view.camera)
 
     def check_goal(self, goal: Goal) -> None:
         """Raise ConfigurationError if the feature is not defined at a goal."""
@@ -147,8 +147,8 @@ class ViewFeature(Feature):
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         wanted = self.seen(View.of_goal(new))
-        there = self.value(self.seen(View.of_goal(old)), wanted)
-        return self._nearest(reference + there - self.value(wanted, wanted), near)
+        value = self.value(self.seen(View.of_goal(old)), wanted)
+        return self._nearest(reference + value - self.value(wanted, wanted), near)
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate the feature: see :meth:`Feature.evaluate`.
