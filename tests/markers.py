@@ -20,6 +20,7 @@ SLOW = {
     "test_difference",
     "test_documents::test_own_parts_take_part_in_a_comparison",
     "test_documents::test_the_example_law_keeps_scenes_that_it_was_not_made_for",
+    "test_environment::test_the_package_does_not_import_gymnasium",
     "test_evidence::test_shards_merged_and_processes_give_the_same",
     "test_evidence_report::test_a_tuning_is_shown",
     "test_evidence_report::test_a_whole_report",
@@ -29,10 +30,12 @@ SLOW = {
     "test_evidence_report_situations::test_the_only_script_of_a_page_is_that_of_its_heat_map",
     "test_extras::test_a_comparison_needs_none_of_them",
     "test_families::test_most_attempts_are_worth_making",
+    "test_families::test_scenes_and_families_can_be_sent_to_other_processes",
     "test_families::test_the_same_scene_in_another_process_and_in_any_order",
     "test_figures",
     "test_first_five_minutes",
     "test_fresh::test_fresh_scenes_are_run_by_the_published_laws_and_the_same_seed_gives_the_same_table",
+    "test_images::test_a_detector_is_left_to_the_end_of_the_process",
     "test_law_process",
     "test_laws_in_files::test_a_run_on_an_arm_has_a_folder_named_after_the_law",
     "test_laws_in_files::test_a_suite_finds_its_laws_and_their_neighbours_from_any_working_directory",
@@ -54,6 +57,7 @@ SLOW = {
     "test_portable",
     "test_recorded_runs::test_a_mujoco_run_is_scored_by_the_command",
     "test_registry::test_a_command_of_another_package_stands_beside_those_of_this_one",
+    "test_registry::test_a_scenario_names_the_plant_of_another_package",
     "test_registry::test_an_earlier_name_is_the_module_of_today",
     "test_replay_in_a_browser",
     "test_report_pages",
@@ -101,6 +105,21 @@ FULL = {
     "test_scenario_reference",
     "test_which_conclusions_hold::test_all_of_it_found_again_by_other_libraries",
     "test_which_law",
+    # long simulations and pages of results, beside quick tests of the same parts
+    "test_demands::test_conditioned_super_twisting_is_the_conditioned_algorithm_of_continuous_time",
+    "test_difference_of_evidence::"
+    "test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn_another_scene",
+    "test_evidence_report::test_figures_are_drawn_of_little",
+    "test_evidence_report::test_success_over_tolerated_depth_goes_through_the_table",
+    "test_evidence_report::test_training_scenes_are_never_passed_off_as_held_out",
+    "test_evidence_report_situations::"
+    "test_levels_have_a_figure_and_a_line_among_the_situations_and_no_section",
+    "test_large_reports",
+    "test_leaderboard",
+    "test_own_files::test_results_of_different_files_in_one_folder_are_noticed",
+    "test_path_integral::test_it_reaches_a_goal_at_the_boundary_of_the_image",
+    "test_path_integral::test_many_samples_make_the_step_of_the_quadratic_program",
+    "test_path_integral::test_sample_by_sample_it_comes_to_the_linear_quadratic_optimum",
 }
 """Tests of the project's own checks, of the compiler's internals and of documentation."""
 
@@ -190,6 +209,8 @@ SAMPLED: dict[str, int | tuple[str, ...]] = {
         "number",
         "entry",
     ),
+    "test_registry::test_a_broken_part_is_an_error_that_names_it": 1,
+    "test_registry::test_a_function_that_is_missing_is_an_error_that_names_it": 1,
     "test_resolvers::test_a_formula_in_numpy_gives_the_same_command": ("demand", "resolver"),
     "test_rest::test_a_rest_of_zero_changes_no_bit": ("demand", "resolver"),
     "test_rest::test_where_no_row_asks_for_anything_the_task_is_tracked_by_the_nearest": (
@@ -198,6 +219,7 @@ SAMPLED: dict[str, int | tuple[str, ...]] = {
         "k",
     ),
     "test_score_run::test_scores_are_those_of_the_trajectory": ("name", "law"),
+    "test_stacks::test_a_stack_that_fails_is_refused_with_the_reason_and_its_last_messages": 8,
     "test_statistics_tables::test_every_metric_of_few_scenes": ("name", "scenes"),
     "test_units::test_comparisons_ask_it_too": 3,
 }
