@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from markers import MARKERS
+from markers import MARKERS, SAMPLED, sampled
 
 # `nohup`, and shells that start something in the background, ignore signals, and what is started
 # inherits that
@@ -21,7 +22,7 @@ for number, handler in (
         signal.signal(number, handler)
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
-for profile, examples in (("quick", 25), ("thorough", 60)):
+for profile, examples in (("quick", 15), ("thorough", 60)):
     settings.register_profile(
         profile,
         derandomize=True,
@@ -34,14 +35,29 @@ for profile, examples in (("quick", 25), ("thorough", 60)):
 settings.load_profile("quick")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files and folders none of whose tests would run: imports take seconds."""
+    chosen = config.getoption("markexpr")
+    left_out = [marker for marker in MARKERS if f"not {marker}" in chosen]
+    return True if any(collection_path.stem in MARKERS[marker] for marker in left_out) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that are listed in ``markers``."""
+    """Mark the tests that are listed in ``markers``, and the cases that the quick suite omits."""
+    many: dict[str, list[pytest.Function]] = {}
     for item in items:
         file = item.path.stem
-        function = item.name.partition("[")[0]
+        test = f"{file}::{item.name.partition('[')[0]}"
         for marker, names in MARKERS.items():
-            if file in names or f"{file}::{function}" in names:
+            if file in names or test in names:
                 item.add_marker(getattr(pytest.mark, marker))
+        if test in SAMPLED and isinstance(item, pytest.Function):
+            many.setdefault(test, []).append(item)
+    for test, cases in many.items():
+        kept = sampled([case.callspec.params for case in cases], SAMPLED[test])
+        for number, case in enumerate(cases):
+            if number not in kept:
+                case.add_marker(pytest.mark.full)
 
 
 @pytest.fixture

@@ -300,6 +300,9 @@ def test_a_law_that_overspeeds_violates(share: float, tolerated: bool) -> None:
     if share < 0.02:  # farther there is no need to go
         assert depth["usage_max"] - 1.0 == pytest.approx(share, rel=0.05)
     assert ("speed[joint 6].lower" in result["within_band"]) == (share < 0.02)
+
+
+def test_a_law_that_keeps_to_the_speeds_violates_none() -> None:
     assert "speed" not in scored("ur5-fov", Overspeeding(0.0))[1]["violated"]
 
 

@@ -198,13 +198,20 @@ UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.kno
 #: which no row of this scene is active.
 ELSEWHERE = ("careful", "velocity-qp", "velocity-hierarchical-qp", "velocity-damper")
 
+#: Four runs of each of them take longer than those of all the others.
+SLOW = ("goal-governor", "barrier-governor", "mppi")
+
 
 @pytest.mark.parametrize(
     ("name", "parts"),
     [
-        *((name, {}) for name in EVERY_LAW if name not in ELSEWHERE),
+        *(
+            pytest.param(name, {}, marks=[pytest.mark.slow] if name in SLOW else [])
+            for name in EVERY_LAW
+            if name not in ELSEWHERE
+        ),
         *(("law", part) for part in PARTS),
-        ("goal-governor", PARTS[0]),
+        pytest.param("goal-governor", PARTS[0], marks=pytest.mark.slow),
     ],
 )
 def test_options_that_change_no_command_are_said_and_no_others(
