@@ -30,7 +30,9 @@ from .workspace import Step
 @in_place
 def put(x: Vector, out: Array) -> None:
     """Write a vector to ``out`` (3,)."""
-    out[0], out[1], out[2] = x[0], x[1], x[2]
+    out[0] = x[0]
+    out[1] = x[1]
+    out[2] = x[2]
 
 
 @in_place

@@ -85,7 +85,8 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
 def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
     """Remove one active row, so that q are left, and refactor the rows behind it."""
     for j in range(leaving, q):
-        active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
+        active[j] = active[j + 1]
+        X[FORCE, j] = X[FORCE, j + 1]
         for i in range(F.shape[1]):
             F[j, i] = G[i, active[j]]
         la.apply_transposed(F, T, j, F, j)

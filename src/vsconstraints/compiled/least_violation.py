@@ -56,7 +56,8 @@ def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
     for i in range(m):
         for j in range(n):
             B[i, j] = weights[i] * A[i, j]
-        d[i], norms[i] = weights[i] * c[i], length(B, i, n)
+        d[i] = weights[i] * c[i]
+        norms[i] = length(B, i, n)
     residual = vector(scratch, m)
     rounding = vector(scratch, m)
     change = vector(scratch, m)
@@ -207,8 +208,12 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
     limit = math.inf
     for j in range(x.size):
         moves = step[0, j]
-        room = box[GREATEST, j] - x[j] if moves > 0.0 else x[j] - box[LEAST, j]
-        longest[j] = room / abs(moves) if moves != 0.0 else math.inf
+        if moves == 0.0:
+            longest[j] = math.inf
+        elif moves > 0.0:
+            longest[j] = (box[GREATEST, j] - x[j]) / moves
+        else:
+            longest[j] = (x[j] - box[LEAST, j]) / -moves
         limit = min(limit, max(0.0, longest[j]))
     t = line_search(rows.residual, rows.change, limit)
     for j in range(x.size):

@@ -37,21 +37,24 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
     k = G.shape[0]
     n = X.shape[1]
     p = R.shape[1]
-    size = squares(G, X.shape[1])
+    norm = np.sqrt(squares(G, n))
+    weight = np.sqrt(damping)
+    # an empty Z stands for the identity
     reduced = Z.shape[0] > 0
     for j in range(p + 1):
         for i in range(p):
             R[j, i] = 0.0
-        if j < p:
-            R[j, j] = np.sqrt(damping)
-        elif reduced:
-            for i in range(p):
-                R[p, i] = np.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
-        for i in range(k if size > 0.0 else START):
-            if j < p:
-                B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / np.sqrt(size)
-            else:
-                B[j, i] = dot(G, i, X, OFFSET, START, n) / np.sqrt(size)
+    for j in range(p):
+        R[j, j] = weight
+        if reduced:
+            R[p, j] = weight * dot(Z, j, X, OFFSET, START, n)
+    if not norm > 0.0:
+        return
+    for i in range(k):
+        for j in range(p):
+            entry = dot(G, i, Z, j, START, n) if reduced else G[i, j]
+            B[j, i] = entry / norm
+        B[p, i] = dot(G, i, X, OFFSET, START, n) / norm
 
 
 @inner
@@ -76,7 +79,8 @@ def metric(
         size = np.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
         head = R[j, j] + size
         for other in range(j + 1, p + 1):
-            scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (size * head)
+            product = head * R[other, j] + dot(B, j, B, other, START, k)
+            scale = product / (size * head)
             R[other, j] -= scale * head
             add(B, other, -scale, B, j, START, k)
         R[j, j] = -size
@@ -183,15 +187,16 @@ def optimal(
             room = sides[i] - dot(walls, i, point, START, START, n)
             norm = length(walls, i, n)
             terms += force * norm
-            loose += force * max(0.0, abs(room) - ROUNDED * (norm * terms + abs(sides[i])))
+            rounding = ROUNDED * (norm * terms + abs(sides[i]))
+            loose += force * max(0.0, abs(room) - rounding)
     for d in range(p):
         rest += dot(X, NEW, Z, d, START, n) ** 2
     if p == 0:
         rest = dot(X, NEW, X, NEW, START, n)
-    return (
-        np.sqrt(rest) <= CHECKED * np.sqrt(damping) * cost + ROUNDED * terms
-        and loose <= CHECKED * cost * cost
-    )
+    allowed = CHECKED * np.sqrt(damping) * cost + ROUNDED * terms
+    is_stationary = np.sqrt(rest) <= allowed
+    is_complementary = loose <= CHECKED * cost * cost
+    return bool(is_stationary and is_complementary)
 
 
 @in_place
@@ -224,10 +229,8 @@ def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
     for i in range(violation.size):
         norm = length(walls, i, n)
         excess = dot(walls, i, point, START, START, n) - sides[i]
-        if (
-            violation[i] == 0.0
-            and not excess <= MISSED * (norm * size + abs(sides[i])) + NEGLIGIBLE * norm
-        ):
+        allowed = MISSED * (norm * size + abs(sides[i])) + NEGLIGIBLE * norm
+        if violation[i] == 0.0 and not excess <= allowed:
             return False
     return True
 
@@ -266,7 +269,8 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
     """Clip the point to the box, and make it the next stage's origin and the current answer."""
     for j in range(qdd.size):
-        X[ORIGIN, j] = qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
+        qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
+        X[ORIGIN, j] = qdd[j]
         X[OFFSET, j] = qdd[j] - X[CENTER, j]
 
 
@@ -311,4 +315,5 @@ def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
     for d in range(p if p < n else START):
         add(point, START, X[POINT, d], Z, d, START, n)
     for j in range(n):
-        point[0, j] = min(max(X[ORIGIN, j] + point[0, j], box[LEAST, j]), box[GREATEST, j])
+        x = X[ORIGIN, j] + point[0, j]
+        point[0, j] = min(max(x, box[LEAST, j]), box[GREATEST, j])

@@ -283,12 +283,14 @@ def move(limits: Limits, u: Array, x: Array, moved: Array) -> None:
         k = limits.block[t]
         tau = limits.since[t]
         for j in range(n):
+            q = x[k, j]
+            qd = x[k, n + j]
             if k == len(u):
-                moved[0, t, j] = x[k, j] + 0.5 * limits.stop * x[k, n + j]
+                moved[0, t, j] = q + 0.5 * limits.stop * qd
                 moved[1, t, j] = 0.0
             else:
-                moved[0, t, j] = x[k, j] + tau * (x[k, n + j] + 0.5 * tau * u[k, j])
-                moved[1, t, j] = x[k, n + j] + tau * u[k, j]
+                moved[0, t, j] = q + tau * (qd + 0.5 * tau * u[k, j])
+                moved[1, t, j] = qd + tau * u[k, j]
 
 
 @in_place

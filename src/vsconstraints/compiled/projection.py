@@ -16,7 +16,9 @@ from .scratch import blank, emptied
 from .task_priority import pushed
 from .workspace import NEEDS_PYTHON, SOLVED, TOLERANCE, Answer, RowArrays, TaskArrays
 
-CLOSED, OPENED = 1, 2  #: Options: the errors below and above which λ is 0 and 1.
+#: Options: the errors below and above which λ is 0 and 1.
+CLOSED = 1
+OPENED = 2
 #: Rows of the workspace: the pushes, Jᵀe / ‖Jᵀe‖, and the part of the pushes in the null space of
 #: J; number of rows.
 Z = START

@@ -60,15 +60,11 @@ def pose_step(
         x = P[0] / Z
         y = P[1] / Z
         for c in range(2):
-            (
-                W[2 * i + c, 0],
-                W[2 * i + c, 1],
-                W[2 * i + c, 2],
-                W[2 * i + c, 3],
-                W[2 * i + c, 4],
-                W[2 * i + c, 5],
-            ) = image_row(c, x, y, Z)
-        W[2 * i, 6], W[2 * i + 1, 6] = seen[i, 0] - x, seen[i, 1] - y
+            entries = image_row(c, x, y, Z)
+            for j in range(6):
+                W[2 * i + c, j] = entries[j]
+        W[2 * i, 6] = seen[i, 0] - x
+        W[2 * i + 1, 6] = seen[i, 1] - y
     pseudoinverse(W, START, CERTAIN * RANK_TOLERANCE, RANK_TOLERANCE, W, step, START, scratch)
     squared = 0.0
     for j in range(6):

@@ -158,7 +158,8 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
         if step.joints[i].continuous != 0:
             moved -= whole_turns(moved)
         step.slip[i] = slip(step.slip[i], moved, mean_speed, t - step.time[0])
-        step.q[i], step.qd[i] = q[i], qd[i]
+        step.q[i] = q[i]
+        step.qd[i] = qd[i]
     step.time[0] = t
     move(step, q, qd)
     place_camera(step, t)
@@ -253,7 +254,8 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
         if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] < 0.0:
             return 1
         known = 0.0 < depth[i] < np.inf
-        step.measured[i, 0], step.measured[i, 1] = pixels[i, 0], pixels[i, 1]
+        step.measured[i, 0] = pixels[i, 0]
+        step.measured[i, 1] = pixels[i, 1]
         step.measured[i, 2] = depth[i] if known else np.nan
     step.measurement[0].given = 1
     step.measurement[0].time = taken

@@ -438,14 +438,16 @@ class Size:
 
 @lru_cache(maxsize=256)
 def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
+    """Return the place of each output in the vector of all outputs, and its shape."""
     declared = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}
-    lengths = size.lengths
-    shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
-    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
-    return {
-        name: (slice(a, b), shapes[name])
-        for name, a, b in zip(OUTPUTS, [0, *ends[:-1]], ends, strict=True)
-    }
+    places = {}
+    begin = 0
+    for name in OUTPUTS:
+        shape = shape_of(declared[name], size.lengths)
+        end = begin + int(np.prod(shape))
+        places[name] = slice(begin, end), shape
+        begin = end
+    return places
 
 
 #: Memory of an array with d dimensions: where its numbers begin, and its shape.
