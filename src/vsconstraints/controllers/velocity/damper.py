@@ -38,7 +38,8 @@ class VelocityDamper(VelocityQP):
         "speed": Range(0.1, 10.0),
         "influence": Range(0.05, 1.0),
     }
-    #: The bounds do not depend on K of the rows either.
+    #: The bounds do not depend on K of the rows either. Only violations of rows that contradict
+    #: each other are measured in units of φ, and are shared by K.
     ignores = (*VelocityController.ignores, "K")
 
     def __init__(
