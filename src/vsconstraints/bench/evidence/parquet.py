@@ -191,10 +191,12 @@ def read(
                 raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
             lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
+            unknown = set(file.schema_arrow.names).difference(column.name for column in columns)
             for column in selected:
                 if column.name in lines.column_names:
                     continue
-                if column.required:
+                # beside an unknown column, a missing one may be a damaged name
+                if column.required or unknown:
                     raise ValueError(
                         f"it has no column {column.name!r}: it was written by another version, "
                         "which can report on it"
