@@ -265,7 +265,9 @@ def advise(
             "advise needs a scenario, or options such as --joints 6 --latency-ms 30"
         )
     with progress() as show:
-        runs = Study.load(study or SHIPPED, trust, partial(show, "scenes"), own=keep is not None)
+        runs = Study.load(
+            study or SHIPPED, trust, partial(show, "scenes"), custom_laws=keep is not None
+        )
     if keep is not None:
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
