@@ -121,7 +121,7 @@ FULL = {
     "test_path_integral::test_many_samples_make_the_step_of_the_quadratic_program",
     "test_path_integral::test_sample_by_sample_it_comes_to_the_linear_quadratic_optimum",
 }
-"""Tests of the project's own checks, of the compiler's internals and of documentation."""
+"""Tests of checks, compiler and documentation, and long ones beside quick ones of the same part."""
 
 MARKERS = {"slow": SLOW, "full": FULL, "faults": {"faults"}}
 """Names of files and folders, and of single tests as ``file::function``, by marker."""
