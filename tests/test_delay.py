@@ -48,7 +48,7 @@ def test_commanded_speeds_are_those_without_a_delay(law: type[Controller], perio
 
     The arm has the commanded speeds at once, and takes ten commands a period.
     """
-    arm = {"command": "velocity", "rate": 10.0 / PERIOD}
+    arm = {"command": "velocity", "rate": 10.0 / PERIOD, "acceleration": 1e8}
     scenario = STATIC.with_override("arm", arm)
     delay = periods * PERIOD
     plain = simulate(scenario.setup(), make_controller(law.name))
