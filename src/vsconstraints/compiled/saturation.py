@@ -143,7 +143,6 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
 @inner
 def resolve_saturated(
     saturated: Array,
-    count: int,
     J: Array,
     b: Array,
     tolerance: float,
@@ -152,12 +151,13 @@ def resolve_saturated(
     A: Array,
     scratch: Scratch,
 ) -> int:
-    """Write the q̈ that meets ``count`` saturated bounds with equality, and then the task.
+    """Write the q̈ that meets the saturated bounds with equality, and then the task.
 
     Return the rank of the bounds. A is overwritten, and the scratch that the computation takes is
     released.
     """
     taken = scratch.taken[0]
+    count = len(saturated)
     for i in range(count):
         copy(A, i, saturated, i, A.shape[1])
     rank = resolve(A[:count], J, b, tolerance, rest, qdd, scratch)[0]
@@ -212,7 +212,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         held[bound] = True
         copy(saturated, count, W, bound, n + 1)
         count += 1
-        rank = resolve_saturated(saturated, count, J, b, tolerance, rest, X[WHOLE], A, scratch)
+        rank = resolve_saturated(saturated[:count], J, b, tolerance, rest, X[WHOLE], A, scratch)
         if rank < count or (law.options[SCALES] != 0.0 and missed(J, X)):
             if largest >= 0.0:
                 copy(X, WHOLE, X, BEST, n)
@@ -222,7 +222,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
                 return INCOMPATIBLE
             code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
             return code
-        resolve_saturated(saturated, count, J, nothing, tolerance, rest, X[NONE], A, scratch)
+        resolve_saturated(saturated[:count], J, nothing, tolerance, rest, X[NONE], A, scratch)
     copy_vector(answer.qdd, X[WHOLE])
     at = 0
     for i in range(acted.size):
