@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -39,10 +39,11 @@ TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 #: Gap between marks of two laws at one level, and largest width of all, relative to a level.
 DODGE = 0.05
 SPREAD = 0.6
-#: Height of a name's line and of a bar; margin for names on both sides of a rank diagram [in].
+#: Height of a name's line and of a bar in a rank diagram [in], and size of its names [pt].
 NAME_LINE = 0.2
 BAR = 0.1
-MARGIN = 2.15
+NAME_SIZE = 8.5
+POINTS_PER_INCH = 72.0
 #: Title of a panel; and the least tolerated depth by scene, one column per law.
 Depths = tuple[str, Any]
 #: Title, shown laws and their profile.
@@ -191,15 +192,16 @@ def _columns(factors: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """Draw one critical-difference diagram per condition, as by Demšar: best on the left."""
     look = looks(laws)
-    sheet = Sheet(left=MARGIN, right=MARGIN)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
+    margin = _room_for_names([law for _, ranked_laws, _ in shown for law in ranked_laws])
+    sheet = Sheet(left=margin, right=margin)
     for title, ranked_laws, ranks in shown:
         count = len(ranked_laws)
         half = math.ceil(count / 2)
         bars = BAR * len(ranks.groups) + 0.08
         height = bars + NAME_LINE * half + 0.1
         sheet.text(0.1, sheet.bottom + 0.1, title, fontsize=9.0, va="center", color=INK)
-        ax = sheet.axes(MARGIN, sheet.bottom + 0.5, WIDTH - 2.0 * MARGIN, height)
+        ax = sheet.axes(margin, sheet.bottom + 0.5, WIDTH - 2.0 * margin, height)
         sheet.bottom += 0.12
         ax.set(
             xlim=(0.9, count + 0.1),
@@ -233,11 +235,22 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
                 textcoords="offset points",
                 ha="right" if left else "left",
                 va="center_baseline",
-                fontsize=8.5,
+                fontsize=NAME_SIZE,
                 color=INK,
                 annotation_clip=False,
             )
     return sheet if shown else None
+
+
+def _room_for_names(laws: Iterable[str]) -> float:
+    """Return the width of the longest name with its mean rank, and of the space around it [in]."""
+    from matplotlib.textpath import TextPath
+
+    widest = 0.0
+    for law in laws:
+        text = TextPath((0.0, 0.0), f"{shortened(law)}  00.00", size=NAME_SIZE)
+        widest = max(widest, text.get_extents().width)
+    return widest / POINTS_PER_INCH + 0.2
 
 
 def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
