@@ -286,7 +286,6 @@ def test_columns_of_a_study_that_hold_something_else(what: str, table: Any, tmp_
             "scene",
             "condition",
             "controller",
-            "joints",
             "constraints",
             "status",
         } <= {*refused}

@@ -164,7 +164,7 @@ def test_limits_of_a_plan() -> None:
     predictive.set_box(plans, RowArrays(*(UNKNOWN,) * 10))
     assert predictive.walk(plans) == 4
     np.testing.assert_allclose(plans.times, [0.0, 0.5, 1.0, 2.0])
-    predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 3))
+    predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 4))
     # rows that change by 0.02, 0.03 and 0.04 over 0.01 rad, of scales above and below
     predictive.limit(plans, 4, np.array([0.01, 1.0]))
     np.testing.assert_allclose(plans.share, [[1 / 2, 1.0], [1 / 3, 1.0], [1 / 4, 1.0]])
@@ -437,7 +437,7 @@ def test_where_no_plan_passes_the_check_the_last_one_goes_on(
     plans.outcome[predictive.PREDICTED] = plans.outcome[predictive.ASKED] = predictive.walk(plans)
     plans.seen[:] = 0.0
     monkeypatch.setattr(predictive, "plan_best", lambda *_: (FAILED, 1))
-    now = row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 3)
+    now = row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 4)
     assert predictive.decide(law.arrays, plans, *now, Answer(*outputs, UNKNOWN)) == FAILED
     assert (outputs[0][0], plans.made[0], outputs[1][0]) == (1.0, 0.1, False)
     np.testing.assert_allclose(plans.plan[:, 0], [1.0, 0.0])

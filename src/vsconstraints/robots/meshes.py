@@ -135,16 +135,18 @@ def _stated_unit(file: Path) -> str:
     """
     open_elements: list[str] = []
     try:
-        for event, element in ElementTree.iterparse(file, events=("start", "end")):
-            tag = element.tag.rpartition("}")[2].lower()
-            if event == "end":
-                open_elements.pop()
-                if tag == "asset":
-                    break
-                continue
-            if tag == "unit" and open_elements == ["collada", "asset"]:
-                return str(element.get("meter", "1"))
-            open_elements.append(tag)
+        # iterparse closes a file that it opens itself only if it is read to its end
+        with file.open("rb") as stream:
+            for event, element in ElementTree.iterparse(stream, events=("start", "end")):
+                tag = element.tag.rpartition("}")[2].lower()
+                if event == "end":
+                    open_elements.pop()
+                    if tag == "asset":
+                        break
+                    continue
+                if tag == "unit" and open_elements == ["collada", "asset"]:
+                    return str(element.get("meter", "1"))
+                open_elements.append(tag)
     except (OSError, ElementTree.ParseError):
         pass
     return "1"

@@ -293,8 +293,8 @@ class Setup:
             + 2 * m
             + 12
         )
-        # computed from them at the end: states, clearances, errors
-        scored = 3 * n + 3 * m + 2 * markers + 8
+        # computed from them at the end: states, clearances and how far they may dip, errors
+        scored = 3 * n + 7 * m + 2 * markers + 8
         return 8 * (kept + scored) + 2 * m
 
     @property
