@@ -1,11 +1,10 @@
-"""``python -m checks.stacks run ENVS --out FOLDER`` and ``keep``, ``page``: stacks beside laws.
+"""``python -m checks.stacks run ENVS [--out FOLDER]``: runs of stacks beside laws.
 
-``run`` draws scenes of ``comparisons/stacks.toml``, tunes two gains of each entry on training
-scenes, and runs it with the chosen gains in held-out scenes. ENVS contains the environments of the
-adapters (``python -m vsconstraints.stacks.environments ENVS``) and, as ``visp_stack``, the program
-of ``controllers/visp``. Finished runs are in FOLDER, and the same command continues. ``keep`` writes
-the table ``comparisons/stacks.parquet`` from the folder. ``page`` writes the figure and the tables of
-``docs/stacks-in-view.md`` from that table, without runs.
+Draws the scenes of ``comparisons/stacks.toml``, tunes two gains of each entry on training scenes,
+and runs it with the chosen gains in held-out scenes. ENVS contains the environments of the adapters
+(``python -m vsconstraints.stacks.environments ENVS``) and, as ``visp_stack``, the program of
+``controllers/visp``. Finished runs are in FOLDER, and the same command continues.
+``checks.stacks_page`` makes the kept table and the page from them.
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ import json
 import re
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -61,7 +60,7 @@ SCENE_K = 0.1  #: K of the field of view in the scenes [s]; 1/K is its gain.
 #: Ratio of √K_T,p to the slower of the two rates of the task's error with a damping of 3.
 ROOT_OF_STIFFNESS = 0.5 * (3.0 + np.sqrt(5.0))
 #: Reason of a run whose stack answered later than its protocol allows.
-TOO_LATE = "no answer within"
+TOO_LATE = "it gave no answer within|the run had to wait for it"
 INFLUENCE = 0.3  #: Influence distance of the velocity damper [scales].
 
 
@@ -153,33 +152,18 @@ class Task:
         return (*where, self.entry.name, *(f"{gain:g}" for gain in self.gains))
 
 
-@lru_cache(maxsize=8)
-def _setup(family: str, half: str, number: int, condition: str, changes: str, scene: Any) -> Setup:
-    scenario = scene.drawn.scenario(condition)
-    for key, value in json.loads(changes).items():
+def _setup(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setup:
+    scenario = scene.scenario(condition)
+    for key, value in changes.items():
         scenario = scenario.with_override(key, value)
-    setup = scenario.setup(seed=scene.drawn.noise)
+    setup = scenario.setup(seed=scene.noise)
     return replace(setup, duration=SHORTEST, time_limit=TIME_LIMIT)
-
-
-class _Unhashed(NamedTuple):
-    """Scene that does not count for equality of arguments."""
-
-    drawn: Drawn
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Unhashed)
 
 
 def run(task: Task) -> dict[str, Any]:
     """Run a task, and return its line of the table."""
-    scene = task.scene
     entry, changes = with_gains(task.entry, task.gains)
-    where = scene.family, scene.half, scene.number, task.condition
-    setup = _setup(*where, json.dumps(changes), _Unhashed(scene))
+    setup = _setup(task.scene, task.condition, changes)
     try:
         record = RunRecord.of(setup, simulate(setup, entry.make()), "")
     except Exception as error:  # a run that cannot begin is a line of the table, too
@@ -240,18 +224,19 @@ def chosen(lines: Iterable[dict[str, Any]]) -> Gains:
 
     Without a success they are those with the largest median margin in the image.
     """
-    by_gains: dict[tuple[str, ...], list[tuple[bool, float, float]]] = {}
+    by_gains: dict[tuple[str, str], list[tuple[bool, float, float]]] = {}
     for line in lines:
-        by_gains.setdefault(tuple(line["key"][-2:]), []).append(score_of(line))
+        by_gains.setdefault((line["key"][-2], line["key"][-1]), []).append(score_of(line))
 
-    def rank(gains: tuple[str, ...]) -> tuple[float, ...]:
+    def rank(gains: tuple[str, str]) -> tuple[float, ...]:
         scores = by_gains[gains]
         times = [time for success, time, _ in scores if success]
         margins = [margin if np.isfinite(margin) else -np.inf for *_, margin in scores]
         middle = float(np.median(times)) if times else np.inf
         return -len(times), middle, -float(np.median(margins)), *map(float, gains)
 
-    return Gains(*map(float, min(by_gains, key=rank)))
+    best = min(by_gains, key=rank)
+    return Gains(float(best[0]), float(best[1]))
 
 
 @cache
@@ -334,7 +319,9 @@ def _finish(
     calls = [workers.submit(run, task) for task in missing]
     for done, call in enumerate(as_completed(calls), 1):
         line = call.result()
-        if TOO_LATE not in line["reason"]:  # the machine was busy: the next command repeats it
+        if not re.search(
+            TOO_LATE, line["reason"]
+        ):  # the machine was busy: the next command repeats it
             journal.add(line)
         print(f"\r{name}: {done} of {len(missing)} runs", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
