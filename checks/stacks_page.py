@@ -26,7 +26,10 @@ from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
 TABLE = SUITE.with_suffix(".parquet")  #: The kept runs.
 PAGE = SUITE.parents[1] / "docs" / "stacks-in-view.md"
 FIGURE = SUITE.parents[1] / "docs" / "stacks-in-view.png"
-BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
+#: Marks in the page around the parts that are made from the table.
+MARKS = {
+    name: (f"<!-- {name}: begin -->", f"<!-- {name}: end -->") for name in ("answer", "tables")
+}
 POSE = ("ur5", "panda")
 TITLES = {
     "ur5": "UR5, by pose",
@@ -56,7 +59,7 @@ PANELS: Mapping[str, Mapping[str, str]] = {
         "tsid": "grey > :",
         "visp": "grey X :",
     },
-    "laws that command velocities": {
+    "laws: velocities": {
         "velocity-qp": "blue o -",
         "velocity-qp-limited": "sky s --",
         "velocity-hierarchical-qp": "orange ^ -",
@@ -65,13 +68,37 @@ PANELS: Mapping[str, Mapping[str, str]] = {
         "resolved-rate-avoidance": "wine P -",
         "resolved-rate": "grey X :",
     },
-    "laws that command accelerations": {
+    "laws: accelerations": {
         "hierarchical-qp": "green D -",
         "sliding-mode": "blue s -",
         "predictive": "olive p -",
     },
 }
+#: What entries with a constraint on the image command, and know of the arm; in the words of the
+#: answer.
+GROUPS: Mapping[str, Sequence[str]] = {
+    "Velocities without a limit of accelerations": (
+        "pink",
+        "mink",
+        "placo",
+        "robotics-toolbox",
+        "cbfpy",
+        "velocity-qp",
+        "velocity-hierarchical-qp",
+        "velocity-damper",
+        "resolved-rate-avoidance",
+    ),
+    "velocities within the arm's limit": (
+        "pink-limited",
+        "velocity-qp-limited",
+        "velocity-hierarchical-qp-limited",
+    ),
+    "accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
+}
+BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
+HEIGHT, PANEL = 2.3, 1.3  #: Of a panel [in].
+BESIDE = (1.05, 1.4, 1.1)  #: Space for names right of the panels [in].
 LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
 
 
@@ -150,17 +177,23 @@ def settling(own: Any) -> float:
 
 def draw(runs: Any) -> Sheet:
     """Draw success and settling time over the limit of accelerations, on both arms by pose."""
-    sheet = Sheet(left=0.5, right=0.05)
-    label_width = 1.15
-    width = (8.0 - 0.5 - 3 * label_width) / 3
-    panels = sheet.panels(
-        6, 3, height=2.3, width=width, gap=label_width, above=0.3,
-        labels=("acceleration limit of the arm [rad/s²]", ""), same_y=True,
-    )  # fmt: skip
+    sheet = Sheet(left=0.5)
+    panels = []
+    left = sheet.left
+    for column, beside in enumerate(BESIDE):
+        for row in range(2):
+            top = 0.3 + row * (HEIGHT + 0.2)
+            ax = sheet.axes(left, top, PANEL, HEIGHT)
+            ax.tick_params(labelbottom=row == 1, labelleft=column == 0)
+            panels.append(ax)
+        left += PANEL + beside
+    sheet.at += 0.5
     own = tested(runs, POSE)
     limits = sorted(own["limit"].unique())
+    groups = own.groupby(["controller", "limit"])
+    highest = 1.1 * max(settling(cell) for _, cell in groups if cell["success"].any())
     for column, (title, styles) in enumerate(PANELS.items()):
-        upper, lower = panels[column], panels[column + 3]
+        upper, lower = panels[2 * column], panels[2 * column + 1]
         shown = [name for name in styles if name in set(own["controller"])]
         success, times = {}, {}
         for k, name in enumerate(shown):
@@ -183,35 +216,47 @@ def draw(runs: Any) -> Sheet:
             if np.isfinite(median).any():
                 times[name] = float(median[np.isfinite(median)][-1]), look.colour
         upper.set(ylim=(-3.0, 103.0))
-        lower.set(ylim=(0.0, 8.5))
+        lower.set(ylim=(0.0, highest))
         for ax, ends in ((upper, success), (lower, times)):
             logarithmic(ax.xaxis, limits)
             ax.set_xlim(limits[0] / 1.25, limits[-1] * 1.25)
             _labels(ax, ends)
         upper.set_title(title, loc="left", fontsize=8.5, pad=4)
     panels[0].set_ylabel("success [% of scenes]")
-    panels[3].set_ylabel("settling time [s]")
+    panels[1].set_ylabel("settling time [s]")
+    panels[3].set_xlabel("acceleration limit of the arm [rad/s²]")
     return sheet
 
 
 def _labels(ax: Any, ends: Mapping[str, tuple[float, str]]) -> None:
     """Write the names of lines beside their ends, moved apart where they would overlap."""
     low, high = ax.get_ylim()
-    gap = LABEL_GAP / 2.3 * (high - low)
-    ordered = sorted(ends, key=lambda name: ends[name][0])
-    heights: list[float] = []
-    for name in ordered:
-        heights.append(max(ends[name][0], heights[-1] + gap if heights else low))
-    excess = (heights[-1] - high) if heights else 0.0
-    for k in range(len(heights) - 1, -1, -1):
-        most = high if k == len(heights) - 1 else heights[k + 1] - gap
-        heights[k] = min(heights[k], most) if excess > 0.0 else heights[k]
-    for name, height in zip(ordered, heights, strict=True):
-        text = name.replace("-limited", "-lim.").replace("hierarchical", "hier.")
-        ax.annotate(
-            text, (1.02, (height - low) / (high - low)), xycoords="axes fraction", fontsize=7.5,
-            color=ends[name][1], va="center", annotation_clip=False,
+    names = sorted(ends, key=lambda name: ends[name][0])
+    places = [(ends[name][0] - low) / (high - low) for name in names]
+    heights = apart(places, LABEL_GAP / HEIGHT)
+    for name, place, height in zip(names, places, heights, strict=True):
+        colour = ends[name][1]
+        ax.plot(
+            (1.0, 1.05), (place, height), color=colour, linewidth=0.6, clip_on=False,
+            transform=ax.transAxes, marker="",
         )  # fmt: skip
+        ax.annotate(
+            name.removeprefix("velocity-"), (1.06, height), xycoords="axes fraction",
+            fontsize=7.5, color=colour, va="center", annotation_clip=False,
+        )  # fmt: skip
+
+
+def apart(places: Sequence[float], gap: float) -> list[float]:
+    """Return sorted places from 0 to 1, moved as little as needed for a least gap."""
+    heights = list(places)
+    for _ in range(500):
+        for k in range(len(heights) - 1):
+            lack = gap - (heights[k + 1] - heights[k])
+            if lack > 0.0:
+                heights[k] -= 0.5 * lack
+                heights[k + 1] += 0.5 * lack
+        heights = [min(max(height, 0.0), 1.0) for height in heights]
+    return heights
 
 
 SHOWN = Figure("stacks-in-view", "success and settling time over the arm's agility", "", draw)
@@ -272,23 +317,121 @@ def gains_text(run: Any) -> str:
 
 def tables(runs: Any) -> str:
     """Return all tables of the page."""
-    parts = []
+    lines = [scenes_text(runs), ""]
     for family, title in TITLES.items():
         if len(tested(runs, [family])):
-            parts += [f"**{title}**\n", *table_of(runs, family), ""]
+            lines += [f"**{title}**\n", *table_of(runs, family), ""]
     listed = "{" + ", ".join(f"{gain:g}" for gain in GAINS) + "}"
     views = "{" + ", ".join(f"{gain:g}" for gain in VIEW_GAINS) + "}"
-    parts += [f"Chosen gains λ / α [1/s], of λ in {listed} and α in {views}:", *gains_of(runs)]
-    return "\n".join(parts)
+    lines += [f"Chosen gains λ / α [1/s], of λ in {listed} and α in {views}:", *gains_of(runs)]
+    return "\n".join(lines)
+
+
+# --- Sentences ---
+
+
+def share(own: Any) -> float:
+    """Return the success of runs in per cent."""
+    return float(100.0 * own["success"].mean())
+
+
+def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
+    """Return the least and greatest value, ``20 to 80 %``, or the only one."""
+    low, high = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def groups_at(runs: Any, limit: float) -> dict[str, str]:
+    """Return the range of successes of each group's entries at a limit, both arms by pose."""
+    own = tested(runs, POSE)
+    own = own[own["limit"] == limit]
+    texts = {}
+    for group, names in {**GROUPS, "no constraint on the image": BLIND}.items():
+        rates = [
+            share(own[own["controller"] == name])
+            for name in names
+            if (own["controller"] == name).any()
+        ]
+        if rates:
+            texts[group] = between(rates, "%")
+    return texts
+
+
+def times_at(runs: Any, limit: float) -> dict[str, str]:
+    """Return the range of median settling times of each group's entries at a limit."""
+    own = tested(runs, POSE)
+    own = own[own["limit"] == limit]
+    texts = {}
+    for group, names in GROUPS.items():
+        cells = [own[own["controller"] == name] for name in names]
+        times = [settling(cell) for cell in cells if cell["success"].sum() >= SHORTEST_SAMPLE]
+        if times:
+            texts[group] = between(times, "s", 1)
+    return texts
+
+
+def answer(runs: Any) -> str:
+    """Return the answer of the page."""
+    own = tested(runs, POSE)
+    slow, fast = own["limit"].min(), own["limit"].max()
+    sentences = []
+    for limit in (slow, fast):
+        listed = "; ".join(
+            f"{group.lower()}: {text}" for group, text in groups_at(runs, limit).items()
+        )
+        sentences.append(
+            f"On arms with {limit:g} rad/s², the tuned entries keep every marker in the image and "
+            f"arrive in these shares of the scenes, from the least to the most successful entry: "
+            f"{listed}."
+        )
+    listed = "; ".join(
+        f"{group.lower()}: {text} and {times_at(runs, fast).get(group, '–')}"
+        for group, text in times_at(runs, slow).items()
+    )
+    sentences.append(
+        f"Their median settling times with {slow:g} and {fast:g} rad/s² are: {listed}."
+    )
+    return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
+
+
+def scenes_text(runs: Any) -> str:
+    """Return how many scenes the kept runs have, and how many runs."""
+    tests = runs[runs["half"] == "held-out"]
+    counts = []
+    for family in TITLES:
+        own = tests[tests["family"] == family]
+        if len(own):
+            numbers = own.groupby("limit")["scene"].nunique().to_numpy(dtype=float)
+            counts.append(f"{TITLES[family]}: {between(list(numbers), 'scenes')}")
+    return f"{len(runs)} runs. Held-out scenes per limit: {'; '.join(counts)}."
+
+
+def headline(runs: Any) -> str:
+    """Return the sentence of the README."""
+    own = tested(runs, POSE)
+    slow = own["limit"].min()
+    listed = "; ".join(f"{group.lower()}: {text}" for group, text in groups_at(runs, slow).items())
+    return (
+        f"On arms that accelerate by {slow:g} rad/s² at most, tuned stacks and laws keep all "
+        f"markers in the image and arrive in these shares of drawn scenes: {listed}."
+    )
+
+
+def parts(runs: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield the marks around each part of the page that is made from the table, and its text."""
+    for name, made in (("answer", answer(runs)), ("tables", tables(runs))):
+        yield *MARKS[name], made
 
 
 def write_page(runs: Any) -> None:
-    """Write the figure, and the tables between their marks in the page."""
+    """Write the figure, and the parts of the page between their marks."""
     SHOWN.write(FIGURE, runs)
     text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{tables(runs)}\n{END}{after}", encoding="utf-8")
+    for begin, end, made in parts(runs):
+        before, _, rest = text.partition(begin)
+        text = f"{before}{begin}\n\n{made}\n\n{end}{rest.partition(end)[2]}"
+    PAGE.write_text(text, encoding="utf-8")
+    print(headline(runs))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
