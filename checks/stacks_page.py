@@ -77,7 +77,7 @@ PANELS: Mapping[str, Mapping[str, str]] = {
 #: What entries with a constraint on the image command, and know of the arm; in the words of the
 #: answer.
 GROUPS: Mapping[str, Sequence[str]] = {
-    "Velocities without a limit of accelerations": (
+    "velocities without a limit of accelerations": (
         "pink",
         "mink",
         "placo",
@@ -341,6 +341,11 @@ def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
+def listed(texts: Mapping[str, str]) -> str:
+    """Return texts by group as an enumeration."""
+    return "; ".join(f"{group}: {text}" for group, text in texts.items())
+
+
 def groups_at(runs: Any, limit: float) -> dict[str, str]:
     """Return the range of successes of each group's entries at a limit, both arms by pose."""
     own = tested(runs, POSE)
@@ -373,24 +378,17 @@ def times_at(runs: Any, limit: float) -> dict[str, str]:
 def answer(runs: Any) -> str:
     """Return the answer of the page."""
     own = tested(runs, POSE)
-    slow, fast = own["limit"].min(), own["limit"].max()
-    sentences = []
-    for limit in (slow, fast):
-        listed = "; ".join(
-            f"{group.lower()}: {text}" for group, text in groups_at(runs, limit).items()
-        )
-        sentences.append(
-            f"On arms with {limit:g} rad/s², the tuned entries keep every marker in the image and "
-            f"arrive in these shares of the scenes, from the least to the most successful entry: "
-            f"{listed}."
-        )
-    listed = "; ".join(
-        f"{group.lower()}: {text} and {times_at(runs, fast).get(group, '–')}"
-        for group, text in times_at(runs, slow).items()
+    limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
+    sentences = [
+        f"On arms with {limit:g} rad/s², the tuned entries keep every marker in the image and "
+        f"arrive in these shares of the scenes, from the least to the most successful entry: "
+        f"{listed(groups_at(runs, limit))}."
+        for limit in limits
+    ]
+    times = " and ".join(
+        f"with {limit:g} rad/s², {listed(times_at(runs, limit))}" for limit in limits
     )
-    sentences.append(
-        f"Their median settling times with {slow:g} and {fast:g} rad/s² are: {listed}."
-    )
+    sentences.append(f"Their median settling times are {times}.")
     return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
 
 
@@ -410,10 +408,10 @@ def headline(runs: Any) -> str:
     """Return the sentence of the README."""
     own = tested(runs, POSE)
     slow = own["limit"].min()
-    listed = "; ".join(f"{group.lower()}: {text}" for group, text in groups_at(runs, slow).items())
     return (
         f"On arms that accelerate by {slow:g} rad/s² at most, tuned stacks and laws keep all "
-        f"markers in the image and arrive in these shares of drawn scenes: {listed}."
+        f"markers in the image and arrive in these shares of drawn scenes: "
+        f"{listed(groups_at(runs, slow))}."
     )
 
 
