@@ -24,6 +24,7 @@ from vsconstraints.reports.plots import Figure, Sheet, logarithmic
 from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
 
 TABLE = SUITE.with_suffix(".parquet")  #: The kept runs.
+README = SUITE.parents[1] / "README.md"
 PAGE = SUITE.parents[1] / "docs" / "stacks-in-view.md"
 FIGURE = SUITE.parents[1] / "docs" / "stacks-in-view.png"
 #: Marks in the page around the parts that are made from the table.
@@ -77,7 +78,7 @@ PANELS: Mapping[str, Mapping[str, str]] = {
 #: What entries with a constraint on the image command, and know of the arm; in the words of the
 #: answer.
 GROUPS: Mapping[str, Sequence[str]] = {
-    "velocities without a limit of accelerations": (
+    "velocities, the limit unknown": (
         "pink",
         "mink",
         "placo",
@@ -88,7 +89,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "velocity-damper",
         "resolved-rate-avoidance",
     ),
-    "velocities within the arm's limit": (
+    "velocities within the limit": (
         "pink-limited",
         "velocity-qp-limited",
         "velocity-hierarchical-qp-limited",
@@ -351,7 +352,7 @@ def groups_at(runs: Any, limit: float) -> dict[str, str]:
     own = tested(runs, POSE)
     own = own[own["limit"] == limit]
     texts = {}
-    for group, names in {**GROUPS, "no constraint on the image": BLIND}.items():
+    for group, names in {**GROUPS, "without a constraint on the image": BLIND}.items():
         rates = [
             share(own[own["controller"] == name])
             for name in names
@@ -415,21 +416,27 @@ def headline(runs: Any) -> str:
     )
 
 
-def parts(runs: Any) -> Iterator[tuple[str, str, str]]:
-    """Yield the marks around each part of the page that is made from the table, and its text."""
-    for name, made in (("answer", answer(runs)), ("tables", tables(runs))):
-        yield *MARKS[name], made
+def parts(runs: Any) -> Iterator[tuple[Path, str, str]]:
+    """Yield the parts that are made from the table: page, name of the marks around it, text."""
+    yield PAGE, "answer", answer(runs)
+    yield PAGE, "tables", tables(runs)
+    yield README, "stacks", headline(runs)
+
+
+def part_of(page: Path, name: str) -> tuple[str, str, str]:
+    """Return the text of a page up to the marks of a part, between them and after them."""
+    begin, end = MARKS[name]
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    made, _, after = rest.partition(end)
+    return before + begin, made, end + after
 
 
 def write_page(runs: Any) -> None:
-    """Write the figure, and the parts of the page between their marks."""
+    """Write the figure, and the parts of the pages between their marks."""
     SHOWN.write(FIGURE, runs)
-    text = PAGE.read_text(encoding="utf-8")
-    for begin, end, made in parts(runs):
-        before, _, rest = text.partition(begin)
-        text = f"{before}{begin}\n\n{made}\n\n{end}{rest.partition(end)[2]}"
-    PAGE.write_text(text, encoding="utf-8")
-    print(headline(runs))
+    for page, name, made in parts(runs):
+        before, _, after = part_of(page, name)
+        page.write_text(f"{before}\n\n{made}\n\n{after}", encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

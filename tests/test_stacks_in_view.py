@@ -107,16 +107,10 @@ def test_runs_that_are_interrupted_are_kept(tmp_path: Path) -> None:
 # --- kept numbers ---
 
 
-def test_the_page_has_the_kept_numbers() -> None:
-    runs = stacks_page.load()
-    text = stacks_page.PAGE.read_text(encoding="utf-8")
-    for begin, end, made in stacks_page.parts(runs):
-        assert text.partition(begin)[2].partition(end)[0].strip() == made.strip()
-
-
-def test_the_readme_has_the_kept_numbers() -> None:
-    readme = (stacks.ROOT / "README.md").read_text(encoding="utf-8")
-    assert " ".join(stacks_page.headline(stacks_page.load()).split()) in " ".join(readme.split())
+def test_page_and_readme_have_the_kept_numbers() -> None:
+    for page, name, made in stacks_page.parts(stacks_page.load()):
+        _, there, _ = stacks_page.part_of(page, name)
+        assert there.strip() == made.strip(), name
 
 
 def test_the_kept_choice_follows_from_the_kept_training_runs() -> None:
