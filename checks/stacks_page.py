@@ -394,15 +394,30 @@ def answer(runs: Any) -> str:
 
 
 def scenes_text(runs: Any) -> str:
-    """Return how many scenes the kept runs have, and how many runs."""
+    """Return what the kept runs are, and what of the comparison is not among them."""
     tests = runs[runs["half"] == "held-out"]
     counts = []
-    for family in TITLES:
-        own = tests[tests["family"] == family]
-        if len(own):
-            numbers = own.groupby("limit")["scene"].nunique().to_numpy(dtype=float)
-            counts.append(f"{TITLES[family]}: {between(list(numbers), 'scenes')}")
-    return f"{len(runs)} runs. Held-out scenes per limit: {'; '.join(counts)}."
+    for family, own in tests.groupby("family"):
+        limits = ", ".join(f"{limit:g}" for limit in sorted(own["limit"].unique()))
+        numbers = own.groupby("limit")["scene"].nunique().to_numpy(dtype=float)
+        scenes = between(list(numbers), "held-out scenes")
+        counts.append(f"{TITLES[family]}, at {limits} rad/s²: {scenes}")
+    campaign = Campaign.load(SUITE)
+    missing = [
+        TITLES[each.name] for each in campaign.families if each.name not in set(tests["family"])
+    ]
+    missing += [
+        name.replace("limit-", "limit of ") + " rad/s²"
+        for name in campaign.conditions
+        if name not in set(tests["condition"])
+    ]
+    missing += [
+        f"`{each.name}`"
+        for each in campaign.controllers
+        if each.name != BASELINE and each.name not in set(tests["controller"])
+    ]
+    rest = f" Not run yet: {', '.join(missing)}." if missing else ""
+    return f"{len(runs)} runs. {'; '.join(counts)}.{rest}"
 
 
 def headline(runs: Any) -> str:
