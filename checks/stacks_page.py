@@ -29,7 +29,8 @@ PAGE = SUITE.parents[1] / "docs" / "stacks-in-view.md"
 FIGURE = SUITE.parents[1] / "docs" / "stacks-in-view.png"
 #: Marks in the page around the parts that are made from the table.
 MARKS = {
-    name: (f"<!-- {name}: begin -->", f"<!-- {name}: end -->") for name in ("answer", "tables")
+    name: (f"<!-- {name}: begin -->", f"<!-- {name}: end -->")
+    for name in ("answer", "tables", "stacks")
 }
 POSE = ("ur5", "panda")
 TITLES = {
