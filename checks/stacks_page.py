@@ -1,0 +1,470 @@
+"""``python -m checks.stacks_page [--of FOLDER]``: figure and tables of docs/stacks-in-view.md.
+
+They are made without runs from ``comparisons/stacks.parquet``. With ``--of``, that table is first
+written from the folder of ``python -m checks.stacks run``.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from checks.stacks import GAINS, SUITE, VIEW_GAINS, Journal, chosen, score_of
+from vsconstraints.bench.evidence import Campaign, parquet
+from vsconstraints.bench.evidence.parquet import KEYS, Column
+from vsconstraints.bench.statistics import rate
+from vsconstraints.comparisons.runs.spec import BASELINE
+from vsconstraints.reports.plots import Figure, Sheet, logarithmic
+from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
+
+TABLE = SUITE.with_suffix(".parquet")  #: The kept runs.
+README = SUITE.parents[1] / "README.md"
+PAGE = SUITE.parents[1] / "docs" / "stacks-in-view.md"
+FIGURE = SUITE.parents[1] / "docs" / "stacks-in-view.png"
+#: Marks in the page around the parts that are made from the table.
+MARKS = {
+    name: (f"<!-- {name}: begin -->", f"<!-- {name}: end -->")
+    for name in ("answer", "tables", "stacks")
+}
+POSE = ("ur5", "panda")
+TITLES = {
+    "ur5": "UR5, by pose",
+    "panda": "Panda, by pose",
+    "ur5-image": "UR5, by image points",
+}
+COLUMNS = (
+    *KEYS,
+    *(Column(name, "number") for name in ("gain", "view_gain")),
+    Column("success", "flag"),
+    Column("status", "text", category=True),
+    *(
+        Column(name, "number")
+        for name in ("settling_time_s", "margin_px", "other_rows", "unanswered")
+    ),
+)
+#: Panels of the figure, and the entries in each; entries in grey know nothing of the image.
+PANELS: Mapping[str, Mapping[str, str]] = {
+    "stacks": {
+        "pink": "blue o -",
+        "pink-limited": "sky s --",
+        "mink": "orange ^ -",
+        "placo": "green D -",
+        "robotics-toolbox": "purple v -",
+        "cbfpy": "wine P -",
+        "oink": "grey < :",
+        "tsid": "grey > :",
+        "visp": "grey X :",
+    },
+    "laws: velocities": {
+        "velocity-qp": "blue o -",
+        "velocity-qp-limited": "sky s --",
+        "velocity-hierarchical-qp": "orange ^ -",
+        "velocity-hierarchical-qp-limited": "green D --",
+        "velocity-damper": "purple v -",
+        "resolved-rate-avoidance": "wine P -",
+        "resolved-rate": "grey X :",
+    },
+    "laws: accelerations": {
+        "hierarchical-qp": "green D -",
+        "sliding-mode": "blue s -",
+        "predictive": "olive p -",
+    },
+}
+#: What entries with a constraint on the image command, and know of the arm; in the words of the
+#: answer.
+GROUPS: Mapping[str, Sequence[str]] = {
+    "velocities, the limit unknown": (
+        "pink",
+        "mink",
+        "placo",
+        "robotics-toolbox",
+        "cbfpy",
+        "velocity-qp",
+        "velocity-hierarchical-qp",
+        "velocity-damper",
+        "resolved-rate-avoidance",
+    ),
+    "velocities within the limit": (
+        "pink-limited",
+        "velocity-qp-limited",
+        "velocity-hierarchical-qp-limited",
+    ),
+    "accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
+}
+BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
+SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
+HEIGHT, PANEL = 2.3, 1.3  #: Of a panel [in].
+BESIDE = (1.05, 1.4, 1.1)  #: Space for names right of the panels [in].
+LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
+
+
+def keep(folder: Path) -> list[str]:
+    """Write the table of the finished entries, and return sentences on what is left out.
+
+    An entry has its chosen gains and all training runs; the smallest number of held-out scenes of
+    an entry in a family and condition is that of all.
+    """
+    lines = [_line(line) for line in Journal(folder).lines.values()]
+    runs = pd.DataFrame(lines)
+    kept, left_out = [], []
+    for (family, condition), cell in runs.groupby(["family", "condition"], sort=False):
+        tests, complete = [], {}
+        for entry, own in cell.groupby("controller", sort=False):
+            training = own[own["half"] == "training"]
+            gains = chosen(
+                {"key": (line["gain_text"], line["view_text"]), **line}
+                for line in training.to_dict("records")
+            )
+            with_gains = (own["gain"] == gains.task) & (
+                (own["view_gain"] == gains.view) | np.isnan(gains.view)
+            )
+            test = own[(own["half"] == "held-out") & with_gains]
+            complete[entry] = pd.concat([training, test])
+            tests.append(set(test["scene"]))
+            if test.empty:
+                left_out.append(f"{family}, {condition}: {entry} has no held-out run")
+                tests.pop()
+                del complete[entry]
+        if not complete:
+            continue
+        common = set.intersection(*tests)
+        for own in complete.values():
+            kept.append(own[(own["half"] == "training") | own["scene"].isin(common)])
+    table = pd.concat(kept)
+    parquet.write(TABLE, parquet.table(COLUMNS, table.to_dict("records")), {})
+    return left_out
+
+
+def _line(line: Mapping[str, Any]) -> dict[str, Any]:
+    family, condition, half, scene, controller, gain, view = line["key"]
+    keys = {"family": family, "condition": condition, "half": half, "scene": int(scene)}
+    gains = {"gain": float(gain), "view_gain": float(view), "gain_text": gain, "view_text": view}
+    return {**line, **keys, **gains, "controller": controller, "success": score_of(dict(line))[0]}
+
+
+def load() -> Any:
+    """Return the kept runs, with the limit of accelerations [rad/s²] as ``limit``."""
+    runs = pd.read_parquet(TABLE)
+    return runs.assign(limit=runs["condition"].str.removeprefix("limit-").astype(float))
+
+
+def entries(runs: Any) -> list[str]:
+    """Return the entries of the kept runs in the order of the suite."""
+    there = set(runs["controller"])
+    return [
+        each.name
+        for each in Campaign.load(SUITE).controllers
+        if each.name != BASELINE and each.name in there
+    ]
+
+
+def tested(runs: Any, families: Sequence[str]) -> Any:
+    """Return the runs in held-out scenes of families."""
+    return runs[(runs["half"] == "held-out") & runs["family"].isin(families)]
+
+
+def settling(own: Any) -> float:
+    """Return the median settling time of successes [s]; NaN without one."""
+    return float(own[own["success"]]["settling_time_s"].median())
+
+
+# --- Figure ---
+
+
+def draw(runs: Any) -> Sheet:
+    """Draw success and settling time over the limit of accelerations, on both arms by pose."""
+    sheet = Sheet(left=0.5)
+    panels = []
+    left = sheet.left
+    for column, beside in enumerate(BESIDE):
+        for row in range(2):
+            top = 0.3 + row * (HEIGHT + 0.2)
+            ax = sheet.axes(left, top, PANEL, HEIGHT)
+            ax.tick_params(labelbottom=row == 1, labelleft=column == 0)
+            panels.append(ax)
+        left += PANEL + beside
+    sheet.at += 0.5
+    own = tested(runs, POSE)
+    limits = sorted(own["limit"].unique())
+    groups = own.groupby(["controller", "limit"])
+    highest = 1.1 * max(settling(cell) for _, cell in groups if cell["success"].any())
+    for column, (title, styles) in enumerate(PANELS.items()):
+        upper, lower = panels[2 * column], panels[2 * column + 1]
+        shown = [name for name in styles if name in set(own["controller"])]
+        success, times = {}, {}
+        for k, name in enumerate(shown):
+            colour, marker, dash = styles[name].split()
+            look = Look(COLOURS[colour], marker, dash)
+            style = {"color": look.colour, "linestyle": dash, "linewidth": 1.3, **mark_of(look)}
+            cells = [own[(own["controller"] == name) & (own["limit"] == limit)] for limit in limits]
+            x = np.array(limits) * 1.035 ** (k - 0.5 * (len(shown) - 1))
+            rates = [rate(cell["success"].to_numpy(dtype=bool)) for cell in cells]
+            shares = 100.0 * np.array([each.share for each in rates])
+            low = 100.0 * np.array([each.low for each in rates])
+            high = 100.0 * np.array([each.high for each in rates])
+            upper.vlines(x, low, high, color=look.colour, linewidth=0.7, alpha=0.45)
+            upper.plot(x, shares, **style)
+            enough = [cell["success"].sum() >= SHORTEST_SAMPLE for cell in cells]
+            median = np.array([settling(cell) for cell in cells])
+            median = np.where(enough, median, np.nan)
+            lower.plot(x, median, **style)
+            success[name] = shares[-1], look.colour
+            if np.isfinite(median).any():
+                times[name] = float(median[np.isfinite(median)][-1]), look.colour
+        upper.set(ylim=(-3.0, 103.0))
+        lower.set(ylim=(0.0, highest))
+        for ax, ends in ((upper, success), (lower, times)):
+            logarithmic(ax.xaxis, limits)
+            ax.set_xlim(limits[0] / 1.25, limits[-1] * 1.25)
+            _labels(ax, ends)
+        upper.set_title(title, loc="left", fontsize=8.5, pad=4)
+    panels[0].set_ylabel("success [% of scenes]")
+    panels[1].set_ylabel("settling time [s]")
+    panels[3].set_xlabel("acceleration limit of the arm [rad/s²]")
+    return sheet
+
+
+def _labels(ax: Any, ends: Mapping[str, tuple[float, str]]) -> None:
+    """Write the names of lines beside their ends, moved apart where they would overlap."""
+    low, high = ax.get_ylim()
+    names = sorted(ends, key=lambda name: ends[name][0])
+    places = [(ends[name][0] - low) / (high - low) for name in names]
+    heights = apart(places, LABEL_GAP / HEIGHT)
+    for name, place, height in zip(names, places, heights, strict=True):
+        colour = ends[name][1]
+        ax.plot(
+            (1.0, 1.05), (place, height), color=colour, linewidth=0.6, clip_on=False,
+            transform=ax.transAxes, marker="",
+        )  # fmt: skip
+        ax.annotate(
+            name.removeprefix("velocity-"), (1.06, height), xycoords="axes fraction",
+            fontsize=7.5, color=colour, va="center", annotation_clip=False,
+        )  # fmt: skip
+
+
+def apart(places: Sequence[float], gap: float) -> list[float]:
+    """Return sorted places from 0 to 1, moved as little as needed for a least gap."""
+    heights = list(places)
+    for _ in range(500):
+        for k in range(len(heights) - 1):
+            lack = gap - (heights[k + 1] - heights[k])
+            if lack > 0.0:
+                heights[k] -= 0.5 * lack
+                heights[k + 1] += 0.5 * lack
+        heights = [min(max(height, 0.0), 1.0) for height in heights]
+    return heights
+
+
+SHOWN = Figure("stacks-in-view", "success and settling time over the arm's agility", "", draw)
+
+
+# --- Tables ---
+
+
+def cell_of(own: Any) -> str:
+    """Return successes of scenes with their settling time, ``7/8, 2.1 s``."""
+    if own.empty:
+        return "–"
+    time = settling(own)
+    count = f"{int(own['success'].sum())}/{len(own)}"
+    return count if np.isnan(time) else f"{count}, {time:.1f} s"
+
+
+def table_of(runs: Any, family: str) -> Iterator[str]:
+    """Yield the lines of a family's table: successes and settling times by limit."""
+    own = tested(runs, [family])
+    limits = sorted(own["limit"].unique())
+    heads = [f"{limit:g} rad/s²" for limit in limits]
+    yield f"| entry | {' | '.join(heads)} | worst margin [px] | periods without answer |"
+    yield f"|---|{'---:|' * (len(limits) + 2)}"
+    for entry in entries(own):
+        mine = own[own["controller"] == entry]
+        cells = [cell_of(mine[mine["limit"] == limit]) for limit in limits]
+        silent = 100.0 * mine["unanswered"].mean()
+        worst = f"{mine['margin_px'].min():.0f}".replace("-", "−")
+        share = "0" if silent == 0.0 else f"{silent:.1f} %"
+        yield f"| `{entry}` | {' | '.join(cells)} | {worst} | {share} |"
+
+
+def gains_of(runs: Any) -> Iterator[str]:
+    """Yield the lines of the table of chosen gains, λ/α by limit, for each family."""
+    tests = runs[runs["half"] == "held-out"]
+    for family in TITLES:
+        own = tests[tests["family"] == family]
+        if own.empty:
+            continue
+        limits = sorted(own["limit"].unique())
+        yield f"\n**{TITLES[family]}**\n"
+        yield f"| entry | {' | '.join(f'{limit:g} rad/s²' for limit in limits)} |"
+        yield f"|---|{'---:|' * len(limits)}"
+        for entry in entries(own):
+            cells = []
+            for limit in limits:
+                mine = own[(own["controller"] == entry) & (own["limit"] == limit)]
+                cells.append("–" if mine.empty else gains_text(mine.iloc[0]))
+            yield f"| `{entry}` | {' | '.join(cells)} |"
+
+
+def gains_text(run: Any) -> str:
+    """Return the gains of a run, ``1.5 / 8``."""
+    view = "–" if np.isnan(run["view_gain"]) else f"{run['view_gain']:g}"
+    return f"{run['gain']:g} / {view}"
+
+
+def tables(runs: Any) -> str:
+    """Return all tables of the page."""
+    lines = [scenes_text(runs), ""]
+    for family, title in TITLES.items():
+        if len(tested(runs, [family])):
+            lines += [f"**{title}**\n", *table_of(runs, family), ""]
+    listed = "{" + ", ".join(f"{gain:g}" for gain in GAINS) + "}"
+    views = "{" + ", ".join(f"{gain:g}" for gain in VIEW_GAINS) + "}"
+    lines += [f"Chosen gains λ / α [1/s], of λ in {listed} and α in {views}:", *gains_of(runs)]
+    return "\n".join(lines)
+
+
+# --- Sentences ---
+
+
+def share(own: Any) -> float:
+    """Return the success of runs in per cent."""
+    return float(100.0 * own["success"].mean())
+
+
+def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
+    """Return the least and greatest value, ``20 to 80 %``, or the only one."""
+    low, high = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def listed(texts: Mapping[str, str]) -> str:
+    """Return texts by group as an enumeration."""
+    return "; ".join(f"{group}: {text}" for group, text in texts.items())
+
+
+def groups_at(runs: Any, limit: float) -> dict[str, str]:
+    """Return the range of successes of each group's entries at a limit, both arms by pose."""
+    own = tested(runs, POSE)
+    own = own[own["limit"] == limit]
+    texts = {}
+    for group, names in {**GROUPS, "without a constraint on the image": BLIND}.items():
+        rates = [
+            share(own[own["controller"] == name])
+            for name in names
+            if (own["controller"] == name).any()
+        ]
+        if rates:
+            texts[group] = between(rates, "%")
+    return texts
+
+
+def times_at(runs: Any, limit: float) -> dict[str, str]:
+    """Return the range of median settling times of each group's entries at a limit."""
+    own = tested(runs, POSE)
+    own = own[own["limit"] == limit]
+    texts = {}
+    for group, names in GROUPS.items():
+        cells = [own[own["controller"] == name] for name in names]
+        times = [settling(cell) for cell in cells if cell["success"].sum() >= SHORTEST_SAMPLE]
+        if times:
+            texts[group] = between(times, "s", 1)
+    return texts
+
+
+def answer(runs: Any) -> str:
+    """Return the answer of the page."""
+    own = tested(runs, POSE)
+    limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
+    sentences = [
+        f"On arms with {limit:g} rad/s², the tuned entries keep every marker in the image and "
+        f"arrive in these shares of the scenes, from the least to the most successful entry: "
+        f"{listed(groups_at(runs, limit))}."
+        for limit in limits
+    ]
+    times = " and ".join(
+        f"with {limit:g} rad/s², {listed(times_at(runs, limit))}" for limit in limits
+    )
+    sentences.append(f"Their median settling times are {times}.")
+    return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
+
+
+def scenes_text(runs: Any) -> str:
+    """Return what the kept runs are, and what of the comparison is not among them."""
+    tests = runs[runs["half"] == "held-out"]
+    counts = []
+    for family, own in tests.groupby("family"):
+        limits = ", ".join(f"{limit:g}" for limit in sorted(own["limit"].unique()))
+        numbers = own.groupby("limit")["scene"].nunique().to_numpy(dtype=float)
+        scenes = between(list(numbers), "held-out scenes")
+        counts.append(f"{TITLES[family]}, at {limits} rad/s²: {scenes}")
+    campaign = Campaign.load(SUITE)
+    missing = [
+        TITLES[each.name] for each in campaign.families if each.name not in set(tests["family"])
+    ]
+    missing += [
+        name.replace("limit-", "limit of ") + " rad/s²"
+        for name in campaign.conditions
+        if name not in set(tests["condition"])
+    ]
+    missing += [
+        f"`{each.name}`"
+        for each in campaign.controllers
+        if each.name != BASELINE and each.name not in set(tests["controller"])
+    ]
+    rest = f" Not run yet: {', '.join(missing)}." if missing else ""
+    return f"{len(runs)} runs. {'; '.join(counts)}.{rest}"
+
+
+def headline(runs: Any) -> str:
+    """Return the sentence of the README."""
+    own = tested(runs, POSE)
+    slow = own["limit"].min()
+    return (
+        f"On arms that accelerate by {slow:g} rad/s² at most, tuned stacks and laws keep all "
+        f"markers in the image and arrive in these shares of drawn scenes: "
+        f"{listed(groups_at(runs, slow))}."
+    )
+
+
+def parts(runs: Any) -> Iterator[tuple[Path, str, str]]:
+    """Yield the parts that are made from the table: page, name of the marks around it, text."""
+    yield PAGE, "answer", answer(runs)
+    yield PAGE, "tables", tables(runs)
+    yield README, "stacks", headline(runs)
+
+
+def part_of(page: Path, name: str) -> tuple[str, str, str]:
+    """Return the text of a page up to the marks of a part, between them and after them."""
+    begin, end = MARKS[name]
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    made, _, after = rest.partition(end)
+    return before + begin, made, end + after
+
+
+def write_page(runs: Any) -> None:
+    """Write the figure, and the parts of the pages between their marks."""
+    SHOWN.write(FIGURE, runs)
+    for page, name, made in parts(runs):
+        before, _, after = part_of(page, name)
+        page.write_text(f"{before}\n\n{made}\n\n{after}", encoding="utf-8")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command."""
+    parser = ArgumentParser(prog="python -m checks.stacks_page", description=__doc__)
+    parser.add_argument("--of", type=Path, help="folder of the runs, of which the table is made")
+    asked = parser.parse_args(arguments)
+    if asked.of is not None:
+        print(*keep(asked.of), sep="\n")
+    write_page(load())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
