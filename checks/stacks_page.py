@@ -79,7 +79,7 @@ PANELS: Mapping[str, Mapping[str, str]] = {
 #: What entries with a constraint on the image command, and know of the arm; in the words of the
 #: answer.
 GROUPS: Mapping[str, Sequence[str]] = {
-    "velocities, the limit unknown": (
+    "entries that command velocities without knowing the limit": (
         "pink",
         "mink",
         "placo",
@@ -90,12 +90,12 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "velocity-damper",
         "resolved-rate-avoidance",
     ),
-    "velocities within the limit": (
+    "entries that command velocities within it": (
         "pink-limited",
         "velocity-qp-limited",
         "velocity-hierarchical-qp-limited",
     ),
-    "accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
+    "laws that command accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
 }
 BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
@@ -189,7 +189,7 @@ def draw(runs: Any) -> Sheet:
             ax.tick_params(labelbottom=row == 1, labelleft=column == 0)
             panels.append(ax)
         left += PANEL + beside
-    sheet.at += 0.5
+    sheet.bottom += 0.5
     own = tested(runs, POSE)
     limits = sorted(own["limit"].unique())
     groups = own.groupby(["controller", "limit"])
@@ -343,9 +343,14 @@ def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
-def listed(texts: Mapping[str, str]) -> str:
-    """Return texts by group as an enumeration."""
-    return "; ".join(f"{group}: {text}" for group, text in texts.items())
+def listed(texts: Sequence[str]) -> str:
+    """Return texts as an enumeration, ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))
+
+
+def rates_at(runs: Any, limit: float) -> str:
+    """Return the range of successes of each group at a limit as an enumeration."""
+    return listed([f"{rates} with {group}" for group, rates in groups_at(runs, limit).items()])
 
 
 def groups_at(runs: Any, limit: float) -> dict[str, str]:
@@ -353,7 +358,7 @@ def groups_at(runs: Any, limit: float) -> dict[str, str]:
     own = tested(runs, POSE)
     own = own[own["limit"] == limit]
     texts = {}
-    for group, names in {**GROUPS, "without a constraint on the image": BLIND}.items():
+    for group, names in {**GROUPS, "entries without a constraint on the image": BLIND}.items():
         rates = [
             share(own[own["controller"] == name])
             for name in names
@@ -382,15 +387,16 @@ def answer(runs: Any) -> str:
     own = tested(runs, POSE)
     limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
     sentences = [
-        f"On arms with {limit:g} rad/s², the tuned entries keep every marker in the image and "
-        f"arrive in these shares of the scenes, from the least to the most successful entry: "
-        f"{listed(groups_at(runs, limit))}."
+        f"On arms with {limit:g} rad/s², every marker stays in the image and the goal is reached "
+        f"in these shares of the scenes, from the least to the most successful entry: "
+        f"{rates_at(runs, limit)}."
         for limit in limits
     ]
     times = " and ".join(
-        f"with {limit:g} rad/s², {listed(times_at(runs, limit))}" for limit in limits
+        f"{listed(list(times_at(runs, limit).values()))} with {limit:g} rad/s²" for limit in limits
     )
-    sentences.append(f"Their median settling times are {times}.")
+    groups = listed(list(times_at(runs, limits[0])))
+    sentences.append(f"Successes settle within a median time of {times}: {groups}, in this order.")
     return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
 
 
@@ -425,10 +431,12 @@ def headline(runs: Any) -> str:
     """Return the sentence of the README."""
     own = tested(runs, POSE)
     slow = own["limit"].min()
+    families = [family for family in POSE if (own["family"] == family).any()]
+    arms = " and ".join(TITLES[family].partition(",")[0] for family in families)
     return (
-        f"On arms that accelerate by {slow:g} rad/s² at most, tuned stacks and laws keep all "
-        f"markers in the image and arrive in these shares of drawn scenes: "
-        f"{listed(groups_at(runs, slow))}."
+        f"On {arms} arms that accelerate by at most {slow:g} rad/s², tuned entries keep all "
+        f"markers in the image and reach the goal in these shares of drawn scenes: "
+        f"{rates_at(runs, slow)}."
     )
 
 
