@@ -387,10 +387,8 @@ def answer(runs: Any) -> str:
         f"{listed(groups_at(runs, limit))}."
         for limit in limits
     ]
-    times = " and ".join(
-        f"with {limit:g} rad/s², {listed(times_at(runs, limit))}" for limit in limits
-    )
-    sentences.append(f"Their median settling times are {times}.")
+    times = ". With ".join(f"{limit:g} rad/s²: {listed(times_at(runs, limit))}" for limit in limits)
+    sentences.append(f"Median settling times of the entries, with {times}.")
     return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
 
 
@@ -425,9 +423,13 @@ def headline(runs: Any) -> str:
     """Return the sentence of the README."""
     own = tested(runs, POSE)
     slow = own["limit"].min()
+    scenes = len(own[own["limit"] == slow][["family", "scene"]].drop_duplicates())
+    arms = " and ".join(
+        TITLES[family].partition(",")[0] for family in POSE if family in set(own["family"])
+    )
     return (
-        f"On arms that accelerate by {slow:g} rad/s² at most, tuned stacks and laws keep all "
-        f"markers in the image and arrive in these shares of drawn scenes: "
+        f"With {slow:g} rad/s² at most ({arms}, {scenes} drawn scenes), tuned entries keep all "
+        f"markers in the image and arrive in these shares of the scenes, by what they command: "
         f"{listed(groups_at(runs, slow))}."
     )
 
