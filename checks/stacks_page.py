@@ -348,9 +348,9 @@ def listed(texts: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))
 
 
-def rates_at(runs: Any, limit: float) -> str:
-    """Return the range of successes of each group at a limit as an enumeration."""
-    return listed([f"{rates} with {group}" for group, rates in groups_at(runs, limit).items()])
+def with_groups(texts: Mapping[str, str]) -> str:
+    """Return texts by group as an enumeration, ``80 % with the first and 90 % with the second``."""
+    return listed([f"{text} with {group}" for group, text in texts.items()])
 
 
 def groups_at(runs: Any, limit: float) -> dict[str, str]:
@@ -389,14 +389,11 @@ def answer(runs: Any) -> str:
     sentences = [
         f"On arms with {limit:g} rad/s², every marker stays in the image and the goal is reached "
         f"in these shares of the scenes, from the least to the most successful entry: "
-        f"{rates_at(runs, limit)}."
+        f"{with_groups(groups_at(runs, limit))}."
         for limit in limits
     ]
-    times = " and ".join(
-        f"{listed(list(times_at(runs, limit).values()))} with {limit:g} rad/s²" for limit in limits
-    )
-    groups = listed(list(times_at(runs, limits[0])))
-    sentences.append(f"Successes settle within a median time of {times}: {groups}, in this order.")
+    times = [f"with {limit:g} rad/s² {with_groups(times_at(runs, limit))}" for limit in limits]
+    sentences.append(f"Successes settle within these median times: {'; '.join(times)}.")
     return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
 
 
@@ -431,12 +428,13 @@ def headline(runs: Any) -> str:
     """Return the sentence of the README."""
     own = tested(runs, POSE)
     slow = own["limit"].min()
+    scenes = len(own[own["limit"] == slow][["family", "scene"]].drop_duplicates())
     families = [family for family in POSE if (own["family"] == family).any()]
     arms = " and ".join(TITLES[family].partition(",")[0] for family in families)
     return (
         f"On {arms} arms that accelerate by at most {slow:g} rad/s², tuned entries keep all "
-        f"markers in the image and reach the goal in these shares of drawn scenes: "
-        f"{rates_at(runs, slow)}."
+        f"markers in the image and reach the goal in these shares of {scenes} drawn scenes: "
+        f"{with_groups(groups_at(runs, slow))}."
     )
 
 
