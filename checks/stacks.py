@@ -152,7 +152,8 @@ class Task:
         return (*where, self.entry.name, *(f"{gain:g}" for gain in self.gains))
 
 
-def _setup(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setup:
+def setup_of(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setup:
+    """Set up a run of a drawn scene that ends when it has settled, at the time limit at latest."""
     scenario = scene.scenario(condition)
     for key, value in changes.items():
         scenario = scenario.with_override(key, value)
@@ -163,7 +164,7 @@ def _setup(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setup:
 def run(task: Task) -> dict[str, Any]:
     """Run a task, and return its line of the table."""
     entry, changes = with_gains(task.entry, task.gains)
-    setup = _setup(task.scene, task.condition, changes)
+    setup = setup_of(task.scene, task.condition, changes)
     try:
         record = RunRecord.of(setup, simulate(setup, entry.make()), "")
     except Exception as error:  # a run that cannot begin is a line of the table, too

@@ -86,7 +86,7 @@ def test_a_marker_outside_the_image_is_no_success() -> None:
     }
     assert stacks.score_of(lines["velocity-qp"])[0]
     assert not stacks.score_of(lines["blind"])[0]
-    setup = stacks._setup(scene, "limit-40", {})
+    setup = stacks.setup_of(scene, "limit-40", {})
     run = simulate(setup, with_gains(blind, Gains(3.0, 8.0))[0].make())
     u, v = np.abs(run.features_px[..., 0]).max(), np.abs(run.features_px[..., 1]).max()
     assert lines["blind"]["margin_px"] == pytest.approx(min(320.0 - u, 240.0 - v))
