@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 import time
@@ -223,6 +222,14 @@ def test_what_a_stack_started_in_a_session_of_its_own_ends_with_it(setup, tmp_pa
 def test_a_stack_that_cannot_be_killed_does_not_hold_the_run(setup, monkeypatch):
     """As if it waited for a device: signals do not reach it."""
     monkeypatch.setattr(child, "KILL_LIMIT", 0.3)
+    started = []
+    start = subprocess.Popen
+
+    def starting(*arguments, **options):
+        started.append(start(*arguments, **options))
+        return started[-1]
+
+    monkeypatch.setattr(child.subprocess, "Popen", starting)
     stack = ExternalStack([sys.executable, "-c", ANSWERS + STILL + "time.sleep(99)\n"])
     stack.begin(setup)
     stack.respond(observed(setup))
@@ -232,11 +239,10 @@ def test_a_stack_that_cannot_be_killed_does_not_hold_the_run(setup, monkeypatch)
     begun = time.monotonic()
     stack.end()
     assert time.monotonic() - begun < 5.0
-    found = re.fullmatch(
-        r"processes (\d+) of the stack could not be killed", stack.run_remarks()[-1]
-    )
-    kill(int(found[1]), 9)
-    assert ended(int(found[1]))
+    (process,) = started
+    assert stack.run_remarks()[-1] == f"processes {process.pid} of the stack could not be killed"
+    kill(process.pid, 9)
+    process.wait()
 
 
 def ended(pid):
