@@ -85,9 +85,11 @@ def settings():
         "locale": locale.setlocale(locale.LC_ALL),
         "environment": repr(sorted(os.environ.items())),
         "path": repr(sys.path),
-        # the finder of setuptools' distutils goes when another package imports setuptools
+        # without the finder of this package's earlier names, which answers for no other name, and that of
+        # setuptools' distutils, which goes when another package imports setuptools
         "where modules are looked for": repr([
-            *(type(finder) for finder in sys.meta_path if "distutils" not in repr(finder)),
+            *(type(finder) for finder in sys.meta_path
+              if "distutils" not in repr(finder) and "vsconstraints" not in repr(finder)),
             *map(repr, sys.path_hooks),
         ]),
         "folder": os.getcwd(),
