@@ -99,8 +99,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
 }
 BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
-HEIGHT, PANEL = 2.3, 1.3  #: Of a panel [in].
-BESIDE = (1.05, 1.4, 1.1)  #: Space for names right of the panels [in].
+HEIGHT, PANEL = 2.3, 1.26  #: Of a panel [in].
+BESIDE = (1.05, 1.55, 1.1)  #: Space for names right of the panels [in].
 LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
 
 

@@ -28,6 +28,7 @@ COLUMNS = 3
 LEFT = 0.62
 GAP = 0.16
 TITLE = 0.27
+TITLE_LINE = 0.14
 # Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
@@ -55,13 +56,14 @@ def draw_tracks(view: View) -> Sheet | None:
     # With its close-up a panel takes half as much room again.
     width = room if detail is None else (room - APART) / (1.0 + BESIDE)
     height = width * plane.half[1] / plane.half[0]
+    above = TITLE + TITLE_LINE * (view.title_lines(names) - 1)
     sheet = Sheet(left=LEFT)
     panels = sheet.panels(
         len(names),
         columns,
         height=height,
         width=width,
-        above=TITLE,
+        above=above,
         gap=room - width + GAP,
         labels=("u [px]", "v [px], downwards"),
         same_y=True,
@@ -80,7 +82,7 @@ def draw_tracks(view: View) -> Sheet | None:
     entries = _entries(view, plane, names, detail)
     taken = (len(names) - 1) % columns + 1
     needed = 0.21 * len(entries)
-    tall = TITLE + height
+    tall = above + height
     if taken < columns and tall > needed:
         # The space above that place has the numbers and the label of a panel.
         left = LEFT + taken * (room + GAP) + 0.2

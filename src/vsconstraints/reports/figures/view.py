@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_
 AFTER = 1.1
 AFTER_ROWS = 1.25
 MARKS = 4  # number on each line
+TITLE_LENGTH = 24  # of a line of a panel's title
 
 
 @dataclass(frozen=True)
@@ -139,11 +140,20 @@ class View:
                 changes.update(float(begin) for begin in run.goal_begins if begin > 0.0)
         time_axis(ax, end or self.end, sorted(changes))
 
+    def title_lines(self, names: Iterable[str]) -> int:
+        """Return the greatest number of lines of :meth:`title` for these controllers."""
+        return max(1 + folded(name, TITLE_LENGTH).count("\n") for name in names)
+
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
         """Write a controller's name above its panel, with this distance [pt]; fold a long name."""
         colour = darker(self.looks[name].colour)
         ax.set_title(
-            folded(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font
+            folded(name, TITLE_LENGTH),
+            loc="left",
+            color=colour,
+            fontweight="bold",
+            pad=above,
+            **font,
         )
 
 
