@@ -14,7 +14,7 @@ import re
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -28,13 +28,21 @@ from vsconstraints.bench.evidence import Campaign
 from vsconstraints.bench.families import Drawn
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.comparisons.runs.identity import (
+    Identity,
+    differences,
+    identity,
+    in_words,
+    scene_identity,
+)
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
-from vsconstraints.errors import described
+from vsconstraints.errors import ConfigurationError, described
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.stacks.environments import interpreter
 
 ROOT = Path(__file__).parents[1]
 SUITE = ROOT / "comparisons" / "stacks.toml"
+IDENTITY = "identity.json"  #: File of what the runs in a folder depend on.
 
 GAINS = (0.75, 1.5, 3.0)  #: λ of the task [1/s].
 VIEW_GAINS = (2.0, 8.0)  #: α of the field of view [1/s].
@@ -192,11 +200,33 @@ def measured(setup: Setup, record: RunRecord) -> dict[str, Any]:
     }
 
 
-class Journal:
-    """Lines of finished runs in a file, by key."""
+def depends_on() -> Identity:
+    """Return what the runs depend on: code, packages, entries and families."""
+    campaign = Campaign.load(SUITE)
+    families = {family.name: scene_identity(family.tables) for family in campaign.families}
+    return identity(campaign.controllers, families=families)
 
-    def __init__(self, folder: Path) -> None:
+
+class Journal:
+    """Lines of finished runs in a file, by key.
+
+    With ``made_of``, what the runs depend on, it is kept beside them. Raises ConfigurationError if
+    earlier runs in the folder depend on something else.
+    """
+
+    def __init__(self, folder: Path, made_of: Identity | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
+        kept = folder / IDENTITY
+        if made_of is not None and kept.exists():
+            earlier = json.loads(kept.read_text(encoding="utf-8"))
+            changes = list(differences(earlier, made_of))
+            if changes:
+                raise ConfigurationError(
+                    f"{folder} has runs of something else: {in_words(changes)}. Give another "
+                    "folder with --out"
+                )
+        elif made_of is not None:
+            kept.write_text(json.dumps(made_of), encoding="utf-8")
         self._path = folder / "runs.jsonl"
         self.lines: dict[tuple[str, ...], dict[str, Any]] = {}
         text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
@@ -306,26 +336,40 @@ class Plan(NamedTuple):
 
 def make_runs(plan: Plan, folder: Path, processes: int) -> None:
     """Make the runs of a plan that are not in the folder yet."""
-    journal = Journal(folder)
+    journal = Journal(folder, depends_on())
     with ProcessPoolExecutor(processes, get_context("spawn")) as workers:
         for condition in plan.conditions:
-            _finish(plan.tuning(condition), journal, workers, condition)
-            _finish(plan.testing(condition, journal), journal, workers, condition)
+            finish(plan.tuning(condition), journal, workers, condition)
+            finish(plan.testing(condition, journal), journal, workers, condition)
 
 
-def _finish(
-    tasks: Iterable[Task], journal: Journal, workers: ProcessPoolExecutor, name: str
-) -> None:
+def finish(tasks: Iterable[Task], journal: Journal, workers: Executor, name: str) -> None:
+    """Make runs and store their lines; those that are too late, on a busy machine, once more."""
     missing = [task for task in tasks if task.key not in journal.lines]
-    calls = [workers.submit(run, task) for task in missing]
+    late = _store(missing, journal, workers, name, keep_late=False)
+    _store(late, journal, workers, f"{name}, once more", keep_late=True)
+
+
+def _store(
+    tasks: Sequence[Task],
+    journal: Journal,
+    workers: Executor,
+    name: str,
+    keep_late: bool,
+) -> list[Task]:
+    """Store the lines of runs, and return the runs that are too late, if these are not kept."""
+    calls = {workers.submit(run, task): task for task in tasks}
+    late = []
     for done, call in enumerate(as_completed(calls), 1):
         line = call.result()
-        if not re.search(
-            TOO_LATE, line["reason"]
-        ):  # the machine was busy: the next command repeats it
+        if keep_late or not re.search(TOO_LATE, line["reason"]):
             journal.add(line)
-        print(f"\r{name}: {done} of {len(missing)} runs", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+        else:
+            late.append(calls[call])
+        print(f"\r{name}: {done} of {len(tasks)} runs", end="", file=sys.stderr, flush=True)
+    if tasks:
+        print(file=sys.stderr)
+    return late
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

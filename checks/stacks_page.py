@@ -6,6 +6,7 @@ written from the folder of ``python -m checks.stacks run``.
 
 from __future__ import annotations
 
+import json
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from checks.stacks import GAINS, SUITE, VIEW_GAINS, Journal, chosen, score_of
+from checks.stacks import GAINS, IDENTITY, SUITE, VIEW_GAINS, Journal, chosen, score_of
 from vsconstraints.bench.evidence import Campaign, parquet
 from vsconstraints.bench.evidence.parquet import KEYS, Column
 from vsconstraints.bench.statistics import rate
@@ -137,7 +138,9 @@ def keep(folder: Path) -> list[str]:
         for own in complete.values():
             kept.append(own[(own["half"] == "training") | own["scene"].isin(common)])
     table = pd.concat(kept)
-    parquet.write(TABLE, parquet.table(COLUMNS, table.to_dict("records")), {})
+    made_of = json.loads((folder / IDENTITY).read_text(encoding="utf-8"))
+    facts = {"made of": made_of}
+    parquet.write(TABLE, parquet.table(COLUMNS, table.to_dict("records")), facts)
     return left_out
 
 

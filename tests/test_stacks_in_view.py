@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from checks import stacks, stacks_page
 from checks.stacks import Gains, Task, chosen, grid, with_gains
 
 from vsconstraints.bench.evidence import Campaign
-from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
+from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, stack_law
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.simulation import simulate
+from vsconstraints.stacks import external
 
 ENTRIES = {
     each.name: each for each in Campaign.load(stacks.SUITE).controllers if each.name != BASELINE
@@ -53,9 +56,9 @@ def test_every_entry_has_the_same_gains_and_can_be_made() -> None:
     for entry in ENTRIES.values():
         tried = grid(entry)
         assert {gains.task for gains in tried} == set(stacks.GAINS)
-        assert {gains.view for gains in tried} <= set(stacks.VIEW_GAINS) or len(tried) == len(
-            stacks.GAINS
-        )
+        views = {gains.view for gains in tried if not np.isnan(gains.view)}
+        assert views == (set() if entry.name in stacks_page.BLIND else set(stacks.VIEW_GAINS))
+        assert len(tried) == len(stacks.GAINS) * max(len(views), 1)
         for gains in tried:
             with_gains(entry, gains)[0].make()
 
@@ -102,6 +105,39 @@ def test_runs_that_are_interrupted_are_kept(tmp_path: Path) -> None:
     assert list(again.lines) == [first["key"]]
     again.add(line("2", "2", "converged", 5.0, 10.0))
     assert len(stacks.Journal(tmp_path).lines) == 2
+
+
+def test_runs_of_another_code_or_scene_are_not_continued(tmp_path: Path) -> None:
+    made_of = stacks.depends_on()
+    for _ in range(2):
+        stacks.Journal(tmp_path, made_of).add(line("1", "2", "converged", 5.0, 10.0))
+    made_of["families"]["ur5"]["tables"]["duration"] = 99.0
+    with pytest.raises(ConfigurationError, match=r"families\.ur5\.tables\.duration"):
+        stacks.Journal(tmp_path, made_of)
+
+
+def test_late_runs_are_made_once_more_and_then_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sentence is that of a stack that does not answer in time."""
+    sleeping = [sys.executable, "-c", "import time; time.sleep(9.0)"]
+    monkeypatch.setattr(external, "START_LIMIT", 0.2)
+    scene = stacks.scenes_of("ur5", "training", 1)[0]
+    calls = []
+
+    def run(task: Task) -> dict[str, Any]:
+        calls.append(task.entry.name)
+        return made(task)
+
+    made = stacks.run
+    monkeypatch.setattr(stacks, "run", run)
+    entries = [ENTRIES["velocity-qp"], ControllerSpec("late", stack_law(), {"command": sleeping})]
+    tasks = [Task(scene, "limit-40", entry, Gains(3.0, 8.0)) for entry in entries]
+    journal = stacks.Journal(tmp_path)
+    with ThreadPoolExecutor(1) as workers:
+        stacks.finish(tasks, journal, workers, "test")
+    assert calls == ["velocity-qp", "late", "late"]
+    assert [journal.lines[task.key]["status"] for task in tasks] == ["converged", "failed"]
 
 
 # --- kept numbers ---

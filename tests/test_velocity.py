@@ -382,6 +382,25 @@ def test_compiled_laws_command_what_they_do_in_numpy(name: str, options: dict[st
     assert acted > 0 or "avoidance" in name or name == "resolved-rate"
 
 
+@pytest.mark.skipif(load("laws") is None, reason="there is no compiler")
+@pytest.mark.parametrize("name", ["velocity-qp", "velocity-damper"])
+def test_a_task_beyond_the_memory_of_the_compiled_form_is_solved_in_numpy(name: str) -> None:
+    """The quadratic program refers to arrays by address: they must not be allocated elsewhere."""
+    rows, task = problem(0, 7)
+    many = replace(
+        task,
+        J=np.tile(task.J, (200, 1)),
+        b=np.tile(task.b, 200),
+        error=np.tile(task.error, 200),
+        error_rate=np.tile(task.error_rate, 200),
+    )
+    law = made(name)
+    assert law.compute(rows, task) is not None
+    assert law.compute(rows, many) is None
+    expected = made(name).define(rows, many).qd
+    np.testing.assert_allclose(made(name).command(rows, many).qd, expected, rtol=0.0, atol=0.0)
+
+
 def test_what_a_subclass_overrides_counts() -> None:
     """A compiled form belongs to the class that declares it, and to its options as they are."""
 

@@ -331,7 +331,7 @@ def _described(what: str, metrics: Sequence[Metric]) -> tuple[Metric, ...]:
 METRICS = _described("run", (
     Metric("status", lambda m: m.run.status, kind="text", required=True),
     Metric("reason", lambda m: m.run.reason, kind="text"),
-    Metric("duration_s", lambda m: m.run.t[-1]),
+    Metric("duration_s", lambda m: m.run.t[-1], required=True),
     Metric("settling_time_s", MetricInputs.settling_time, "settling time [s]", group="task"),
     Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
            group="task", factor=1e3, style="error"),

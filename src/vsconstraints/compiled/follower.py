@@ -311,7 +311,8 @@ def write_reference(f: Follower, x: Array) -> None:
 
     The reference moves with a constant acceleration: with the one that leads to the loop's speed,
     it would end at some distance from the loop, and these distances would add up. A share of the
-    distance is therefore removed.
+    distance is therefore removed: half of this share in this period, and the other half in the next
+    one, by the speed that this period leaves.
     """
     own = f.reference
     Ts = f.Ts
@@ -321,9 +322,9 @@ def write_reference(f: Follower, x: Array) -> None:
     advance(f, own, Ts)
     for j in range(x.shape[1]):
         own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
-        end = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + own[QD, j])
-        distance = end - own[Q, j]
-        x[COMMAND, j] = (own[QD, j] - f.qd_c[j]) / Ts - REMOVED * distance / (Ts * Ts)
+        end_at_loop_speed = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + own[QD, j])
+        ahead = end_at_loop_speed - own[Q, j]
+        x[COMMAND, j] = (own[QD, j] - f.qd_c[j]) / Ts - REMOVED * ahead / (Ts * Ts)
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)

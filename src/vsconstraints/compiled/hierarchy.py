@@ -306,7 +306,7 @@ def descend_levels(
         if found:
             copy_vector(qdd, point[0])
             return SOLVED, False, steps
-    all_directions = matrix(scratch, START, n)
+    all_directions = matrix(scratch, START, n)  # without rows: Z is the identity
     kept: Array = matrix(scratch, START, n)
     code, steps = solve_stage(walls, G, all_directions, n, priorities, X, point, scratch)
     if code == NOT_A_NUMBER:

@@ -56,11 +56,11 @@ class SpeedArrays(NamedTuple):
     acceleration: float
     least: Annotated[Array, F8, "n"]
     greatest: Annotated[Array, F8, "n"]
-    #: ξ, d_i and d_s of velocity dampers; NaN of other laws.
+    #: ξ, d_i and d_s of velocity dampers; 0 of other laws.
     speed: float
     influence: float
     security: float
-    #: Options of the avoidance, NaN of other laws; and the (m,) rows that are avoided, or (0,).
+    #: Options of the avoidance, 0 of other laws; and the (m,) rows that are avoided, or (0,).
     zone: float
     full: float
     tune: float
@@ -100,7 +100,7 @@ def speed_before(law: LawArrays, task: TaskArrays, j: int) -> float:
 
 @in_place
 def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
-    """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v."""
+    """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v, with ∂s/∂t = ė − J q̇."""
     largest = 0.0
     for i in range(task.error.size):
         largest = max(largest, abs(task.error[i]))
@@ -115,10 +115,10 @@ def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
 def command_speeds(
     own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
 ) -> bool:
-    """Store the q̇ of an answer, and replace it by the change from the speeds before, per second.
+    """Store the q̇ that stands in ``answer.qdd``, and replace it there by q̈.
 
-    Return False, with nothing stored, if a number is not finite or the answer is not
-    :func:`.checkable`.
+    q̈ is the change from the speeds before, per second. Return False, with no speeds stored, if a
+    number is not finite or the answer is not :func:`.checkable`.
     """
     qdd = answer.qdd
     n = qdd.size
@@ -159,11 +159,11 @@ def resolved_rate(address: int, rows: RowArrays, task: TaskArrays, answer: Answe
 
 @inner
 def project(
-    own: SpeedArrays, law: LawArrays, task: TaskArrays, share: float, x: Array, out: Array
+    own: SpeedArrays, law: LawArrays, task: TaskArrays, norm_only: float, x: Array, out: Array
 ) -> None:
     """Write P x (n,) of :func:`vsconstraints.controllers.velocity.avoidance.large_projection`.
 
-    ``share`` is λ̄.
+    ``norm_only`` is λ̄: 1 keeps the norm of the error alone, 0 each of its components.
     """
     k, n = task.J.shape
     taken = own.scratch.taken[0]
@@ -184,7 +184,7 @@ def project(
     for j in range(n):
         out[j] = x[j] - out[j]
         if size > 0.0:
-            out[j] = share * (x[j] - pull[j] * along / size) + (1.0 - share) * out[j]
+            out[j] = norm_only * (x[j] - pull[j] * along / size) + (1.0 - norm_only) * out[j]
     own.scratch.taken[0] = taken
 
 
@@ -207,7 +207,7 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
     error = 0.0
     for i in range(task.error.size):
         error += task.error[i] * task.error[i]
-    share = opening(np.sqrt(error), CLOSED, OPENED)
+    norm_only = opening(np.sqrt(error), CLOSED, OPENED)
     for j in range(n):
         answer.qdd[j] = primary[j]
     for i in range(rows.phi.size):
@@ -219,7 +219,7 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
         speed = effect = 0.0
         for j in range(n):
             g[j] = rows.Lg[i, j] / length
-        project(own, law, task, share, g, along)
+        project(own, law, task, norm_only, g, along)
         for j in range(n):
             speed += g[j] * primary[j]
             effect += g[j] * along[j]
@@ -238,7 +238,7 @@ def write_box(own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArray
 
     Return False if the limits are those of the rows, and these have none.
     """
-    n = own.least.size
+    n = own.least.size  # 0 for a law without limit
     of_rows = math.isnan(own.acceleration)
     if of_rows and rows.qdd_max.size != n:
         return False
@@ -249,6 +249,18 @@ def write_box(own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArray
         own.least[j] = before + own.period * least
         own.greatest[j] = before + own.period * greatest
     return bounds(own.least, own.greatest, n)
+
+
+@inner
+def has_room(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> bool:
+    """True if the scratch holds the arrays of :func:`write_program`.
+
+    They are passed on by address, so that they must not be allocated elsewhere.
+    """
+    k, n = task.J.shape
+    damped = n if own.damping > 0.0 else 0
+    needed = (k + damped) * (n + 1) + 2 * rows.phi.size
+    return bool(needed <= own.scratch.numbers.size)
 
 
 @inner
@@ -297,6 +309,8 @@ def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     law = load_law(address)
     own = load_speeds(law.demand)
     if not complete(own, law, rows, task, answer) or not write_box(own, law, rows, task):
+        return NEEDS_PYTHON
+    if not has_room(own, rows, task):
         return NEEDS_PYTHON
     own.scratch.taken[0] = 0
     write_program(own, rows, task)

@@ -25,7 +25,7 @@ def prepared(
     """Arrays that :func:`search` needs for polylines (p, 2).
 
     All vertices; chords of blocks, groups and regions of them; the vertices before and after each
-    vertex, or itself at an end; and a quarter of the squared length of the longest segment (1,).
+    vertex, or itself at an end; and the squared half length of the longest segment (1,).
     """
     vertices = np.ascontiguousarray(np.concatenate(lines), dtype=np.float64)
     ends = np.cumsum([len(line) for line in lines])
@@ -38,8 +38,8 @@ def prepared(
     groups = _chords(vertices, BLOCK**2)
     regions = _chords(vertices, BLOCK**3)
     squared_lengths = ((vertices[after] - vertices) ** 2).sum(axis=1)
-    longest = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
-    return vertices, blocks, groups, regions, before, after, longest
+    half_length_squared = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
+    return vertices, blocks, groups, regions, before, after, half_length_squared
 
 
 def _chords(vertices: Array, size: int) -> Array:
@@ -107,8 +107,8 @@ def search_block(
     lines: tuple[Any, ...], block: int, u: float, v: float, nearest: int, least: float
 ) -> tuple[int, float]:
     """Return the nearest vertex so far and its squared distance, after a search of this block."""
-    vertices, _, _, _, before, after, longest = lines
-    reach = (least + longest[0]) * SLACK
+    vertices, _, _, _, before, after, half_length_squared = lines
+    reach = (least + half_length_squared[0]) * SLACK
     end = min((block + 1) * BLOCK, len(vertices))
     for k in range(block * BLOCK, end):
         if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
@@ -117,7 +117,7 @@ def search_block(
         if squared < least:
             nearest = k
             least = squared
-            reach = (least + longest[0]) * SLACK
+            reach = (least + half_length_squared[0]) * SLACK
     return nearest, least
 
 
@@ -126,10 +126,10 @@ def search_group(
     lines: tuple[Any, ...], group: int, u: float, v: float, nearest: int, least: float
 ) -> tuple[int, float]:
     """Return the same as :func:`search_block`, after a search of this group of blocks."""
-    _, blocks, _, _, _, _, longest = lines
+    _, blocks, _, _, _, _, half_length_squared = lines
     end = min((group + 1) * BLOCK, len(blocks))
     for block in range(group * BLOCK, end):
-        bound = np.sqrt((least + longest[0]) * SLACK)
+        bound = np.sqrt((least + half_length_squared[0]) * SLACK)
         if may_hold(blocks, block, u, v, bound):
             nearest, least = search_block(lines, block, u, v, nearest, least)
     return nearest, least
@@ -147,19 +147,19 @@ def search(
     blocks along chords, and only blocks that may contain such a vertex are searched. The search
     starts at the vertex found ``stride`` points before, which belongs to the same marker.
     """
-    vertices, _, groups, regions, before, after, longest = lines
+    vertices, _, groups, regions, before, after, half_length_squared = lines
     for i in range(len(points)):
         u = points[i, 0]
         v = points[i, 1]
         vertex = nearest[i - stride] if i >= stride else 0
         least = to_neighbours(vertices, before, after, vertex, u, v)
         for region in range(len(regions)):
-            bound = np.sqrt((least + longest[0]) * SLACK)
+            bound = np.sqrt((least + half_length_squared[0]) * SLACK)
             if not may_hold(regions, region, u, v, bound):
                 continue
             end = min((region + 1) * BLOCK, len(groups))
             for group in range(region * BLOCK, end):
-                bound = np.sqrt((least + longest[0]) * SLACK)
+                bound = np.sqrt((least + half_length_squared[0]) * SLACK)
                 if may_hold(groups, group, u, v, bound):
                     vertex, least = search_group(lines, group, u, v, vertex, least)
         nearest[i] = vertex

@@ -114,13 +114,13 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
         if ":" in name:
             file = plugin_file(name, folder)
             module = _split(name)[0]
-            spec = _spec_of(module) if file is None and module != IN_SESSION else None
+            spec = spec_of(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
             files += [Path(path) for path in (file, origin) if path is not None]
     return files
 
 
-def _spec_of(module: str) -> ModuleSpec | None:
+def spec_of(module: str) -> ModuleSpec | None:
     """Find the specification of a module without running code; None if it does not exist.
 
     ``importlib.util.find_spec`` would import the packages that contain the module.

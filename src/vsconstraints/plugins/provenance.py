@@ -138,7 +138,7 @@ def modules_of_imports() -> dict[str, str]:
     found = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__dict__", {}).get("__file__")
-        if isinstance(file, str):
+        if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
             path = os.path.realpath(file)
             if path in opened_by_imports:
                 found[path] = name

@@ -75,8 +75,9 @@ def intersample_clearance(
     inside = [look(periods, i * width) for i in range(1, QUARTERS)]
     ends = np.stack([clearance[periods], *inside, clearance[periods + 1]])
     with np.errstate(invalid="ignore"):
-        change = np.abs(np.diff(ends, axis=0)).max(axis=0)
-    change[~np.isfinite(change)] = 0.0  # where nothing is seen, there is nothing to search for
+        changes = np.abs(np.diff(ends, axis=0))
+    changes[~np.isfinite(changes)] = 0.0  # where nothing is seen, there is nothing to search for
+    change = changes.max(axis=0)
     parts = [(i * width, np.arange(len(periods)), ends[i], ends[i + 1]) for i in range(QUARTERS)]
     while parts and width > FINEST:
         deepest = np.fmin(np.fmin(clearance.min(axis=0), least.min(axis=0)), 0.0)

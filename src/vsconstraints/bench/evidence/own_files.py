@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 from ...comparisons.experiment import Entries
 from ...errors import ConfigurationError
-from ...plugins.classes import code_named, module_of
+from ...plugins.classes import code_named, module_of, spec_of
 from ...plugins.provenance import Files, digest, modules_of_imports, own_parts_noted
 from ..families import Family
 
@@ -121,10 +120,7 @@ def files_of_laws(controllers: Entries, folders: Folders) -> Files:
 
 def _source_file(module: str) -> str:
     """Return the file that is imported as this module here, or an empty text if there is none."""
-    try:
-        spec = find_spec(module)
-    except (ImportError, ValueError):
-        return ""
+    spec = spec_of(module)
     return spec.origin or "" if spec else ""
 
 
