@@ -159,11 +159,11 @@ def resolved_rate(address: int, rows: RowArrays, task: TaskArrays, answer: Answe
 
 @inner
 def project(
-    own: SpeedArrays, law: LawArrays, task: TaskArrays, norm_only: float, x: Array, out: Array
+    own: SpeedArrays, law: LawArrays, task: TaskArrays, norm_share: float, x: Array, out: Array
 ) -> None:
     """Write P x (n,) of :func:`vsconstraints.controllers.velocity.avoidance.large_projection`.
 
-    ``norm_only`` is λ̄: 1 keeps the norm of the error alone, 0 each of its components.
+    ``norm_share`` is λ̄: 1 keeps the norm of the error alone, 0 each of its components.
     """
     k, n = task.J.shape
     taken = own.scratch.taken[0]
@@ -184,7 +184,7 @@ def project(
     for j in range(n):
         out[j] = x[j] - out[j]
         if size > 0.0:
-            out[j] = norm_only * (x[j] - pull[j] * along / size) + (1.0 - norm_only) * out[j]
+            out[j] = norm_share * (x[j] - pull[j] * along / size) + (1.0 - norm_share) * out[j]
     own.scratch.taken[0] = taken
 
 
@@ -207,7 +207,7 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
     error = 0.0
     for i in range(task.error.size):
         error += task.error[i] * task.error[i]
-    norm_only = opening(np.sqrt(error), CLOSED, OPENED)
+    norm_share = opening(np.sqrt(error), CLOSED, OPENED)
     for j in range(n):
         answer.qdd[j] = primary[j]
     for i in range(rows.phi.size):
@@ -219,7 +219,7 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
         speed = effect = 0.0
         for j in range(n):
             g[j] = rows.Lg[i, j] / length
-        project(own, law, task, norm_only, g, along)
+        project(own, law, task, norm_share, g, along)
         for j in range(n):
             speed += g[j] * primary[j]
             effect += g[j] * along[j]
