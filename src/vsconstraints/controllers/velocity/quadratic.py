@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import ConfigurationError, InvalidInput, SolverError, format_value
+from ...formulas import where
 from ...formulas.row import Row
 from ...formulas.velocity import UNBOUNDED
 from ...rows import UNKNOWN, Array, Command, Rows, Task
@@ -35,7 +36,7 @@ class VelocityBound(Demand):
     @staticmethod
     def formula(row: Row) -> Any:
         """Return h; infinity where it is ``UNBOUNDED``."""
-        return np.where(row.phi > -0.5 * UNBOUNDED, -row.phi, np.inf)
+        return where(row.phi > -0.5 * UNBOUNDED, -row.phi, np.inf)
 
 
 def _limit(value: object) -> float | Literal["limits"] | None:
