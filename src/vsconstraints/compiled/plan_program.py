@@ -80,7 +80,7 @@ class Factor(NamedTuple):
     """Riccati factors of the cost.
 
     Y (H, n, 2n), y (H, n), L (H, n, n) and the inverses of its diagonal (H, n); P (2n + 1, 2n) of
-    the cost-to-go.
+    the cost-to-go ½ xᵀP x − pᵀx of a state x: its last row is p, with this sign.
     """
 
     Y: Array
