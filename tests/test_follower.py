@@ -130,9 +130,7 @@ def test_a_late_command_acts_at_an_instant_of_the_arm(
         plant.begin(np.array([1.0 / T_S if period == 0 else 0.0]))
         begins = plant.x.T[None].copy()
         plant.step()
-    before, after = (
-        plant.inside(begins, T_S * (share + side))[1][0, 0] for side in (-0.01, 0.01)
-    )
+    before, after = (plant.inside(begins, T_S * (share + side))[1][0, 0] for side in (-0.01, 0.01))
     assert (before, after) == pytest.approx((0.0, 1.0))
 
 

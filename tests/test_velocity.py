@@ -242,7 +242,7 @@ def test_the_damper_is_that_of_faverjon_and_tournassoud() -> None:
 
 @pytest.mark.parametrize("K", [[0.5, 0.5], [0.5, 0.1], [100.0, 100000.0], [1e-3, 2.0]])
 @pytest.mark.parametrize("in_numpy", [True, False])
-def test_dampers_that_contradict_each_other_do_not_depend_on_K(
+def test_dampers_that_contradict_each_other_do_not_depend_on_the_unit_of_k(
     K: list[float], in_numpy: bool
 ) -> None:
     """By hand: of σ = 0.2 and 0.1, and ∂σ/∂t = 0.1 of the first, with ξ = 1, d_i = 0.3, d_s = 0.

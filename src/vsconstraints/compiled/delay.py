@@ -10,8 +10,8 @@ import numpy as np
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
-from .laws import RESOLVER, apply_law, load_law, share_without_baseline, within
-from .parts import call_int_pointer, load_step, share, struct_loader
+from .laws import RESOLVER, answer_without_baseline, apply_law, load_law, within
+from .parts import call_int_pointer, load_step, set_fields, struct_loader
 from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
 
@@ -140,7 +140,7 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     ):
         return NEEDS_PYTHON
     then = step.rows
-    share(
+    set_fields(
         own.ahead,
         (
             then.phi,
@@ -156,7 +156,7 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         ),
     )
     # the baseline of the predicted state is not that of the current one: do not report it
-    share_without_baseline(own.answer, answer)
+    answer_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
     if code == SOLVED or code >= RELAXED_ROWS:
         send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)

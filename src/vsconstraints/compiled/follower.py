@@ -51,9 +51,9 @@ class Follower(NamedTuple):
     the arm takes positions. ``implicit`` (1,) is 1 if q_c advances with the new q̇_c alone, as for
     laws that command speeds. ``unfollowed`` (1,) is 1 once a motion has had more than
     ``MOST_PARTS`` parts, from where on it is wrong. ``lag`` is τ [s], ``feedback`` is κ [1/s].
-    ``reference`` is the state of the loop. Where an arm with mass follows it as its reference, ``q_c`` and ``qd_c`` are the
-    reference of its joint controllers, and ``move`` and ``moved`` the addresses of the function
-    that moves that arm, and of its workspace.
+    ``reference`` is the state of the loop. Where an arm with mass follows it as its reference,
+    ``q_c`` and ``qd_c`` are the reference of its joint controllers, and ``move`` and ``moved`` the
+    addresses of the function that moves that arm, and of its workspace.
     """
 
     Ts: float

@@ -342,9 +342,7 @@ def descend_levels(
             return FAILED, False, total
     if code == SOLVED and not (is_redundant and levels.damped(G, X, point)):
         return SOLVED, False, total
-    may_improve, steps = solve_task_separately(
-        walls, aim, priorities, kept, point, qdd, scratch
-    )
+    may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
     return SOLVED, may_improve, total + steps
 
 

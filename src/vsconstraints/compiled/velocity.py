@@ -15,9 +15,9 @@ from ..formulas.projection import CLOSED, OPENED, opening
 from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
 from ..rows import Array, BoolArray
 from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, apply_law, bounds, load_law, share_without_baseline
+from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, load_law
 from .linear import finite
-from .parts import call_int_pointer, share, struct_loader
+from .parts import call_int_pointer, set_fields, struct_loader
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
 from .workspace import (
@@ -315,8 +315,8 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     G = damper_gradients(own, rows) if own.speed > 0.0 else rows.Lg
     gains = rows.switching_gain, rows.scale
     box = own.least, own.greatest
-    share(own.rows, (phi, G, drift, none, none, none, *gains, *box))
-    share(own.task, (J, v, none, none, none, none))
+    set_fields(own.rows, (phi, G, drift, none, none, none, *gains, *box))
+    set_fields(own.task, (J, v, none, none, none, none))
 
 
 @compiled(RESOLVER, from_python=False)
@@ -330,7 +330,7 @@ def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return NEEDS_PYTHON
     own.scratch.taken[0] = 0
     write_program(own, rows, task)
-    share_without_baseline(own.answer, answer)
+    answer_without_baseline(own.answer, answer)
     code = apply_law(own.program, own.rows, own.task, own.answer)
     if code != SOLVED and code < RELAXED_ROWS:
         return code

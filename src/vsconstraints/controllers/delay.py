@@ -41,10 +41,11 @@ class DelayCompensated(Wrapper):
     Artstein, IEEE Transactions on Automatic Control, 1982). An arm that takes velocities or
     positions has commanded speeds as soon as they act; one that takes accelerations, which shows in
     bounds of q̈ of the rows, reaches them within a period, as far as the bounds allow. A model
-    evaluates rows and task there, starting from the last measurement. Bounds of q̈ are the present ones. If the model cannot
-    evaluate that state, with a marker behind the camera, the law gets the present rows and task,
-    and ``Command.remark`` reports this. Motion that is unknown to the model is predicted by an
-    observer around the inner law, whose ``dead_time`` is then the sum of both delays.
+    evaluates rows and task there, starting from the last measurement. Bounds of q̈ are the present
+    ones. If the model cannot evaluate that state, with a marker behind the camera, the law gets the
+    present rows and task, and ``Command.remark`` reports this. Motion that is unknown to the model
+    is predicted by an observer around the inner law, whose ``dead_time`` is then the sum of both
+    delays.
     """
 
     name = "delay-compensated"

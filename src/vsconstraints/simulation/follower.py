@@ -215,10 +215,10 @@ class LowLevelLoop:
         """Raise SceneError if the loop's motion has had more parts than are followed."""
         if self.arrays.unfollowed[0]:
             raise SceneError(
-                f"the arm's loop changes its acceleration more than {self.kernels.MOST_PARTS} times "
-                f"between two commands: arm.jerk is too small for arm.lag = {self.arm.lag:g} s, so "
-                "that the speed swings about the wanted one; give a longer lag, or a greater jerk "
-                "or none"
+                f"the arm's loop changes its acceleration more than {self.kernels.MOST_PARTS} "
+                "times between two commands: arm.jerk is too small for arm.lag = "
+                f"{self.arm.lag:g} s, so that the speed swings about the wanted one; give a longer "
+                "lag, or a greater jerk or none"
             )
 
     def speed_rows(self) -> tuple[Array, Array]:

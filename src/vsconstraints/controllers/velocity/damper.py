@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from ...errors import ConfigurationError
 from ...formulas.velocity import damped_bound, rate_factor
 from ...rows import Array, Rows, Task
-from ..ranges import Declared, Range, positive_number, share
+from ..ranges import Declared, Range, positive_number, share_number
 from .base import VelocityController
 from .quadratic import VelocityQP
 
@@ -20,8 +20,8 @@ class VelocityDamper(VelocityQP):
     so that d never falls below the security distance d_s; the others demand nothing. Distances
     count in scales of the rows. Bounds of speeds hold as they are. The cost is that of
     :class:`.VelocityQP`. Of rows that contradict each other, violations count in units of σ per
-    second, so that no command depends on K. Faverjon and Tournassoud, "A local based approach for path planning of
-    manipulators with a high number of degrees of freedom", ICRA 1987.
+    second, so that no command depends on K. Faverjon and Tournassoud, "A local based approach for
+    path planning of manipulators with a high number of degrees of freedom", ICRA 1987.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class VelocityDamper(VelocityQP):
         )
         self.speed = positive_number("speed", speed)
         self.influence = positive_number("influence", influence)
-        self.security = share("security", security)
+        self.security = share_number("security", security)
         if self.security >= self.influence:
             raise ConfigurationError(
                 f"security must be below influence, {self.influence:g}, not {self.security:g}"
