@@ -12,6 +12,9 @@ import numpy as np
 
 from . import formula
 
+#: Value at (u, v), and its derivatives with respect to u and v.
+ValueAndSlopes = tuple[Any, Any, Any]
+
 
 @formula
 def power(x: Any, n: float) -> Any:
@@ -30,7 +33,7 @@ def power(x: Any, n: float) -> Any:
 
 
 @formula
-def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
     x = np.abs(u) / a
     y = np.abs(v) / b
@@ -53,7 +56,7 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 
 @formula
-def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
     """Superellipse obstacle: minus :func:`superellipse`, positive inside."""
     value, du, dv = superellipse(u, v, a, b, n)
     return -value, -du, -dv
@@ -66,7 +69,7 @@ def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 
 @formula
-def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
+def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
     """1 − (u² + v²)/r² and its derivatives."""
     squared_radius = r * r
     value = 1.0 - (u * u + v * v) / squared_radius
@@ -83,7 +86,7 @@ def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
 
 
 @formula
-def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
     value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
@@ -103,7 +106,7 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
 
 
 @formula
-def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives (eq. 46).
 
     At u = 0 the derivatives are the mean of both sides.

@@ -79,15 +79,15 @@ def image_motion(
     P_dot = minus(cross(P, omega), v)
     P_ddot = minus(plus(cross(P, omega_dot), cross(P_dot, omega)), v_dot)
     Z = P[2]
-    Z_dot = P_dot[2]
-    Z_ddot = P_ddot[2]
+    X_dot, Y_dot, Z_dot = P_dot
+    X_ddot, Y_ddot, Z_ddot = P_ddot
     x = P[0] / Z
     y = P[1] / Z
     # the first and second derivatives of x Z = X, and of y Z = Y
-    x_dot = (P_dot[0] - x * Z_dot) / Z
-    y_dot = (P_dot[1] - y * Z_dot) / Z
-    x_ddot = (P_ddot[0] - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
-    y_ddot = (P_ddot[1] - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
+    x_dot = (X_dot - x * Z_dot) / Z
+    y_dot = (Y_dot - y * Z_dot) / Z
+    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    y_ddot = (Y_ddot - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
     return x, y, x_dot, y_dot, x_ddot, y_ddot
 
 

@@ -59,9 +59,12 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
     slowed = acceleration * period
     # root of the quadratic in a form without cancellation
     w = room / (slowed + np.sqrt(slowed * slowed + 2.0 * room))
+    slowing = (w - speed) / period
     divisor = 2.0 * where(d > 0.0, d, 1.0)
-    turning = where(d > 0.0, -speed * speed / divisor, -speed / period)
-    bound = where(ahead >= 0.0, (w - speed) / period, turning)
+    turning_back = -speed * speed / divisor
+    stopping_at_once = -speed / period
+    otherwise = where(d > 0.0, turning_back, stopping_at_once)
+    bound = where(ahead >= 0.0, slowing, otherwise)
     return where(left < np.inf, bound, np.inf)
 
 

@@ -37,7 +37,8 @@ def prepared(
     blocks = _chords(vertices, BLOCK)
     groups = _chords(vertices, BLOCK**2)
     regions = _chords(vertices, BLOCK**3)
-    squared_lengths = ((vertices[after] - vertices) ** 2).sum(axis=1)
+    segments = vertices[after] - vertices
+    squared_lengths = (segments**2).sum(axis=1)
     half_length_squared = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
     return vertices, blocks, groups, regions, before, after, half_length_squared
 
@@ -53,9 +54,11 @@ def _chords(vertices: Array, size: int) -> Array:
     block = np.arange(len(vertices)) // size
     along = chord[block]
     relative = vertices - first[block]
-    share = (relative * along).sum(axis=1) * inverse[block]
-    nearest = np.clip(share, 0.0, 1.0)[:, None] * along
-    distance = np.sqrt(((relative - nearest) ** 2).sum(axis=1))
+    projection = (relative * along).sum(axis=1)
+    share_of_chord = np.clip(projection * inverse[block], 0.0, 1.0)
+    nearest = share_of_chord[:, None] * along
+    away = relative - nearest
+    distance = np.sqrt((away**2).sum(axis=1))
     spread = np.maximum.reduceat(distance, starts)
     return np.column_stack((first, chord, inverse, spread))
 
@@ -66,10 +69,12 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
     along_u = c - a
     along_v = d - b
     squared_length = along_u * along_u + along_v * along_v
-    s = ((u - a) * along_u + (v - b) * along_v) / max(squared_length, TINY)
+    from_u = u - a
+    from_v = v - b
+    s = (from_u * along_u + from_v * along_v) / max(squared_length, TINY)
     s = min(max(s, 0.0), 1.0)
-    x = u - a - s * along_u
-    y = v - b - s * along_v
+    x = from_u - s * along_u
+    y = from_v - s * along_v
     return x * x + y * y
 
 
@@ -111,7 +116,9 @@ def search_block(
     reach = (least + half_length_squared[0]) * SLACK
     end = min((block + 1) * BLOCK, len(vertices))
     for k in range(block * BLOCK, end):
-        if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
+        du = vertices[k, 0] - u
+        dv = vertices[k, 1] - v
+        if du**2 + dv**2 > reach:
             continue
         squared = to_neighbours(vertices, before, after, k, u, v)
         if squared < least:

@@ -26,12 +26,18 @@ def sign(x: Any) -> Any:
 
 
 @formula
+def squared(x: Any, y: Any, z: Any) -> Any:
+    """x² + y² + z²."""
+    return x * x + y * y + z * z
+
+
+@formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     """Depth r − ‖p‖ in a sphere and its derivatives (eqs. 47 and 48); at the centre n = +z.
 
     n is the outward direction.
     """
-    d = np.sqrt(x * x + y * y + z * z)
+    d = np.sqrt(squared(x, y, z))
     at_centre = 1.0 * (d <= 0.0)
     divisor = d + at_centre
     dx = -x / divisor
@@ -43,9 +49,9 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 @formula
 def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
-    d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
+    d = np.maximum(np.sqrt(squared(x, y, z)), SMALL)
     radial = (x * x_dot + y * y_dot + z * z_dot) / d
-    squared_speed = x_dot * x_dot + y_dot * y_dot + z_dot * z_dot
+    squared_speed = squared(x_dot, y_dot, z_dot)
     return (radial * radial - squared_speed) / d
 
 
@@ -76,7 +82,7 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     outside_x = np.maximum(beyond_x, 0.0)
     outside_y = np.maximum(beyond_y, 0.0)
     outside_z = np.maximum(beyond_z, 0.0)
-    length = np.sqrt(outside_x * outside_x + outside_y * outside_y + outside_z * outside_z)
+    length = np.sqrt(squared(outside_x, outside_y, outside_z))
     inside = 1.0 * (length <= 0.0)
     divisor = length + inside
     # 1 for the nearest face of a point inside, else 0
@@ -103,7 +109,9 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
     squared_y = (np.abs(y) > b) * y_dot * y_dot
     squared_z = (np.abs(z) > c) * z_dot * z_dot
     moving = squared_x + squared_y + squared_z
-    return (depth < 0.0) * (rate * rate - moving) / np.maximum(-depth, SMALL)
+    is_outside = depth < 0.0
+    distance = np.maximum(-depth, SMALL)
+    return is_outside * (rate * rate - moving) / distance
 
 
 @formula
@@ -175,7 +183,7 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
     On the segment the direction is x.
     """
     away = z - np.minimum(np.maximum(z, -h), h)
-    length = np.sqrt(x * x + y * y + away * away)
+    length = np.sqrt(squared(x, y, away))
     on_segment = 1.0 * (length <= 0.0)
     divisor = length + on_segment
     nx = x / divisor + on_segment
@@ -205,5 +213,5 @@ def capsule_curvature(
     length, nx, ny, nz = from_segment(x, y, z, h)
     along = (np.abs(z) > h) * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
-    squared_speed = x_dot * x_dot + y_dot * y_dot + along * along
+    squared_speed = squared(x_dot, y_dot, along)
     return (rate * rate - squared_speed) / np.maximum(length, SMALL)

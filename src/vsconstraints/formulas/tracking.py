@@ -42,8 +42,10 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
     """
     tau = min(max(elapsed / duration, 0.0), 1.0)
     left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-    rate = -30.0 * tau**2 * (1.0 - tau) ** 2 / duration
-    acceleration = -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / duration**2
+    slope = -30.0 * tau**2 * (1.0 - tau) ** 2
+    bend = -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau)
+    rate = slope / duration
+    acceleration = bend / duration**2
     return left, rate, acceleration
 
 
