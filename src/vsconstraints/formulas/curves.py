@@ -39,7 +39,9 @@ def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
     y = np.abs(v) / b
     x_slope = power(x, n - 1.0)
     y_slope = power(y, n - 1.0)
-    value = x_slope * x + y_slope * y - 1.0
+    x_power = x_slope * x
+    y_power = y_slope * y
+    value = x_power + y_power - 1.0
     du = n / a * np.sign(u) * x_slope
     dv = n / b * np.sign(v) * y_slope
     return value, du, dv
@@ -52,7 +54,8 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
     y_bend = power(np.abs(v) / b, n - 2.0)
     x_dot = u_dot / a
     y_dot = v_dot / b
-    return n * (n - 1.0) * (x_bend * x_dot**2 + y_bend * y_dot**2)
+    bending = x_bend * x_dot**2 + y_bend * y_dot**2
+    return n * (n - 1.0) * bending
 
 
 @formula
@@ -72,7 +75,8 @@ def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
     """1 − (u² + v²)/r² and its derivatives."""
     squared_radius = r * r
-    value = 1.0 - (u * u + v * v) / squared_radius
+    squared_distance = u * u + v * v
+    value = 1.0 - squared_distance / squared_radius
     du = -2.0 * u / squared_radius
     dv = -2.0 * v / squared_radius
     return value, du, dv
@@ -89,9 +93,12 @@ def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
 def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
-    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
-    factor = -2.0 / (r * r)
-    du = factor * (w * w * u - 2.0 * u * d)
+    squared_distance = (w * u) ** 2 + d * d
+    squared_radius = r * r
+    value = 1.0 - squared_distance / squared_radius
+    factor = -2.0 / squared_radius
+    half_slope_u = w * w * u - 2.0 * u * d
+    du = factor * half_slope_u
     dv = factor * d
     return value, du, dv
 
@@ -101,7 +108,9 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
     d = v - u * u
     d_dot = v_dot - 2.0 * u * u_dot
-    bending = (w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot
+    by_slopes = (w * u_dot) ** 2 + d_dot * d_dot
+    by_curvature_of_d = 2.0 * d * u_dot * u_dot
+    bending = by_slopes - by_curvature_of_d
     return -2.0 / (r * r) * bending
 
 
@@ -112,9 +121,12 @@ def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     At u = 0 the derivatives are the mean of both sides.
     """
     d = v - np.abs(u)
-    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
-    factor = -2.0 / (r * r)
-    du = factor * (w * w * u - np.sign(u) * d)
+    squared_distance = (w * u) ** 2 + d * d
+    squared_radius = r * r
+    value = 1.0 - squared_distance / squared_radius
+    factor = -2.0 / squared_radius
+    half_slope_u = w * w * u - np.sign(u) * d
+    du = factor * half_slope_u
     dv = factor * d
     return value, du, dv
 

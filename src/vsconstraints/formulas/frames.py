@@ -18,18 +18,22 @@ TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is 
 @formula
 def rotate_in_image(R: Any, x: Any) -> tuple[Any, Any]:
     """R x with R (2, 2) or larger."""
+    u = x[0]
+    v = x[1]
     return (
-        R[0, 0] * x[0] + R[0, 1] * x[1],
-        R[1, 0] * x[0] + R[1, 1] * x[1],
+        R[0, 0] * u + R[0, 1] * v,
+        R[1, 0] * u + R[1, 1] * v,
     )
 
 
 @formula
 def rotate_inverse_in_image(R: Any, x: Any) -> tuple[Any, Any]:
     """Rᵀ x with R (2, 2) or larger."""
+    u = x[0]
+    v = x[1]
     return (
-        R[0, 0] * x[0] + R[1, 0] * x[1],
-        R[0, 1] * x[0] + R[1, 1] * x[1],
+        R[0, 0] * u + R[1, 0] * v,
+        R[0, 1] * u + R[1, 1] * v,
     )
 
 

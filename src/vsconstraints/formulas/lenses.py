@@ -78,13 +78,16 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> Distorted:
     ratio = 1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))
     slope = 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     # derivatives of the image across the radius, c = θ_d/r, and along it, dθ_d/dr
-    across = angle / (r + at_centre) * ratio + at_centre
+    divisor = r + at_centre
+    across = angle / divisor * ratio + at_centre
     along = slope / (1.0 + squared_radius)
     bend = (along - across) / (squared_radius + at_centre)
+    x_d = x * across
+    y_d = y * across
     dx_dx = across + bend * x * x
     dx_dy = bend * x * y
     dy_dy = across + bend * y * y
-    return x * across, y * across, dx_dx, dx_dy, dx_dy, dy_dy
+    return x_d, y_d, dx_dx, dx_dy, dx_dy, dy_dy
 
 
 @formula
@@ -171,11 +174,9 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
     """
     u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, y[0], y[1], eye)
     value, slope_u, slope_v = superellipse(u, v, half[0], half[1], n)
-    return (
-        value,
-        slope_u * du_du + slope_v * dv_du,
-        slope_u * du_dv + slope_v * dv_dv,
-    )
+    by_u = slope_u * du_du + slope_v * dv_du
+    by_v = slope_u * du_dv + slope_v * dv_dv
+    return value, by_u, by_v
 
 
 @formula

@@ -40,8 +40,10 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
         angular_velocity[1] / turning,
         angular_velocity[2] / turning,
     )
-    R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
-    origin = plus(minus(centre, rotate(R, centre)), moved)
+    angle_turned = rate * t
+    R = turn_about(axis, np.sin(angle_turned), np.cos(angle_turned))
+    centre_moved_by_turn = minus(centre, rotate(R, centre))
+    origin = plus(centre_moved_by_turn, moved)
     return R, origin
 
 

@@ -50,7 +50,8 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
     d = np.maximum(np.sqrt(squared(x, y, z)), SMALL)
-    radial = (x * x_dot + y * y_dot + z * z_dot) / d
+    product = x * x_dot + y * y_dot + z * z_dot
+    radial = product / d
     squared_speed = squared(x_dot, y_dot, z_dot)
     return (radial * radial - squared_speed) / d
 
@@ -92,7 +93,8 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     nx = sign(x) * (outside_x / divisor + face_x)
     ny = sign(y) * (outside_y / divisor + face_y)
     nz = sign(z) * (outside_z / divisor + face_z)
-    distance = length + np.minimum(np.maximum(beyond_x, beyond_yz), 0.0)
+    beyond_most = np.maximum(beyond_x, beyond_yz)
+    distance = length + np.minimum(beyond_most, 0.0)
     return -distance, -nx, -ny, -nz
 
 
@@ -105,9 +107,12 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
     x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
     rate = x_dot * nx + y_dot * ny + z_dot * nz
-    squared_x = (np.abs(x) > a) * x_dot * x_dot
-    squared_y = (np.abs(y) > b) * y_dot * y_dot
-    squared_z = (np.abs(z) > c) * z_dot * z_dot
+    is_beyond_x = np.abs(x) > a
+    is_beyond_y = np.abs(y) > b
+    is_beyond_z = np.abs(z) > c
+    squared_x = is_beyond_x * x_dot * x_dot
+    squared_y = is_beyond_y * y_dot * y_dot
+    squared_z = is_beyond_z * z_dot * z_dot
     moving = squared_x + squared_y + squared_z
     is_outside = depth < 0.0
     distance = np.maximum(-depth, SMALL)
@@ -141,7 +146,8 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
     face_end = inside - face_side
     n_rho = outside_side / divisor + face_side
     n_z = sign(z) * (outside_end / divisor + face_end)
-    distance = length + np.minimum(np.maximum(beyond_side, beyond_end), 0.0)
+    beyond_most = np.maximum(beyond_side, beyond_end)
+    distance = length + np.minimum(beyond_most, 0.0)
     return distance, n_rho, n_z
 
 
@@ -153,7 +159,9 @@ def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
     """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
-    return -distance, -(n_rho * rx), -(n_rho * ry), -n_z
+    nx = n_rho * rx
+    ny = n_rho * ry
+    return -distance, -nx, -ny, -n_z
 
 
 @formula
@@ -169,10 +177,15 @@ def cylinder_curvature(
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
     across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
-    beyond_both = (rho > r) * (np.abs(z) > h)
-    turning = beyond_both * (rho_dot * n_z - z_dot * n_rho)
-    of_axis = n_rho * across / np.maximum(rho, SMALL)
-    of_rectangle = turning * turning / np.maximum(distance, SMALL)
+    is_beyond_side = rho > r
+    is_beyond_end = np.abs(z) > h
+    beyond_both = is_beyond_side * is_beyond_end
+    along_edge = rho_dot * n_z - z_dot * n_rho
+    turning = beyond_both * along_edge
+    radius_at_axis = np.maximum(rho, SMALL)
+    radius_at_edge = np.maximum(distance, SMALL)
+    of_axis = n_rho * across / radius_at_axis
+    of_rectangle = turning * turning / radius_at_edge
     return -(of_axis + of_rectangle)
 
 
@@ -182,7 +195,8 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
     On the segment the direction is x.
     """
-    away = z - np.minimum(np.maximum(z, -h), h)
+    nearest = np.minimum(np.maximum(z, -h), h)
+    away = z - nearest
     length = np.sqrt(squared(x, y, away))
     on_segment = 1.0 * (length <= 0.0)
     divisor = length + on_segment
@@ -211,7 +225,9 @@ def capsule_curvature(
     Beside the segment ẋ is taken without ż.
     """
     length, nx, ny, nz = from_segment(x, y, z, h)
-    along = (np.abs(z) > h) * z_dot
+    is_beyond_end = np.abs(z) > h
+    along = is_beyond_end * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
     squared_speed = squared(x_dot, y_dot, along)
-    return (rate * rate - squared_speed) / np.maximum(length, SMALL)
+    radius_of_curvature = np.maximum(length, SMALL)
+    return (rate * rate - squared_speed) / radius_of_curvature

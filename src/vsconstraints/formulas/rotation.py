@@ -36,16 +36,20 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
     x = axis[0]
     y = axis[1]
     z = axis[2]
-    xx = (1.0 - c) * x * x
-    yy = (1.0 - c) * y * y
-    zz = (1.0 - c) * z * z
-    xy = (1.0 - c) * x * y
-    yz = (1.0 - c) * y * z
-    zx = (1.0 - c) * z * x
+    versine = 1.0 - c
+    xx = versine * x * x
+    yy = versine * y * y
+    zz = versine * z * z
+    xy = versine * x * y
+    yz = versine * y * z
+    zx = versine * z * x
+    sx = s * x
+    sy = s * y
+    sz = s * z
     return (
-        (c + xx, xy - s * z, zx + s * y),
-        (xy + s * z, c + yy, yz - s * x),
-        (zx - s * y, yz + s * x, c + zz),
+        (c + xx, xy - sz, zx + sy),
+        (xy + sz, c + yy, yz - sx),
+        (zx - sy, yz + sx, c + zz),
     )
 
 
@@ -139,7 +143,8 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
         return c, slope
     half = 0.5 * theta
     cot = 1.0 / math.tan(half)
-    c = (1.0 - half * cot) / s
+    numerator = 1.0 - half * cot
+    c = numerator / s
     # the numerator's derivative is (θ/4) (1 + cot²(θ/2)) − ½ cot(θ/2)
     numerator_slope = 0.5 * half * (1.0 + cot * cot) - 0.5 * cot
     slope = numerator_slope / s - 2.0 * c / theta
