@@ -335,7 +335,7 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
     middle = vertices.mean(axis=0)
     from_middle = vertices - middle
-    axes = np.eye(3)
+    axes: Array = np.eye(3)
     if len(vertices) > 1:
         axes = svd(from_middle, full_matrices=False)[2]
     # coordinates along the principal axes
