@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from vsconstraints.compiled import load
 from vsconstraints.compiled.workspace import RowArrays
@@ -38,18 +39,25 @@ def late(delay: float, scenario: Scenario = STATIC) -> Scenario:
     return scenario.with_override("disturbances.command_delay", delay)
 
 
+ARMS = (
+    ("arm", {"command": "velocity", "rate": 10.0 / PERIOD, "acceleration": 1e8}),
+    ("limits", {"acceleration": 8.0}),
+)
 ACCELERATION_LAWS = [name for name, law in CONTROLLERS.items() if law not in VELOCITY_LAWS]
 
 
 @pytest.mark.parametrize("law", VELOCITY_LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("periods", [1.0, 17.3])
-def test_commanded_speeds_are_those_without_a_delay(law: type[Controller], periods: float) -> None:
-    """Also within two bounds of accelerations, and in a loop of calls.
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm[0])
+def test_commanded_speeds_are_those_without_a_delay(
+    law: type[Controller], periods: float, arm: tuple[str, dict[str, Any]]
+) -> None:
+    """In a compiled loop, and in a loop of calls.
 
-    The arm has the commanded speeds at once, and takes ten commands a period.
+    An arm of velocities takes ten commands a period and has their speeds at once; one of
+    accelerations reaches them within a period.
     """
-    arm = {"command": "velocity", "rate": 10.0 / PERIOD, "acceleration": 1e8}
-    scenario = STATIC.with_override("arm", arm)
+    scenario = STATIC.with_override(*arm)
     delay = periods * PERIOD
     plain = simulate(scenario.setup(), make_controller(law.name))
     told = make_controller(law.name, {"command_delay": delay})
@@ -140,6 +148,44 @@ def test_the_state_when_a_command_begins_to_act(periods: float, frozen: bool, se
         own.now[1:3], q + D * qd + 0.5 * ((D - a) ** 2 - (D - b) ** 2) @ bounded, atol=1e-12
     )
     np.testing.assert_allclose(own.now[3:], qd + (b - a) @ bounded, atol=1e-12)
+
+
+@pytest.mark.parametrize("periods", [0.4, 1.0, 2.3])
+def test_an_arm_of_accelerations_reaches_commanded_speeds_within_a_period(periods: float) -> None:
+    """The arm is integrated by SciPy: q̈ is constant for a period and |q̈| ≤ 30, from D on."""
+    kernels = load("delay")
+    Ts = 0.01
+    D = periods * Ts
+    rows = RowArrays(*[np.zeros(0)] * 8, np.full(1, -30.0), np.full(1, 30.0))
+    own = kernels.DelayArrays.of(
+        1, (0, 0, 0), False, Ts, split_delay("a delay", D, Ts), speeds=True
+    )
+    rng = np.random.default_rng(1)
+    accelerations: list[float] = []
+
+    def state(end: float) -> Any:
+        """Return q and q̇ at a time."""
+        x = np.array([0.3, 0.7])
+        begin = 0.0
+        for k, qdd in enumerate([0.0, *accelerations]):
+            until = min(end, D + k * Ts)
+            if until > begin:
+                motion = solve_ivp(
+                    lambda t, x, qdd: [x[1], qdd], (begin, until), x, args=(qdd,), rtol=1e-12
+                )
+                x = motion.y[:, -1]
+                begin = until
+        return x
+
+    for k in range(12):
+        own.now[:] = k * Ts, *state(k * Ts)
+        kernels.foresee(own)
+        acts = state(k * Ts + D)
+        np.testing.assert_allclose(own.now, [k * Ts + D, *acts], atol=1e-9)
+        speed = rng.normal()
+        kernels.send(own, rows, np.array([speed]))
+        accelerations.append(float(np.clip((speed - acts[1]) / Ts, -30.0, 30.0)))
+    assert 0 < sum(abs(qdd) == 30.0 for qdd in accelerations) < 12
 
 
 def test_no_command_leaves_the_bounds_of_now() -> None:

@@ -14,7 +14,7 @@ import pytest
 from vsconstraints.compiled import load
 from vsconstraints.controllers import HierarchicalQP, ResolvedRate, Tracking, VelocityQP
 from vsconstraints.dynamics import ArmDynamics
-from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
 from vsconstraints.rows import Array, Command
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -80,6 +80,58 @@ def test_an_acceleration_just_beyond_its_limit_is_at_it() -> None:
     k.follow_period(loop.workspace, loop.x)
     assert loop.x[k.A, 0] == most
     assert loop.x[k.QD, 0] == pytest.approx(-0.035 + T_S * (most + push))
+
+
+def swinging(offset: float, lag: float, jerk: float) -> FollowingPlant:
+    """Return an arm after a period whose wanted speed is ``offset`` [rad/s] above its own.
+
+    With so little lag, the limit of jerk lets the speed swing about the wanted one.
+    """
+    plant = plant_of(ArmInput("velocity", lag=lag, jerk=jerk))
+    plant.begin(np.array([offset / T_S]))
+    plant.step()
+    return plant
+
+
+@pytest.mark.parametrize("offset", [1e-4, 1e-6])
+def test_a_loop_that_swings_often_in_a_period_is_followed_to_its_end(offset: float) -> None:
+    """Over 64 times: the swings do not grow, as a spring with ȧ = ±j has no other energy."""
+    plant = swinging(offset, lag=1e-9, jerk=3e4)
+    plant.check()
+    assert abs(plant.qd[0] - offset) <= offset * (1.0 + 1e-9)
+    assert plant.q[0] == pytest.approx(0.3 + T_S * offset, abs=0.2 * T_S * offset)
+
+
+def test_a_loop_that_swings_too_often_is_an_error_with_its_remedy() -> None:
+    plant = swinging(1e-9, lag=1e-12, jerk=3e4)
+    with pytest.raises(SceneError, match=r"more than 10000 times .* give a longer lag"):
+        plant.check()
+
+
+@pytest.mark.parametrize(
+    ("delay", "ticks", "share"),
+    [
+        (7.0 * T_S, 1, 0.0),
+        (29.0 * T_S, 10, 0.0),
+        (0.5 * T_S, 1, 0.0),
+        (2.5 * T_S, 10, 0.5),
+        (0.33 * T_S, 10, 0.4),
+    ],
+)
+def test_a_late_command_acts_at_an_instant_of_the_arm(
+    delay: float, ticks: int, share: float
+) -> None:
+    """7 × 0.02 / 0.02 is 7.000000000000001 in floating point, and still a whole number."""
+    plant = plant_of(ArmInput("velocity", rate=ticks / T_S), delay=delay)
+    assert plant.switch == share
+    waiting = math.ceil(delay / T_S - share - 1e-9)
+    for period in range(waiting + 1):
+        assert plant.qd[0] == 0.0
+        plant.begin(np.array([1.0 / T_S if period == 0 else 0.0]))
+        begins = plant.x.T[None].copy()
+        plant.step()
+    before, after = (plant.inside(begins, T_S * (share + side))[1][0, 0] for side in (-0.01, 0.01))
+    assert (before, after) == pytest.approx((0.0, 1.0))
 
 
 def plant_of(arm: ArmInput, n: int = 1, delay: float = 0.0) -> FollowingPlant:

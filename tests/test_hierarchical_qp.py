@@ -921,6 +921,31 @@ def test_a_number_that_is_not_finite_is_refused_before_any_solver(monkeypatch):
     assert attempt.calls == 0
 
 
+@pytest.mark.parametrize("last", ["answered", "without numbers"])
+def test_all_levels_count_and_a_last_one_without_numbers_keeps_the_others(last, monkeypatch):
+    """x₂ ≤ −1 and x₂ ≥ 1 contradict each other, and the damping increases the task's residual."""
+    answered = []
+    solve = DaqpSolver.solve
+
+    def recorded(self, *program):
+        answer = solve(self, *program)
+        if last == "without numbers" and len(answered) == 1:
+            raise InvalidInput("h of the quadratic program is not finite")
+        answered.append(answer.iterations)
+        return answer
+
+    monkeypatch.setattr(DaqpSolver, "solve", recorded)
+    rows = [[0, 1, 0], [0, -1, 0], [1, 1, 1]]
+    task = {"J": [[1, 0, 0]], "b": [3.0]}
+    command = simple(rows, [-1.0, -1.0, -2.0], **task, solver="daqp", damping=1e-2)
+    assert command.status == "relaxed"
+    np.testing.assert_allclose(command.qdd[:2], [3.0, 0.0], atol=1e-6)
+    assert command.qdd[2] <= -5.0 + 1e-6
+    assert command.iterations == sum(answered)
+    assert len(answered) == (2 if last == "answered" else 1)
+    assert ("level 3: h of the quadratic program" in command.reason) == (last != "answered")
+
+
 def test_reset_forgets_failures(monkeypatch):
     monkeypatch.setattr(DaqpSolver, "attempt", counting(SolverError("no")))
     law = HierarchicalQP(alpha=ALPHA, solver="daqp")

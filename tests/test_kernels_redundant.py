@@ -155,3 +155,60 @@ def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, r
                 v = np.concatenate((np.zeros(j), F[j, j:]))
                 Z -= S[1, j] * np.outer(Z @ v, v)
             np.testing.assert_allclose(Z @ Vt[:rank].T, 0.0, atol=1e-9)
+
+
+class Stages:
+    """Stages of the hierarchy on three joints and a task of one, recorded in order.
+
+    Every level has work to do: x₂ ≤ −1 and x₂ ≥ 1 contradict each other, x₁ + x₂ + x₃ ≤ −2 is in
+    the way of the task x₁ = 3, and the damping increases the residual of the task.
+    """
+
+    def __init__(self, monkeypatch, last_code=None):
+        self.module = kernels.load("hierarchy")
+        self.solve_stage = self.module.solve_stage
+        self.calls = []
+        self.last_code = last_code
+        monkeypatch.setattr(self.module, "solve_stage", self.record)
+
+    def record(self, *arguments):
+        code, steps = self.solve_stage(*arguments)
+        self.calls.append((code, steps))
+        separate = self.last_code is not None and len(self.calls) == 3
+        return (self.last_code, 0) if separate else (code, steps)
+
+    def solve(self):
+        walls = kernels.load("walls")
+        none = kernels.load("scratch").no_scratch()
+        A = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 1.0, 1.0]])
+        c = np.array([-1.0, -1.0, -2.0])
+        demands = walls.Demands(A, c, np.ones(3), np.ones(3))
+        resolved = walls.Resolved(np.zeros(3), np.zeros(3), np.zeros(3, dtype=np.bool_))
+        J = np.array([[1.0, 0.0, 0.0]])
+        aim = self.module.aim_at_task(J, np.array([3.0]), np.empty(0), TOLERANCE, none)
+        box = np.array([np.full(3, -np.inf), np.full(3, np.inf)])
+        priorities = self.module.Priorities(box, 1e-2, TOLERANCE, True)
+        with np.errstate(all="ignore"):  # as compiled
+            code, iterations = self.module.hierarchy(demands, aim, priorities, resolved, none)
+        return code, iterations, resolved.qdd
+
+
+def test_iterations_of_all_stages_add_up(monkeypatch):
+    stages = Stages(monkeypatch)
+    code, iterations, qdd = stages.solve()
+    assert code == kernels.load("workspace").RELAXED_ROWS
+    np.testing.assert_allclose(qdd, [3.0, 0.0, -5.0], atol=1e-9)
+    steps = [added for _, added in stages.calls]
+    assert len(steps) == 3
+    assert min(steps[:2]) > 0
+    assert iterations == sum(steps)
+
+
+def test_a_last_stage_without_numbers_keeps_the_answer_of_the_task(monkeypatch):
+    stages = Stages(monkeypatch, kernels.load("hierarchy").NOT_A_NUMBER)
+    code, _, qdd = stages.solve()
+    assert code == kernels.load("workspace").RELAXED_SHORT
+    assert len(stages.calls) == 3
+    # rows and task, but not the least acceleration
+    np.testing.assert_allclose(qdd[:2], [3.0, 0.0], atol=1e-9)
+    assert qdd[2] <= -5.0 + 1e-9

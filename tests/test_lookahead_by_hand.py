@@ -167,12 +167,12 @@ def test_limits_of_a_plan() -> None:
     predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 4))
     # rows that change by 0.02, 0.03 and 0.04 over 0.01 rad, of scales above and below
     predictive.limit(plans, 4, np.array([0.01, 1.0]))
-    np.testing.assert_allclose(plans.share, [[1 / 2, 1.0], [1 / 3, 1.0], [1 / 4, 1.0]])
+    np.testing.assert_allclose(plans.row_factor, [[1 / 2, 1.0], [1 / 3, 1.0], [1 / 4, 1.0]])
     # the instant before counts by what is left of it, but for the brake
     steep = np.array([100.0, 2.0, 300.0, 4.0])
     plans.gradient[:, 0, 0] = steep
     predictive.limit(plans, 4, np.array([0.01, 1.0]))
-    np.testing.assert_allclose(1.0 / plans.share[:, 0], [100.0 * exp(-0.25), 300.0, 4.0])
+    np.testing.assert_allclose(1.0 / plans.row_factor[:, 0], [100.0 * exp(-0.25), 300.0, 4.0])
     plans.gradient[:, 0, 0] = gradient[:, 0, 0]
     predictive.limit(plans, 4, rows.scale)
     limits = predictive.limits_of(plans, 4, rows.scale)

@@ -206,7 +206,7 @@ def test_a_structure_can_refer_to_other_arrays():
 
     def refer(pair: int, source: int, vector: Any) -> float:
         shared = load_pair(pair)
-        parts.share(shared, (vector, load_inner(source).matrix))
+        parts.set_fields(shared, (vector, load_inner(source).matrix))
         return shared.vector[3] + shared.matrix[1, 2] + len(shared.vector)
 
     for function in (compiler.numba.njit(refer), refer):

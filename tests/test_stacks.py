@@ -27,7 +27,7 @@ from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
 from vsconstraints.stacks.child import StackProcess
 from vsconstraints.stacks.description import describe
-from vsconstraints.stacks.protocol import USES
+from vsconstraints.stacks.protocol import USES, read_reply
 from vsconstraints.stacks.stack import Measured
 from vsconstraints.stacks.urdf import urdf_text
 
@@ -135,6 +135,19 @@ def test_a_stack_that_reads_ahead_may_repeat_the_time_of_its_period(setup):
         StackFailedError, match=r"answered the period at t = 0 s when .* at 0\.002 s"
     ):
         asked(setup, ahead + "    time.sleep(0.02)\n    print(json.dumps(answer), flush=True)\n", 3)
+
+
+@pytest.mark.parametrize("t", [0.002, 31.998, 32.002, 600.002])
+def test_a_time_repeated_in_single_precision_is_that_of_its_period(t):
+    """Its resolution is 4 µs from 32 s on, and 61 µs after ten minutes."""
+
+    def answer(time):
+        return read_reply(json.dumps({"velocity": [0.5], "t": time}).encode(), "velocity", 1, t)
+
+    assert answer(float(np.float32(t))).command == [0.5]
+    for other in (t - 0.002, t + 0.002):
+        with pytest.raises(StackFailedError, match="answered the period at"):
+            answer(float(np.float32(other)))
 
 
 def test_a_late_answer_ends_the_run_after_the_limit_of_a_reply(setup, monkeypatch):

@@ -240,6 +240,35 @@ def test_the_damper_is_that_of_faverjon_and_tournassoud() -> None:
     np.testing.assert_allclose(law.command(rows, task).qd, [1.0, 9.0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("K", [[0.5, 0.5], [0.5, 0.1], [100.0, 100000.0], [1e-3, 2.0]])
+@pytest.mark.parametrize("in_numpy", [True, False])
+def test_dampers_that_contradict_each_other_do_not_depend_on_the_unit_of_k(
+    K: list[float], in_numpy: bool
+) -> None:
+    """By hand: of σ = 0.2 and 0.1, and ∂σ/∂t = 0.1 of the first, with ξ = 1, d_i = 0.3, d_s = 0.
+
+    q̇ ≤ −2/3 − 0.1 and −q̇ ≤ −1/3 miss by 1.1 together, and share it.
+    """
+    sigma = np.array([0.2, 0.1])
+    drift = np.array([0.1, 0.0])
+    gradient = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    factors = np.array(K)
+    qd = np.array([0.7, -0.4])
+    sigma_dot = gradient @ qd + drift
+    rows = Rows(
+        sigma + factors * sigma_dot, factors[:, None] * gradient, np.zeros(2), np.ones(2),
+        ("a", "b"), np.ones(2), sigma, sigma_dot, factors,
+    )  # fmt: skip
+    task = Task(np.eye(2), np.zeros(2), np.array([-3.0, -3.0]), np.eye(2) @ qd, qd=qd)
+    law = VelocityDamper(gain=1.0, damping=1e-9)
+    law.reset(period=T_S)
+    command = law.define(rows, task) if in_numpy else law.command(rows, task)
+    assert command.status == "relaxed"
+    np.testing.assert_allclose(command.qd, [-2.0 / 3.0 - 0.1 + 0.55, 3.0], atol=1e-6)
+    assert command.slacks == pytest.approx({"a": 0.55, "b": 0.55})
+    assert "exceeded, in units of σ per second" in command.reason
+
+
 def test_priorities_of_speeds_are_strict_and_rows_that_contradict_are_shared() -> None:
     """x ≤ −1 and x ≥ 1 miss by 1 each, and the task of the other joint is met."""
     rows = Rows(

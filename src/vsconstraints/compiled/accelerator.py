@@ -135,7 +135,7 @@ def read_fields(stored: type, load: Callable[..., Any]) -> None:
 
 
 def array_writer() -> Any:
-    """Return the intrinsic ``write(structure, arrays)``; see :func:`.parts.share`."""
+    """Return the intrinsic ``write(structure, arrays)``; see :func:`.parts.set_fields`."""
     arrayobj = import_module("numba.np.arrayobj")
 
     @numba.extending.intrinsic  # type: ignore[untyped-decorator]

@@ -10,8 +10,8 @@ import numpy as np
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
-from .laws import RESOLVER, apply_law, load_law, share_without_baseline, within
-from .parts import call_int_pointer, load_step, share, struct_loader
+from .laws import RESOLVER, answer_without_baseline, apply_law, load_law, within
+from .parts import call_int_pointer, load_step, set_fields, struct_loader
 from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
 
@@ -25,12 +25,15 @@ class DelayArrays(NamedTuple):
     step: int
     frozen: int  #: 1 if everything is predicted at the current time.
     speeds: int  #: 1 if the law commands joint speeds.
+    #: 1 if the joints have commanded speeds as soon as they act; 0 if the arm takes accelerations,
+    #: and reaches them within a period.
+    at_once: int
     #: T_s, delay of commands, and remaining duration of the first pending command [s].
     period: float
     delay: float
     first: float
-    #: (w, n) pending commands, in the order in which they act: q̈, or q̇ with NaN where there was no
-    #: command.
+    #: (w, n) pending commands, in the order in which they act: q̈; or, if ``at_once``, q̇ with NaN
+    #: where there was no command.
     sent: Array
     now: Array  #: (1 + 2n,) t, q, q̇.
     #: Predicted rows with the current limits of q̈, and the answer to them.
@@ -46,10 +49,12 @@ class DelayArrays(NamedTuple):
         period: float,
         delay: tuple[int, float],
         speeds: bool = False,
+        at_once: bool = False,
     ) -> DelayArrays:
         """Return arrays whose pending commands leave the speeds of the joints as they are.
 
-        ``delay`` is a number of whole periods and the rest [s].
+        ``delay`` is a number of whole periods and the rest [s]. ``speeds`` and ``at_once`` are the
+        fields of these names.
         """
         whole, rest = delay
         under_way, first = (whole + 1, rest) if rest > 0.0 or whole == 0 else (whole, period)
@@ -58,10 +63,11 @@ class DelayArrays(NamedTuple):
             *addresses,
             int(frozen),
             int(speeds),
+            int(at_once),
             period,
             late,
             first,
-            np.full((under_way, n), math.nan if speeds else 0.0),
+            np.full((under_way, n), math.nan if at_once else 0.0),
             np.zeros(1 + 2 * n),
             zeros(RowArrays),
             zeros(Answer),
@@ -73,10 +79,7 @@ load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
 
 @in_place
 def foresee(own: DelayArrays) -> None:
-    """Advance the state ``own.now`` to the time at which a command issued now begins to act.
-
-    Commanded speeds are those of the joints from the moment at which they act.
-    """
+    """Advance the state ``own.now`` to the time at which a command issued now begins to act."""
     commands, n = own.sent.shape
     if own.frozen == 0:
         own.now[0] += own.delay
@@ -84,7 +87,7 @@ def foresee(own: DelayArrays) -> None:
         T = own.period if k > 0 else own.first
         for j in range(n):
             qdd = own.sent[k, j]
-            if own.speeds == 1:
+            if own.at_once == 1:
                 qd = own.now[1 + n + j] if math.isnan(qdd) else qdd
                 own.now[1 + n + j] = qd
                 qdd = 0.0
@@ -93,13 +96,32 @@ def foresee(own: DelayArrays) -> None:
 
 
 @in_place
+def pending_command(own: DelayArrays, rows: RowArrays, j: int, command: float) -> float:
+    """Return what a command, q̈ or q̇, means for joint j when it acts: an entry of ``own.sent``.
+
+    An arm that takes accelerations goes to a commanded q̇ from the one that it has then, which is
+    that of ``own.now``.
+    """
+    if own.at_once == 1:
+        return command
+    qdd = command
+    if own.speeds == 1:
+        before = own.now[1 + own.sent.shape[1] + j]
+        qdd = 0.0 if math.isnan(command) else (command - before) / own.period
+    return within(rows, j, qdd)
+
+
+@in_place
 def send(own: DelayArrays, rows: RowArrays, command: Array) -> None:
-    """Append a command, q̈ or q̇ (n,), to the pending ones."""
+    """Append a command, q̈ or q̇ (n,), to the pending ones.
+
+    ``own.now`` is the state in which it begins to act, as after :func:`foresee`.
+    """
     commands, n = own.sent.shape
     for j in range(n):
         for k in range(1, commands):
             own.sent[k - 1, j] = own.sent[k, j]
-        own.sent[commands - 1, j] = command[j] if own.speeds == 1 else within(rows, j, command[j])
+        own.sent[commands - 1, j] = pending_command(own, rows, j, command[j])
 
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
@@ -118,7 +140,7 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     ):
         return NEEDS_PYTHON
     then = step.rows
-    share(
+    set_fields(
         own.ahead,
         (
             then.phi,
@@ -134,7 +156,7 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         ),
     )
     # the baseline of the predicted state is not that of the current one: do not report it
-    share_without_baseline(own.answer, answer)
+    answer_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
     if code == SOLVED or code >= RELAXED_ROWS:
         send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)

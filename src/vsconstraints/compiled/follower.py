@@ -8,8 +8,8 @@ that are roots of polynomials of degree one or two, or of one exponential.
 A position command moves a reference linearly to it within a period; the loop then wants u = ṙ + w
 (r − q), as cascaded drives do: see :func:`approach`.
 
-``push`` is d, ``most`` is A, ``left`` is the time that is left of a motion, and ``until`` the time
-until its next change; ``x`` (s, n) is the state, whose rows are named below.
+``push`` is d, ``most`` is A, ``left`` is the remaining duration of a motion, and ``until`` the time
+until its next change, both in seconds; ``x`` (s, n) is the state, whose rows are named below.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ from .workspace import F8, I8, zeros
 Q, QD, A, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
 COMMAND = -2
 PUSH = -1
-#: Most parts of the motion between two instants at which the arm takes commands.
-MOST_PARTS = 64
+#: Most parts of the motion between two instants at which the arm takes commands. Some ten are
+#: usual; a loop that swings ever faster about its wanted speed has more.
+MOST_PARTS = 10_000
 SAME = 1e-12  #: Relative difference below which two accelerations are the same.
 #: Share of the distance between the loop and the reference of an arm with mass that is removed in
 #: each period. With 1, the speed of the reference would jump by twice as much.
@@ -48,10 +49,11 @@ class Follower(NamedTuple):
     ``ages`` tells for each instant of a period how many periods old the newest command is that has
     arrived, and ``fresh`` is 1 where it is not that of the instant before. ``positions`` is 1 if
     the arm takes positions. ``implicit`` (1,) is 1 if q_c advances with the new q̇_c alone, as for
-    laws that command speeds. ``lag`` is τ [s], ``feedback`` is κ [1/s]. ``reference`` is the state
-    of the loop. Where an arm with mass follows it as its reference, ``q_c`` and ``qd_c`` are the
-    reference of its joint controllers, and ``move`` and ``moved`` the addresses of the function
-    that moves that arm, and of its workspace.
+    laws that command speeds. ``unfollowed`` (1,) is 1 once a motion has had more than
+    ``MOST_PARTS`` parts, from where on it is wrong. ``lag`` is τ [s], ``feedback`` is κ [1/s].
+    ``reference`` is the state of the loop. Where an arm with mass follows it as its reference,
+    ``q_c`` and ``qd_c`` are the reference of its joint controllers, and ``move`` and ``moved`` the
+    addresses of the function that moves that arm, and of its workspace.
     """
 
     Ts: float
@@ -62,6 +64,7 @@ class Follower(NamedTuple):
     fresh: Annotated[IntArray, I8, "ticks"]
     positions: int
     implicit: Annotated[IntArray, I8, 1]
+    unfollowed: Annotated[IntArray, I8, 1]
     lag: float
     feedback: float
     acceleration: Annotated[Array, F8, "n"]
@@ -139,7 +142,10 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
 
 @in_place
 def follow_at_limit(f: Follower, x: Array, j: int, left: float, asked: float) -> float:
-    """Move joint j with a at its limit until the loop asks for less; return the time left."""
+    """Move joint j with a at its limit until the loop asks for less.
+
+    Return the remaining duration.
+    """
     push = x[PUSH, j]
     # speed by which the wanted one exceeds that at which the loop asks for the limit, and its rate
     away = (abs(asked) - f.acceleration[j]) * f.lag
@@ -156,15 +162,17 @@ def exceeding(a: float, most: float, push: float, lag: float) -> float:
     """Return the time until |a| of a lagging joint exceeds A, infinity if |d| ≤ A."""
     if abs(push) <= most:
         return math.inf
-    share = (np.copysign(most, -push) + push) / (a + push)
-    return -lag * np.log(share) if 0.0 < share < 1.0 else math.inf
+    # q̈ = a + d fades as exp(−t/τ), until a is at the end opposite to d
+    at_end = np.copysign(most, -push) + push
+    faded_to = at_end / (a + push)
+    return -lag * np.log(faded_to) if 0.0 < faded_to < 1.0 else math.inf
 
 
 @in_place
 def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> tuple[float, bool]:
     """Move joint j with ȧ = ``jerk`` until a is what the loop asks for, or at its limit.
 
-    Return the time that is left, and True if a is then what the loop asks for. ``met`` is True if
+    Return the remaining duration, and True if a is then what the loop asks for. ``met`` is True if
     it is so at the beginning, and what the loop asks for changes faster than a.
     """
     most = f.acceleration[j]
@@ -187,8 +195,11 @@ def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> 
 
 
 @in_place
-def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
-    """Move joint j for ``left`` [s] by a loop with lag and limits of a and ȧ."""
+def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
+    """Move joint j for ``left`` [s] by a loop with lag and limits of a and ȧ.
+
+    Return False if the motion has more than ``MOST_PARTS`` parts, of which only these are made.
+    """
     most = f.acceleration[j]
     jerk = f.jerk[j]
     push = x[PUSH, j]
@@ -196,7 +207,7 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
     met = False  # True if a is what the loop asks for
     for _ in range(MOST_PARTS):
         if left <= 0.0:
-            return
+            return True
         asked = (x[WANTED, j] - x[QD, j]) / lag
         aim = min(max(asked, -most), most)
         # rounding may have left a just beyond its limit, from where a ramp would lead away
@@ -218,7 +229,7 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> None:
         else:
             # the lag would change a faster than the jerk allows
             left, met = ramp(f, x, j, left, np.copysign(jerk, -total), True)
-    glide(x, j, max(left, 0.0), 0.0, push)
+    return left <= 0.0
 
 
 @in_place
@@ -250,7 +261,10 @@ def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
 
 @in_place
 def advance(f: Follower, x: Array, span: float) -> None:
-    """Move the joints for the first ``span`` [s] of a period, whose command is integrated."""
+    """Move the joints for the first ``span`` [s] of a period, whose command is integrated.
+
+    Motions with too many parts set ``f.unfollowed``.
+    """
     done = 0.0
     for instant in range(f.ticks):
         t = min(f.Ts / f.ticks, span - done)
@@ -261,8 +275,8 @@ def advance(f: Follower, x: Array, span: float) -> None:
         for j in range(x.shape[1]):
             if f.lag == 0.0:
                 follow_at_once(x, j, t, f.acceleration[j], x[PUSH, j])
-            else:
-                follow_limited(f, x, j, t)
+            elif not follow_limited(f, x, j, t):
+                f.unfollowed[0] = 1
         done += t
 
 
@@ -274,11 +288,11 @@ def integrate_command(f: Follower, x: Array) -> None:
     for i in range(oldest - 1, COMMANDS - 1, -1):
         for j in range(x.shape[1]):
             x[i + 2, j] = x[i, j]
-    share = 1.0 if f.implicit[0] else 0.5
+    weight_of_change = 1.0 if f.implicit[0] else 0.5
     for j in range(x.shape[1]):
         qdd = x[COMMAND, j]
         qd = x[COMMANDS + 1, j]
-        x[COMMANDS, j] += f.Ts * (qd + share * f.Ts * qdd)
+        x[COMMANDS, j] += f.Ts * (qd + weight_of_change * f.Ts * qdd)
         x[COMMANDS + 1, j] = qd + f.Ts * qdd
 
 
@@ -287,13 +301,17 @@ load_follower = struct_loader(zeros(Follower))
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)
 def follow_period_at(follower_address: int, x: Array) -> int:
-    """Move the joints through a period with the command x[-2]. Return 0."""
+    """Move the joints through a period with the command x[-2].
+
+    Return 0, or 1 if the loop could not be followed.
+    """
     f = load_follower(follower_address)
     integrate_command(f, x)
     advance(f, x, f.Ts)
     for j in range(x.shape[1]):
         x[AGE, j] = (x[AGE, j] + 1.0) % f.periods
-    return 0
+    unfollowed: int = f.unfollowed[0]
+    return unfollowed
 
 
 @checked(Follower)
@@ -331,10 +349,13 @@ def write_reference(f: Follower, x: Array) -> None:
 def follow_with_mass(follower_address: int, x: Array) -> int:
     """Move an arm whose joint controllers follow the loop's motion as their reference.
 
-    Its command x[-2] becomes that of the reference. Return what the arm's function returns.
+    Its command x[-2] becomes that of the reference. Return what the arm's function returns, or 1
+    if the loop could not be followed.
     """
     f = load_follower(follower_address)
     write_reference(f, x)
+    if f.unfollowed[0] != 0:
+        return 1
     return call_int_pointer(f.move, (f.moved, x))
 
 

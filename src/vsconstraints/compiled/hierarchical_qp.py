@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..formulas.row import BOUND, share
+from ..formulas.row import BOUND, share_within
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place
@@ -44,12 +44,12 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     """
     kappa = 1.0
     for j in range(qdd.size):
-        kappa_up = share(box[GREATEST, j], qdd[j])
-        kappa_down = share(-box[LEAST, j], -qdd[j])
+        kappa_up = share_within(box[GREATEST, j], qdd[j])
+        kappa_down = share_within(-box[LEAST, j], -qdd[j])
         kappa = min(kappa, kappa_up, kappa_down)
     for i in range(rows.phi.size):
         influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
-        law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
+        law.tracked[i] = share_within(law.asked[i], law.tracked[i]) if influenced else 1.0
         kappa = min(kappa, law.tracked[i])
     for j in range(qdd.size):
         qdd[j] *= kappa

@@ -200,12 +200,24 @@ def solve_in_span(
 
 
 @inner
-def accept(code: int, point: Array, qdd: Array) -> bool:
-    """Copy the point to the command q̈ if it has passed its check, and return True then."""
-    accepted = code == SOLVED
-    if accepted:
+def attempt(
+    walls: Inequalities,
+    aim: Aim,
+    Z: Array,
+    p: int,
+    priorities: Priorities,
+    point: Array,
+    qdd: Array,
+    scratch: Scratch,
+) -> tuple[int, int]:
+    """Solve a stage, and make its point the command q̈ if it passes its check.
+
+    Otherwise the command stays as it is. Return the same as :func:`solve_stage`.
+    """
+    code, steps = solve_stage(walls, aim.G, Z, p, priorities, aim.X, point, scratch)
+    if code == SOLVED:
         copy_vector(qdd, point[0])
-    return accepted
+    return code, steps
 
 
 @inner
@@ -253,11 +265,12 @@ def solve_task_separately(
     point: Array,
     qdd: Array,
     scratch: Scratch,
-) -> tuple[int, bool, int]:
+) -> tuple[bool, int]:
     """Solve level 2 without damping, then level 3 among its minimisers.
 
-    The search begins at the command q̈ and keeps the equalities [A | 0] of level 1. Return the
-    same as :func:`descend_levels`.
+    The search begins at the command q̈ and keeps the equalities [A | 0] of level 1. If level 3 has
+    no answer, the command is that of level 2. Return True if levels 2 and 3 may be improved, and
+    the number of rows that were added.
     """
     G = aim.G
     X = aim.X
@@ -270,16 +283,13 @@ def solve_task_separately(
     )
     levels.start_from(X, point, priorities.box, qdd)
     if not proved:
-        return SOLVED, True, 0
+        return True, 0
     equal = levels.join(equal, walls.normals, walls.held, G, scratch)
     Z, p = levels.find_freedom(equal, X, False, scratch)
     if p == 0:
-        return SOLVED, False, 0
-    code, steps = solve_stage(walls, G, Z, p, priorities, X, point, scratch)
-    if code == NOT_A_NUMBER:
-        return FAILED, False, 0
-    accepted = accept(code, point, qdd)
-    return SOLVED, not accepted, steps
+        return False, 0
+    code, steps = attempt(walls, aim, Z, p, priorities, point, qdd, scratch)
+    return code != SOLVED, steps
 
 
 @inner
@@ -288,7 +298,8 @@ def descend_levels(
 ) -> tuple[int, bool, int]:
     """Solve the levels in turn where the unconstrained command violates rows or box.
 
-    Return the code, True if levels 2 and 3 may be improved, and the number of iterations.
+    Return the code, True if levels 2 and 3 may be improved, and the number of rows that all stages
+    added; 0 if the rows leave no choice.
 
     In x = origin + Z y, Z first spans the directions of the task of a redundant arm, then all
     directions. If these fail, some rows cannot be met: Z spans the directions that keep the
@@ -301,21 +312,23 @@ def descend_levels(
     is_redundant = priorities.strict and aim.rank < n
     point = matrix(scratch, ROWS_OF_POINT, n)
     copy(point, AIM, X, levels.CENTER, n)
+    total = 0
     if is_redundant:
         found, steps = solve_in_span(walls, aim, priorities, point, scratch)
+        total += steps
         if found:
             copy_vector(qdd, point[0])
-            return SOLVED, False, steps
+            return SOLVED, False, total
     all_directions = matrix(scratch, START, n)  # without rows: Z is the identity
     kept: Array = matrix(scratch, START, n)
-    code, steps = solve_stage(walls, G, all_directions, n, priorities, X, point, scratch)
+    code, steps = attempt(walls, aim, all_directions, n, priorities, point, qdd, scratch)
+    total += steps
     if code == NOT_A_NUMBER:
-        return FAILED, False, 0
-    accepted = accept(code, point, qdd)
-    if not accepted:
-        code, equal = relax(walls, aim, priorities, point, qdd, scratch)
-        if code != SOLVED:
-            return code, False, steps
+        return FAILED, False, total
+    if code != SOLVED:
+        relaxed, equal = relax(walls, aim, priorities, point, qdd, scratch)
+        if relaxed != SOLVED:
+            return relaxed, False, total
         # find_freedom overwrites the equalities
         kept = matrix(scratch, equal.shape[0], n)
         for i in range(equal.shape[0]):
@@ -323,18 +336,14 @@ def descend_levels(
         Z, p = levels.find_freedom(equal, X, True, scratch)
         if p == 0:
             return SOLVED, False, 0
-        code, steps = solve_stage(walls, G, Z, p, priorities, X, point, scratch)
+        code, steps = attempt(walls, aim, Z, p, priorities, point, qdd, scratch)
+        total += steps
         if code == NOT_A_NUMBER:
-            return FAILED, False, 0
-        accepted = accept(code, point, qdd)
-    if accepted and not (is_redundant and levels.damped(G, X, point)):
-        return SOLVED, False, steps
-    code, may_improve, more = solve_task_separately(
-        walls, aim, priorities, kept, point, qdd, scratch
-    )
-    if code == FAILED:
-        return FAILED, False, 0
-    return code, may_improve, steps + more
+            return FAILED, False, total
+    if code == SOLVED and not (is_redundant and levels.damped(G, X, point)):
+        return SOLVED, False, total
+    may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
+    return SOLVED, may_improve, total + steps
 
 
 @inner
@@ -349,7 +358,7 @@ def hierarchy(
 
     Return ``SOLVED``; ``RELAXED_ROWS`` if bounds are violated; ``SHORT`` if levels 2 and 3 may be
     improved; ``RELAXED_SHORT`` for both; or ``FAILED``. Also return the number of iterations of the
-    active-set method, at least 1 if it was needed.
+    active-set method in all stages: at least 1 if it was needed, 0 if the rows leave no choice.
     """
     fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)

@@ -16,7 +16,7 @@ from .parts import (
     call_int_pointer,
     checked,
     make_part,
-    share,
+    set_fields,
     struct_loader,
     to_fixed_tuple,
     warn_refused,
@@ -153,10 +153,10 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 
 @in_place
-def share_without_baseline(inner: Answer, answer: Answer) -> None:
+def answer_without_baseline(inner: Answer, answer: Answer) -> None:
     """Let an inner law write to the arrays of an answer, except its unconstrained command."""
     outputs = answer.qdd, answer.acted, answer.slack, answer.iterations
-    share(inner, (*outputs, answer.alone[:0]))
+    set_fields(inner, (*outputs, answer.alone[:0]))
 
 
 @in_place
@@ -219,9 +219,9 @@ def follow(
     none = phi[:0]
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
-    share(arrays.rows, (phi, Lg, Lf, none, none, none, gain, scale, none, none))
-    share(arrays.task, (J, b, none, none, none, none))
-    share(arrays.answer, (qdd, acted, slack, iterations, none))
+    set_fields(arrays.rows, (phi, Lg, Lf, none, none, none, gain, scale, none, none))
+    set_fields(arrays.task, (J, b, none, none, none, none))
+    set_fields(arrays.answer, (qdd, acted, slack, iterations, none))
     code: int = call_int_pointer(arrays.resolver, (law, arrays.rows, arrays.task, arrays.answer))
     return code
 
@@ -239,9 +239,9 @@ def follow_whole(
     arrays = load_law(law)
     rows = arrays.rows
     task = arrays.task
-    share(rows, of_rows)
-    share(task, of_task)
-    share(arrays.answer, (qdd, acted, slack, iterations, of_rows[0][:0]))
+    set_fields(rows, of_rows)
+    set_fields(task, of_task)
+    set_fields(arrays.answer, (qdd, acted, slack, iterations, of_rows[0][:0]))
     m = arrays.asked.size
     if rows.phi.size != m or acted.size != m:
         return NEEDS_PYTHON

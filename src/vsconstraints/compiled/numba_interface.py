@@ -269,7 +269,7 @@ def load_as(function: Callable[..., Any], example: Any) -> None:
         return implementation
 
 
-def share_as(function: Callable[..., Any]) -> None:
+def set_fields_as(function: Callable[..., Any]) -> None:
     """Let compiled code call ``function(structure, arrays)``.
 
     It writes where the arrays, a plain tuple, are in memory to the fields of the structure, in
@@ -278,7 +278,7 @@ def share_as(function: Callable[..., Any]) -> None:
     write: Any = accelerator.array_writer() if accelerator.USED else None
 
     @overload(function, jit_options=PART)  # type: ignore[untyped-decorator]
-    def share(structure: Any, arrays: Any) -> Any:
+    def set_fields(structure: Any, arrays: Any) -> Any:
         def accelerated(structure: Any, arrays: Any) -> Any:
             write(structure, arrays)
 

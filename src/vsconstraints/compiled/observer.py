@@ -12,7 +12,7 @@ from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, load_law
 from .linear import copy_vector
-from .parts import call_int_pointer, share, struct_loader
+from .parts import call_int_pointer, set_fields, struct_loader
 from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
 
 #: Rows of an observation.
@@ -96,7 +96,7 @@ def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if rows.sigma.size != m or rows.sigma_dot.size != m or rows.K.size != m or rows.phi.size != m:
         return NEEDS_PYTHON
     correct(own, rows)
-    share(
+    set_fields(
         own.corrected,
         (
             own.phi,

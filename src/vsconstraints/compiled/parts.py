@@ -83,7 +83,7 @@ def struct_loader(example: Any) -> Callable[[int], Any]:
     return load_struct
 
 
-def share(structure: Any, arrays: tuple[Any, ...]) -> None:
+def set_fields(structure: Any, arrays: tuple[Any, ...]) -> None:
     """Let the fields of a structure refer to these arrays, in the order of the fields."""
     for name, array in zip(vars(structure), arrays, strict=True):
         setattr(structure, name, array)
@@ -95,7 +95,7 @@ if compiler.interface is not None:
     compiler.interface.fixed_tuple_as(to_fixed_tuple)
     compiler.interface.matrix_at_as(matrix_at)
     compiler.interface.monotonic_as(monotonic, getattr(time, "CLOCK_MONOTONIC", 1))
-    compiler.interface.share_as(share)
+    compiler.interface.set_fields_as(set_fields)
 
 
 def checked(*kinds: type, calls: int | None = None) -> Callable[[Any], Any]:

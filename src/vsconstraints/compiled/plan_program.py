@@ -80,7 +80,7 @@ class Factor(NamedTuple):
     """Riccati factors of the cost.
 
     Y (H, n, 2n), y (H, n), L (H, n, n) and the inverses of its diagonal (H, n); P (2n + 1, 2n) of
-    the cost-to-go.
+    the cost-to-go ½ xᵀP x − pᵀx of a state x: its last row is p, with this sign.
     """
 
     Y: Array
@@ -104,10 +104,10 @@ class Limits(NamedTuple):
     gradient: Array
     by_speed: IntArray
     #: (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left, multiplied by their
-    #: shares.
+    #: factors.
     falls: Array
     left: Array
-    share: Array
+    row_factor: Array
     scale: Array  #: (m,) scales of the rows.
     #: (H, n) bounds of the box.
     low: Array
@@ -326,7 +326,7 @@ def at(limits: Limits, moved: Array, t: int, i: int) -> float:
 def constraint_excess(limits: Limits, t: int, i: int, value: float, next_value: float) -> float:
     """Return the excess of constraint i, which has these values at instant t and the next."""
     over = next_value - limits.falls[t] * value - limits.left[t, i]
-    multiplied: float = limits.share[t, i] * over
+    multiplied: float = limits.row_factor[t, i] * over
     return multiplied
 
 
@@ -420,15 +420,16 @@ def differentiate(
         t = row // m
         i = row % m
         k = limits.block[t + 1]
-        share = limits.share[t, i]
+        factor_of_row = limits.row_factor[t, i]
         if k == H:
             for j in range(n):
-                adjoint[1, j] = share * limits.gradient[t + 1, i, j]
+                adjoint[1, j] = factor_of_row * limits.gradient[t + 1, i, j]
                 adjoint[2, j] = 0.5 * limits.stop * adjoint[1, j]
         else:
-            pull_on(limits, adjoint, t + 1, i, share, True)
+            pull_on(limits, adjoint, t + 1, i, factor_of_row, True)
         if t > 0:
-            pull_on(limits, adjoint, t, i, -share * limits.falls[t], limits.block[t] == k)
+            is_same_block = limits.block[t] == k
+            pull_on(limits, adjoint, t, i, -factor_of_row * limits.falls[t], is_same_block)
     else:
         entry = row - limits.left.size
         k = (entry % limits.low.size) // n

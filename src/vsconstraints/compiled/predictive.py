@@ -112,7 +112,7 @@ class PlanArrays(NamedTuple):
     by_speed: IntArray
     falls: Array
     left: Array
-    share: Array
+    row_factor: Array
     low: Array
     high: Array
     space: Space  #: See :class:`.Space`.
@@ -144,7 +144,7 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
         "gradient": zeros((N, m, n)),
         "falls": zeros(N - 1),
         "left": zeros((N - 1, m)),
-        "share": zeros((N - 1, m)),
+        "row_factor": zeros((N - 1, m)),
         "low": zeros((H, n)),
         "high": zeros((H, n)),
         "space": Space.of(H, N, n, m),
@@ -209,13 +209,13 @@ def carry_on(plans: PlanArrays) -> None:
         brake(plans)
         return
     over = int(after / plans.length)
-    share = after / plans.length - over
+    into_block = after / plans.length - over
     for k in range(H):
         for j in range(n):
             old = k + over
             first = plans.plan[old, j] if old < H else plans.then[j]
             second = plans.plan[old + 1, j] if old + 1 < H else plans.then[j]
-            mean = (1.0 - share) * first + share * second
+            mean = (1.0 - into_block) * first + into_block * second
             plans.plan[k, j] = min(max(mean, plans.low[k, j]), plans.high[k, j])
 
 
@@ -282,7 +282,7 @@ def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
         plans.by_speed,
         plans.falls,
         plans.left,
-        plans.share,
+        plans.row_factor,
         scale,
         plans.low,
         plans.high,
@@ -371,10 +371,10 @@ def drift_while_fading(plans: PlanArrays, rows: RowArrays, i: int, per_speed: fl
 
 @in_place
 def limit(plans: PlanArrays, count: int, scale: Array) -> None:
-    """Write decay of rows, allowed violations while braking, and shares.
+    """Write decay of rows, allowed violations while braking, and factors.
 
     ``falls`` is the factor by which rows decrease from instant to instant, ``left`` how far they
-    may be exceeded while braking, and ``share`` the factor that a row is multiplied by.
+    may be exceeded while braking, and ``row_factor`` the factor that a row is multiplied by.
     """
     m = plans.gradient.shape[1]
     N = plans.times.size - 1
@@ -394,7 +394,7 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
             for j in range(plans.then.size):
                 before = plans.falls[t] * abs(plans.gradient[t, i, j])
                 steepest = max(steepest, abs(plans.gradient[t + 1, i, j]), before)
-            plans.share[t, i] = scale[i] / max(scale[i], ROW_SCALE_DISTANCE * steepest)
+            plans.row_factor[t, i] = scale[i] / max(scale[i], ROW_SCALE_DISTANCE * steepest)
 
 
 @in_place

@@ -123,9 +123,9 @@ def pushed(law: LawArrays, rows: RowArrays, acted: BoolArray, z: Array) -> bool:
         some |= acted[i]
         # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
         if acted[i] and law.squared[i] > 0.0:
-            share = push[i] / law.squared[i]
+            multiple = push[i] / law.squared[i]
             for j in range(z.size):
-                z[j] += share * rows.Lg[i, j]
+                z[j] += multiple * rows.Lg[i, j]
     return some
 
 

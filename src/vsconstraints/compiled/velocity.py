@@ -12,12 +12,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..formulas.projection import CLOSED, OPENED, opening
-from ..formulas.velocity import adaptive_gain, damped_bound
+from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
 from ..rows import Array, BoolArray
 from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, apply_law, bounds, load_law, share_without_baseline
+from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, load_law
 from .linear import finite
-from .parts import call_int_pointer, share, struct_loader
+from .parts import call_int_pointer, set_fields, struct_loader
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
 from .workspace import (
@@ -258,9 +258,23 @@ def has_room(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> bool:
     They are passed on by address, so that they must not be allocated elsewhere.
     """
     k, n = task.J.shape
+    m = rows.phi.size
     damped = n if own.damping > 0.0 else 0
-    needed = (k + damped) * (n + 1) + 2 * rows.phi.size
+    rescaled = m if own.speed > 0.0 else 0
+    needed = (k + damped) * (n + 1) + rescaled * n + 2 * m
     return bool(needed <= own.scratch.numbers.size)
+
+
+@inner
+def damper_gradients(own: SpeedArrays, rows: RowArrays) -> Array:
+    """Return ∇σ (m, n) of the rows, whose L_gφ is K ∇σ; L_gφ itself of rows on speeds."""
+    m, n = rows.Lg.shape
+    G = matrix(own.scratch, m, n)
+    for i in range(m):
+        factor = rate_factor(rows.K[i])
+        for j in range(n):
+            G[i, j] = rows.Lg[i, j] / factor
+    return G
 
 
 @inner
@@ -268,7 +282,8 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     """Write rows and task of the quadratic program, with q̇ in place of q̈.
 
     G q̇ ≤ h becomes rows with φ = −h; see
-    :meth:`vsconstraints.controllers.velocity.quadratic.QuadraticVelocity.solve`.
+    :meth:`vsconstraints.controllers.velocity.quadratic.QuadraticVelocity.solve`. Velocity dampers
+    have their own G and h, which do not depend on K.
     """
     k, n = task.J.shape
     m = rows.phi.size
@@ -297,10 +312,11 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
             h = damped_bound(h, rows.sigma[i], rows.K[i], rows.scale[i], *damper)
         phi[i] = -h
         drift[i] = 0.0
+    G = damper_gradients(own, rows) if own.speed > 0.0 else rows.Lg
     gains = rows.switching_gain, rows.scale
     box = own.least, own.greatest
-    share(own.rows, (phi, rows.Lg, drift, none, none, none, *gains, *box))
-    share(own.task, (J, v, none, none, none, none))
+    set_fields(own.rows, (phi, G, drift, none, none, none, *gains, *box))
+    set_fields(own.task, (J, v, none, none, none, none))
 
 
 @compiled(RESOLVER, from_python=False)
@@ -314,7 +330,7 @@ def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return NEEDS_PYTHON
     own.scratch.taken[0] = 0
     write_program(own, rows, task)
-    share_without_baseline(own.answer, answer)
+    answer_without_baseline(own.answer, answer)
     code = apply_law(own.program, own.rows, own.task, own.answer)
     if code != SOLVED and code < RELAXED_ROWS:
         return code

@@ -334,22 +334,29 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     """
     vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
     middle = vertices.mean(axis=0)
-    axes = svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
+    from_middle = vertices - middle
+    axes: Array = np.eye(3)
+    if len(vertices) > 1:
+        axes = svd(from_middle, full_matrices=False)[2]
     # coordinates along the principal axes
-    x = (vertices - middle) @ axes.T
+    x = from_middle @ axes.T
     low = x.min(axis=0)
-    high = x.max(axis=0)
-    main = int(np.argmax(high - low))
-    count = max(1, int(np.ceil((high[main] - low[main]) / spacing))) + more
-    part = (x[:, main] - low[main]) / max(high[main] - low[main], 1e-300)
+    extent = x.max(axis=0) - low
+    main = int(np.argmax(extent))
+    length = extent[main]
+    required = max(1, int(np.ceil(length / spacing)))
+    count = required + more
+    part = (x[:, main] - low[main]) / max(length, 1e-300)
     slice_of = np.minimum((part * count).astype(int), count - 1)
     centres = []
     for i in np.unique(slice_of):
         inside = x[slice_of == i]
-        centres.append(0.5 * (inside.min(axis=0) + inside.max(axis=0)))
+        lowest = inside.min(axis=0)
+        highest = inside.max(axis=0)
+        centres.append(0.5 * (lowest + highest))
     points: Array = np.array(centres) @ axes + middle
-    reach = max(_distance_to_nearest(corners, points) + slack for corners, slack in patches)
-    return points, reach
+    reaches = [_distance_to_nearest(corners, points) + slack for corners, slack in patches]
+    return points, max(reaches)
 
 
 def _distance_to_nearest(patches: Array, points: Array) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import coal
@@ -128,14 +129,15 @@ class BodyDistance(Constraint):
 
     def _measure(self, q: Array) -> tuple[Array, Array]:
         """Return the signed distances (r,) at q and −∂d/∂q (r, n)."""
-        J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
+        jacobian = pin.computeJointJacobians(self._model, self._data, q)
+        J = np.asarray(jacobian).reshape(6, -1)
         placed = {key: self._placed(body) for key, body in self._bodies.items()}
         distances = np.empty(len(self.pairs))
         wrenches = np.empty((len(self.pairs), 6))
         for i, (first, second) in enumerate(self.pairs):
-            of_parts = [
-                self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]
-            ]
+            of_parts = []
+            for a, b in product(placed[id(first)], placed[id(second)]):
+                of_parts.append(self._nearest(a, b, i))
             distances[i], n, p = min(of_parts, key=lambda nearest: nearest[0])
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = n

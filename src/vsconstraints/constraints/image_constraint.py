@@ -210,10 +210,12 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     Segments are halved until all are within :data:`ACCURACY` of the curve, or that short. On
     straight parts, points are added so that the nearest vertex is next to the nearest point.
     """
-    for _ in range(int(np.ceil(np.log2(STEP / ACCURACY)))):
+    most_halvings = int(np.ceil(np.log2(STEP / ACCURACY)))
+    for _ in range(most_halvings):
         middle = 0.5 * (line[1:] + line[:-1])
         moved = _onto_curve(middle, sigma, gradient)
-        off = np.flatnonzero(_lengths(moved - middle) > ACCURACY)
+        distance = _lengths(moved - middle)
+        off = np.flatnonzero(distance > ACCURACY)
         if not len(off):
             break
         line = np.insert(line, off + 1, moved[off], axis=0)
@@ -239,9 +241,11 @@ def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     for _ in range(3):
         g = gradient(line)
         squared = np.maximum((g * g).sum(axis=1), 1e-300)
-        step = -(sigma(line) / squared)[:, None] * g
+        newton_factor = -(sigma(line) / squared)
+        step = newton_factor[:, None] * g
         length = np.sqrt((step * step).sum(axis=1, keepdims=True))
-        line = line + step * np.minimum(1.0, 0.5 * STEP / np.maximum(length, 1e-300))
+        shortening = np.minimum(1.0, 0.5 * STEP / np.maximum(length, 1e-300))
+        line = line + step * shortening
     return line
 
 

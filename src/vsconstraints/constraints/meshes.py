@@ -160,8 +160,10 @@ def _ball() -> Mesh:
     k = np.arange(BALL_POINTS) + 0.5
     z = 1.0 - 2.0 * k / BALL_POINTS
     turn = np.pi * (1.0 + np.sqrt(5.0)) * k
-    around = np.sqrt(1.0 - z * z)
-    return hull(np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1))
+    radius = np.sqrt(1.0 - z * z)
+    x = radius * np.cos(turn)
+    y = radius * np.sin(turn)
+    return hull(np.stack([x, y, z], axis=1))
 
 
 def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
@@ -179,11 +181,14 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, fl
         return np.zeros((1, 1, 3)), float(geometry.radius)
     if isinstance(geometry, coal.Cylinder):
         slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
-        return _divided(_cylinder(geometry.radius, geometry.halfLength), longest), slack
+        triangles = _cylinder(geometry.radius, geometry.halfLength)
+        return _divided(triangles, longest), slack
     if isinstance(geometry, coal.Capsule):
         half = geometry.halfLength
-        z = np.linspace(-half, half, 2 + int(2.0 * half / longest))
-        line = np.stack((np.zeros_like(z), np.zeros_like(z), z), axis=1)
+        count = 2 + int(2.0 * half / longest)
+        z = np.linspace(-half, half, count)
+        zeros = np.zeros_like(z)
+        line = np.stack((zeros, zeros, z), axis=1)
         segments = np.stack((line[:-1], line[1:]), axis=1)
         return segments, float(geometry.radius)
     geometry.computeLocalAABB()
@@ -197,19 +202,24 @@ def _cells(low: Array, high: Array, longest: float) -> Array:
     for a, b in zip(low, high, strict=True):
         count = max(1, int(np.ceil((b - a) / longest)))
         steps = np.linspace(a, b, 1 + count)
-        ends.append((steps[:-1], steps[1:]))
+        lower_ends = steps[:-1]
+        upper_ends = steps[1:]
+        ends.append((lower_ends, upper_ends))
     corners = []
     # the lower (0) or the upper (1) end of every step along x, y and z
     for x, y, z in np.ndindex(2, 2, 2):
         corner = np.meshgrid(ends[0][x], ends[1][y], ends[2][z], indexing="ij")
-        corners.append(np.stack(corner, axis=-1).reshape(-1, 3))
+        coordinates = np.stack(corner, axis=-1)
+        corners.append(coordinates.reshape(-1, 3))
     return np.stack(corners, axis=1)
 
 
 def _cylinder(radius: float, half: float) -> Array:
     """Return triangles (t, 3, 3) between a cylinder's rims and the centres of its ends."""
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
-    rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
+    x = np.cos(angle)
+    y = np.sin(angle)
+    rim = radius * np.stack((x, y, np.zeros_like(angle)), axis=1)
     up = np.array([0.0, 0.0, half])
     # corners of each side, at its beginning and at its end around the axis
     low = (rim - up)[:-1]
@@ -230,13 +240,15 @@ def _divided(corners: Array, longest: float) -> Array:
     """Return triangles (t, 3, 3), halved repeatedly until no edge is longer than ``longest``."""
     done = []
     while len(corners):
-        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        to_next = corners - np.roll(corners, -1, axis=1)
+        edges = np.linalg.norm(to_next, axis=2)
         long = edges.max(axis=1) > longest
         done.append(corners[~long])
         corners = corners[long]
         edges = edges[long]
         # reordered so that the longest edge is from the first to the second corner
-        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        longest_edge = edges.argmax(axis=1)
+        order = (longest_edge[:, None] + np.arange(3)) % 3
         ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
         a, b, c = ordered.transpose(1, 0, 2)
         middle = 0.5 * (a + b)

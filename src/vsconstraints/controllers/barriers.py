@@ -223,10 +223,10 @@ class PrescribedTimeBarrier(WithRate):
 
         Outside, c = −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ.
         """
-        share = 1.0 - row.period / np.maximum(time - row.memory[0], row.period)
-        rate = where(
-            row.phi > 0.0, (1.0 - np.exp(-alpha * row.period) * share**exponent) / row.period, alpha
-        )
+        remaining_time = np.maximum(time - row.memory[0], row.period)
+        remaining_share = 1.0 - row.period / remaining_time
+        kept = np.exp(-alpha * row.period) * remaining_share**exponent
+        rate = where(row.phi > 0.0, (1.0 - kept) / row.period, alpha)
         later = row.memory[0] + row.period
         return -rate * row.phi - row.Lf, where((row.phi > 0.0) & (later < time), later, 0.0)
 

@@ -80,7 +80,8 @@ class Optimum(NamedTuple):
     ``violation`` (m,) is the violation of each row, exactly zero where the row can be met.
     ``holding`` (m,) are the rows that are violated, or at their bound with a positive multiplier.
     ``shortfall`` is the reason why the levels below the first may be better met than by x, empty if
-    they cannot. ``fallback`` lists earlier failures, empty if there were none.
+    they cannot. ``fallback`` lists earlier failures, empty if there were none. ``iterations`` are
+    those of all QPs on the way to x.
     """
 
     x: Array
@@ -89,6 +90,7 @@ class Optimum(NamedTuple):
     verified: Verified | None
     shortfall: str = ""
     fallback: str = ""
+    iterations: int = 0
 
 
 def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
@@ -134,7 +136,7 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     )
     if best.verified:
         command.solver = best.verified.solver
-        command.iterations = best.verified.answer.iterations
+        command.iterations = best.iterations
     return command
 
 
@@ -302,13 +304,19 @@ def _nearest(
             f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, due to rounding"
         )
     holding = multipliers > limit.PULLING * multipliers.max()
-    return Optimum(x, np.empty(0), holding, verified, fallback=verified.fallback)
+    iterations = verified.answer.iterations
+    return Optimum(
+        x, np.empty(0), holding, verified, fallback=verified.fallback, iterations=iterations
+    )
 
 
 def _strictly(
     found: Optimum, cost: Target, equal: Array, walls: Array, sides: Array, solvers: SolverChain
 ) -> Optimum:
-    """Solve level 2 alone from a point that meets all rows, then level 3 if a choice is left."""
+    """Solve level 2 alone from a point that meets all rows, then level 3 if a choice is left.
+
+    If level 3 has no answer, that of level 2 is returned with a shortfall.
+    """
     sides = _with_room(walls, sides, found.x, limit.MET)
     G: Array = cost.gains[:, None] * cost.directions.T
     x = found.x.copy()
@@ -326,11 +334,16 @@ def _strictly(
     center = x - N @ (N.T @ (x - cost.center))
     try:
         last = _nearest(center, N, walls[free], sides[free], solvers)
-    except SolverError as error:
+    except (SolverError, InvalidInput) as error:
         return found._replace(x=x, holding=holding, shortfall=f"level 3: {error}")
     holding[free] |= last.holding
-    verified = last.verified or found.verified
-    return found._replace(x=last.x, holding=holding, verified=verified, shortfall="")
+    return found._replace(
+        x=last.x,
+        holding=holding,
+        verified=last.verified or found.verified,
+        shortfall="",
+        iterations=found.iterations + last.iterations,
+    )
 
 
 def _terms(A: Array, c: Array, x: Array) -> Array:

@@ -38,12 +38,14 @@ class DelayCompensated(Wrapper):
 
     That is ``command_delay`` [s] from now. The state at that time is predicted from the pending
     commands, each of which moves the joints as double integrators (reduction of an input delay:
-    Artstein, IEEE Transactions on Automatic Control, 1982); commanded joint speeds are those of the
-    joints as soon as they act. A model evaluates rows and task there,
-    starting from the last measurement. Bounds of q̈ are the present ones. If the model cannot
-    evaluate that state, with a marker behind the camera, the law gets the present rows and task,
-    and ``Command.remark`` reports this. Motion that is unknown to the model is predicted by an
-    observer around the inner law, whose ``dead_time`` is then the sum of both delays.
+    Artstein, IEEE Transactions on Automatic Control, 1982). An arm that takes velocities or
+    positions has commanded speeds as soon as they act; one that takes accelerations, which shows in
+    bounds of q̈ of the rows, reaches them within a period, as far as the bounds allow. A model
+    evaluates rows and task there, starting from the last measurement. Bounds of q̈ are the present
+    ones. If the model cannot evaluate that state, with a marker behind the camera, the law gets the
+    present rows and task, and ``Command.remark`` reports this. Motion that is unknown to the model
+    is predicted by an observer around the inner law, whose ``dead_time`` is then the sum of both
+    delays.
     """
 
     name = "delay-compensated"
@@ -133,13 +135,15 @@ class DelayCompensated(Wrapper):
                 each.packed.workspace.address if law else 0
                 for each in (self.model.loop, self.model.step)
             )
+            speeds = commands_velocity(self.law)
             fresh = load("delay").DelayArrays.of(
                 task.J.shape[1],
                 (law, loop, step),
                 self.model.frozen,
                 self.period,
                 delay,
-                speeds=commands_velocity(self.law),
+                speeds=speeds,
+                at_once=speeds and not len(rows.qdd_max),
             )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts

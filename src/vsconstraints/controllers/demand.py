@@ -13,7 +13,7 @@ from dataclasses import KW_ONLY, Field, dataclass, fields
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, format_value
-from .ranges import ROWS, Part, option, positive, share
+from .ranges import ROWS, Part, option, positive, share_number
 
 #: Fields of :class:`vsconstraints.formulas.row.Row` that a demand may use in addition to φ, u⁺ and
 #: the scale, with printed symbols.
@@ -73,7 +73,7 @@ class Demand(Part, ABC):
         if not isinstance(self.ahead, bool):
             raise self.refusal("ahead", "true or false")
         object.__setattr__(
-            self, "margin", share(f"margin of {self.owner or self.name}", self.margin)
+            self, "margin", share_number(f"margin of {self.owner or self.name}", self.margin)
         )
         if self.ahead and "last_rate" in self.uses:
             raise InvalidInput(

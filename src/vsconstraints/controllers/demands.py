@@ -268,10 +268,9 @@ class OuterLayer(Demand):
 
     @staticmethod
     def formula(row: Row, layer: float) -> Any:
-        share = np.minimum(row.phi / row.scale / layer, 1.0)
-        return where(
-            row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf
-        )
+        depth = np.minimum(row.phi / row.scale / layer, 1.0)
+        blended = (1.0 - depth) * row.tracked - depth * row.switching_gain
+        return where(row.phi >= 0.0, blended, np.inf)
 
 
 @dataclass(frozen=True)

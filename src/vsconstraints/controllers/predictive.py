@@ -17,7 +17,7 @@ from .base import Controller, fault_of, require_known, require_model
 from .compiled import COUNT, BoundLaw, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
-from .ranges import GAINS, ROWS, Range, option, positive_number, share
+from .ranges import GAINS, ROWS, Range, option, positive_number, share_number
 from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
@@ -91,7 +91,7 @@ class PredictiveControl(Controller):
         elif name in ("approach", "damping"):
             value = positive_number(name, value)
         elif name == "margin":
-            value = share(name, value)
+            value = share_number(name, value)
         elif name in ("weights", "max_acceleration"):
             value = getattr(Hierarchy(**{name: value}), name)
         super().__setattr__(name, value)

@@ -40,7 +40,7 @@ def rank_tolerance(value: object) -> float:
     return number
 
 
-def share(name: str, value: object) -> float:
+def share_number(name: str, value: object) -> float:
     """Return the value as a float; raise InvalidInput unless it is from 0 to less than 1."""
     number = 0.0 if value == 0.0 and value is not False else positive(value)
     if number is None or number >= 1.0:

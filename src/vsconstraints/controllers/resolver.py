@@ -79,12 +79,12 @@ class Resolver(Part, ABC):
 
         Raises SolverError if a number leaves the range of floating point.
         """
-        command = self.share(rows, task, c)
+        command = self.command_compiled(rows, task, c)
         if command is None:
             raise SolverError("squares of L_gφ, J or q̈ are beyond the range of floating point")
         return command
 
-    def share(self, rows: Rows, task: Task, c: Array) -> Command | None:
+    def command_compiled(self, rows: Rows, task: Task, c: Array) -> Command | None:
         """Compute the command by the compiled form alone; None if it has no answer."""
         m = len(c)
         # a demand whose bounds are the memory that it is given

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compiled import workspace as codes
 from ..errors import ConfigurationError, format_value
-from ..formulas.row import share
+from ..formulas.row import share_within
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
@@ -181,7 +181,7 @@ class Hierarchy(Resolver):
 
         A QP solver is used if it is requested by name, or if the compiled form has no answer.
         """
-        command = self.share(rows, task, c)
+        command = self.command_compiled(rows, task, c)
         # without iterations no row is active, or the rows leave no choice: no solver is needed
         if command is not None and (self.compiles or not command.iterations):
             return command
@@ -249,10 +249,11 @@ class Scaling(Hierarchy):
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
         """See :class:`.Hierarchy`."""
         influenced = np.linalg.norm(rows.Lg, axis=1) > ZERO_GRADIENT * rows.scale
-        shares = np.where(influenced, share(c, rows.Lg @ tracking), 1.0)
-        kappa = min(
-            shares.min(initial=1.0), share(box[1], tracking).min(), share(-box[0], -tracking).min()
-        )
+        shares = np.where(influenced, share_within(c, rows.Lg @ tracking), 1.0)
+        by_rows = shares.min(initial=1.0)
+        by_upper_bounds = share_within(box[1], tracking).min()
+        by_lower_bounds = share_within(-box[0], -tracking).min()
+        kappa = min(by_rows, by_upper_bounds, by_lower_bounds)
         return kappa * tracking, (shares <= kappa) & (shares < 1.0)
 
 

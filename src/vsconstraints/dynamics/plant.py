@@ -301,7 +301,9 @@ class DynamicPlant(Plant):
     step = follow
 
     def check(self) -> None:
-        """Raise SceneError if the arm's motion is unbounded."""
+        """Raise SceneError if the arm's motion is unbounded, or its loop cannot be followed."""
+        if self._loop is not None:
+            self._loop.check()
         qd = self.x[1]
         if not (np.abs(qd) < self._compiled.BOUND).all():
             worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))

@@ -12,6 +12,9 @@ import numpy as np
 
 from . import formula
 
+#: Value at (u, v), and its derivatives with respect to u and v.
+ValueAndSlopes = tuple[Any, Any, Any]
+
 
 @formula
 def power(x: Any, n: float) -> Any:
@@ -30,13 +33,15 @@ def power(x: Any, n: float) -> Any:
 
 
 @formula
-def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
     x = np.abs(u) / a
     y = np.abs(v) / b
     x_slope = power(x, n - 1.0)
     y_slope = power(y, n - 1.0)
-    value = x_slope * x + y_slope * y - 1.0
+    x_power = x_slope * x
+    y_power = y_slope * y
+    value = x_power + y_power - 1.0
     du = n / a * np.sign(u) * x_slope
     dv = n / b * np.sign(v) * y_slope
     return value, du, dv
@@ -49,11 +54,12 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
     y_bend = power(np.abs(v) / b, n - 2.0)
     x_dot = u_dot / a
     y_dot = v_dot / b
-    return n * (n - 1.0) * (x_bend * x_dot**2 + y_bend * y_dot**2)
+    bending = x_bend * x_dot**2 + y_bend * y_dot**2
+    return n * (n - 1.0) * bending
 
 
 @formula
-def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
     """Superellipse obstacle: minus :func:`superellipse`, positive inside."""
     value, du, dv = superellipse(u, v, a, b, n)
     return -value, -du, -dv
@@ -66,10 +72,11 @@ def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 
 @formula
-def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
+def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
     """1 − (u² + v²)/r² and its derivatives."""
     squared_radius = r * r
-    value = 1.0 - (u * u + v * v) / squared_radius
+    squared_distance = u * u + v * v
+    value = 1.0 - squared_distance / squared_radius
     du = -2.0 * u / squared_radius
     dv = -2.0 * v / squared_radius
     return value, du, dv
@@ -83,12 +90,15 @@ def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
 
 
 @formula
-def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
-    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
-    factor = -2.0 / (r * r)
-    du = factor * (w * w * u - 2.0 * u * d)
+    squared_distance = (w * u) ** 2 + d * d
+    squared_radius = r * r
+    value = 1.0 - squared_distance / squared_radius
+    factor = -2.0 / squared_radius
+    half_slope_u = w * w * u - 2.0 * u * d
+    du = factor * half_slope_u
     dv = factor * d
     return value, du, dv
 
@@ -98,20 +108,25 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
     d = v - u * u
     d_dot = v_dot - 2.0 * u * u_dot
-    bending = (w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot
+    by_slopes = (w * u_dot) ** 2 + d_dot * d_dot
+    by_curvature_of_d = 2.0 * d * u_dot * u_dot
+    bending = by_slopes - by_curvature_of_d
     return -2.0 / (r * r) * bending
 
 
 @formula
-def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives (eq. 46).
 
     At u = 0 the derivatives are the mean of both sides.
     """
     d = v - np.abs(u)
-    value = 1.0 - ((w * u) ** 2 + d * d) / (r * r)
-    factor = -2.0 / (r * r)
-    du = factor * (w * w * u - np.sign(u) * d)
+    squared_distance = (w * u) ** 2 + d * d
+    squared_radius = r * r
+    value = 1.0 - squared_distance / squared_radius
+    factor = -2.0 / squared_radius
+    half_slope_u = w * w * u - np.sign(u) * d
+    du = factor * half_slope_u
     dv = factor * d
     return value, du, dv
 

@@ -20,7 +20,8 @@ def pose_error(
     See :func:`.rotation_vector` for ``near`` and ``continues``.
     """
     E = transposed_product(goal_R, R)
-    translation = rotate_inverse(goal_R, minus(t, goal_t))
+    from_goal = minus(t, goal_t)
+    translation = rotate_inverse(goal_R, from_goal)
     theta_u = rotation_vector(E, near, continues)
     return E, translation, theta_u
 
@@ -35,7 +36,8 @@ def pose_rates(
     :func:`.rotation_vector_rate`.
     """
     t_dot = rotate(E, v)
-    t_ddot = rotate(E, plus(v_dot, cross(omega, v)))
+    acceleration = plus(v_dot, cross(omega, v))
+    t_ddot = rotate(E, acceleration)
     theta_u_ddot = pair(L, omega_dot, L_dot, omega)
     return t_dot, t_ddot, theta_u_ddot
 
@@ -62,8 +64,12 @@ def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
 @formula
 def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Row c of L_sx, eq. (24), at the normalised point (x, y) and depth Z."""
-    linear, angular = interaction(1.0 - c, 1.0 * c, x, y, Z)
-    return linear[0], linear[1], linear[2], angular[0], angular[1], angular[2]
+    of_x = 1.0 - c
+    of_y = 1.0 * c
+    linear, angular = interaction(of_x, of_y, x, y, Z)
+    vx, vy, vz = linear
+    wx, wy, wz = angular
+    return vx, vy, vz, wx, wy, wz
 
 
 @formula
@@ -77,17 +83,18 @@ def image_motion(
     """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
     P_dot = minus(cross(P, omega), v)
-    P_ddot = minus(plus(cross(P, omega_dot), cross(P_dot, omega)), v_dot)
+    turning = plus(cross(P, omega_dot), cross(P_dot, omega))
+    P_ddot = minus(turning, v_dot)
     Z = P[2]
-    Z_dot = P_dot[2]
-    Z_ddot = P_ddot[2]
+    X_dot, Y_dot, Z_dot = P_dot
+    X_ddot, Y_ddot, Z_ddot = P_ddot
     x = P[0] / Z
     y = P[1] / Z
     # the first and second derivatives of x Z = X, and of y Z = Y
-    x_dot = (P_dot[0] - x * Z_dot) / Z
-    y_dot = (P_dot[1] - y * Z_dot) / Z
-    x_ddot = (P_ddot[0] - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
-    y_ddot = (P_ddot[1] - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
+    x_dot = (X_dot - x * Z_dot) / Z
+    y_dot = (Y_dot - y * Z_dot) / Z
+    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    y_ddot = (Y_ddot - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
     return x, y, x_dot, y_dot, x_ddot, y_ddot
 
 
@@ -95,6 +102,10 @@ def image_motion(
 def interaction(a: Any, b: Any, x: Any, y: Any, Z: Any) -> tuple[Vector, Vector]:
     """Rows (a, b) L_sx of eq. (24): the factors of the camera's v and of its ω."""
     along = a * x + b * y
-    linear = (-a / Z, -b / Z, along / Z)
+    linear = (
+        -a / Z,
+        -b / Z,
+        along / Z,
+    )
     angular = (along * y + b, -along * x - a, a * y - b * x)
     return linear, angular

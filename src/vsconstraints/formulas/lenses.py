@@ -15,7 +15,9 @@ import numpy as np
 from . import formula, where
 from .curves import superellipse
 
-Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
+#: x_d, y_d, ∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y.
+Distorted = tuple[Any, Any, Any, Any, Any, Any]
+Lens = Callable[..., Distorted]
 
 #: Newton's method: greatest number of iterations, error in normalised coordinates at which it ends,
 #: and greatest error that is accepted.
@@ -26,7 +28,7 @@ INSIDE = 0.999  #: Newton's method starts within this share of the reach, becaus
 
 
 @formula
-def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def brown_conrady(x: Any, y: Any, coefficients: Any) -> Distorted:
     """Radial and tangential distortion (Brown-Conrady).
 
     x_d = x c + 2 p₁xy + p₂(r² + 2x²) and y_d = y c + p₁(r² + 2y²) + 2 p₂xy, where c = (1 + k₁r² +
@@ -41,16 +43,27 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any
     over_slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
     under_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6)
     c_slope = (over_slope - c * under_slope) / under
-    x_d = x * c + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x)
-    y_d = y * c + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y
-    dx_dx = c + 2.0 * (x * x * c_slope + p1 * y + 3.0 * p2 * x)
-    dx_dy = 2.0 * (x * y * c_slope + p1 * x + p2 * y)
-    dy_dy = c + 2.0 * (y * y * c_slope + 3.0 * p1 * y + p2 * x)
+    # radial and both tangential terms of each coordinate
+    x_radial = x * c
+    x_p1 = 2.0 * p1 * x * y
+    x_p2 = p2 * (s + 2.0 * x * x)
+    x_d = x_radial + x_p1 + x_p2
+    y_radial = y * c
+    y_p1 = p1 * (s + 2.0 * y * y)
+    y_p2 = 2.0 * p2 * x * y
+    y_d = y_radial + y_p1 + y_p2
+    # half of the derivatives, less the common c
+    xx = x * x * c_slope + p1 * y + 3.0 * p2 * x
+    xy = x * y * c_slope + p1 * x + p2 * y
+    yy = y * y * c_slope + 3.0 * p1 * y + p2 * x
+    dx_dx = c + 2.0 * xx
+    dx_dy = 2.0 * xy
+    dy_dy = c + 2.0 * yy
     return x_d, y_d, dx_dx, dx_dy, dx_dy, dy_dy
 
 
 @formula
-def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def fisheye(x: Any, y: Any, coefficients: Any) -> Distorted:
     """Distortion of the angle from the optical axis.
 
     (x_d, y_d) = (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
@@ -65,19 +78,20 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any,
     ratio = 1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))
     slope = 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     # derivatives of the image across the radius, c = θ_d/r, and along it, dθ_d/dr
-    across = angle / (r + at_centre) * ratio + at_centre
+    divisor = r + at_centre
+    across = angle / divisor * ratio + at_centre
     along = slope / (1.0 + squared_radius)
     bend = (along - across) / (squared_radius + at_centre)
+    x_d = x * across
+    y_d = y * across
     dx_dx = across + bend * x * x
     dx_dy = bend * x * y
     dy_dy = across + bend * y * y
-    return x * across, y * across, dx_dx, dx_dy, dx_dy, dy_dy
+    return x_d, y_d, dx_dx, dx_dy, dx_dy, dy_dy
 
 
 @formula
-def extended(
-    lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any
-) -> tuple[Any, Any, Any, Any, Any, Any]:
+def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> Distorted:
     """Lens that is continued beyond the radius ``reach``, one to one along straight lines.
 
     The lines start at the centre. If the lens is invertible up to that radius, the continued lens
@@ -85,15 +99,18 @@ def extended(
     """
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
-    share = where(r > reach, reach / np.maximum(r, reach), 1.0)
-    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(share * x, share * y, coefficients)
-    x_d = x_d / share
-    y_d = y_d / share
+    # factor that moves (x, y) to the nearest point within the reach
+    inwards = where(r > reach, reach / np.maximum(r, reach), 1.0)
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(inwards * x, inwards * y, coefficients)
+    x_d = x_d / inwards
+    y_d = y_d / inwards
     # along the radius the image grows in proportion to r: J p = p_d there, by J ← J + (p_d − J p)
     # pᵀ/r²
     per_squared_radius = beyond / (r * r + (1.0 - beyond))
-    u = per_squared_radius * (x_d - (dx_dx * x + dx_dy * y))
-    v = per_squared_radius * (y_d - (dy_dx * x + dy_dy * y))
+    Jp_x = dx_dx * x + dx_dy * y
+    Jp_y = dy_dx * x + dy_dy * y
+    u = per_squared_radius * (x_d - Jp_x)
+    v = per_squared_radius * (y_d - Jp_y)
     return (
         x_d,
         y_d,
@@ -114,14 +131,17 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
     error_x = image[0] - x_d
     error_y = image[1] - y_d
     determinant = dx_dx * dy_dy - dx_dy * dy_dx
-    step_x = (dy_dy * error_x - dx_dy * error_y) / determinant
-    step_y = (dx_dx * error_y - dy_dx * error_x) / determinant
+    # Cramer's rule
+    numerator_x = dy_dy * error_x - dx_dy * error_y
+    numerator_y = dx_dx * error_y - dy_dx * error_x
+    step_x = numerator_x / determinant
+    step_y = numerator_y / determinant
     error = np.maximum(np.abs(error_x), np.abs(error_y))
     return step_x, step_y, error
 
 
 @formula
-def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> Distorted:
     """Pixels on the sensor for ideal pixels, and their derivatives.
 
     ``eye`` is the camera's attribute of that name: focal lengths, principal point, reach of the
@@ -154,11 +174,9 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
     """
     u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, y[0], y[1], eye)
     value, slope_u, slope_v = superellipse(u, v, half[0], half[1], n)
-    return (
-        value,
-        slope_u * du_du + slope_v * dv_du,
-        slope_u * du_dv + slope_v * dv_dv,
-    )
+    by_u = slope_u * du_du + slope_v * dv_du
+    by_v = slope_u * du_dv + slope_v * dv_dv
+    return value, by_u, by_v
 
 
 @formula

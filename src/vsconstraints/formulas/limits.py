@@ -58,10 +58,14 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
     room = 4.0 * acceleration * np.maximum(ahead, 0.0)
     slowed = acceleration * period
     # root of the quadratic in a form without cancellation
-    w = room / (slowed + np.sqrt(slowed * slowed + 2.0 * room))
+    discriminant = slowed * slowed + 2.0 * room
+    w = room / (slowed + np.sqrt(discriminant))
+    slowing = (w - speed) / period
     divisor = 2.0 * where(d > 0.0, d, 1.0)
-    turning = where(d > 0.0, -speed * speed / divisor, -speed / period)
-    bound = where(ahead >= 0.0, (w - speed) / period, turning)
+    turning_back = -speed * speed / divisor
+    stopping_at_once = -speed / period
+    otherwise = where(d > 0.0, turning_back, stopping_at_once)
+    bound = where(ahead >= 0.0, slowing, otherwise)
     return where(left < np.inf, bound, np.inf)
 
 
@@ -81,6 +85,8 @@ def joint_box(q: Any, qd: Any, last: Any, limits: JointLimits) -> tuple[Any, Any
     for_range_down = stopping(q - limits.q_min, -qd, a, T)
     for_speed_up = (limits.qd_max - qd) / T
     for_speed_down = (limits.qd_max + qd) / T
-    up = between(np.minimum(for_range_up, for_speed_up), least, greatest)
-    down = between(-np.minimum(for_range_down, for_speed_down), least, greatest)
+    demanded_up = np.minimum(for_range_up, for_speed_up)
+    demanded_down = -np.minimum(for_range_down, for_speed_down)
+    up = between(demanded_up, least, greatest)
+    down = between(demanded_down, least, greatest)
     return np.minimum(down, up), up

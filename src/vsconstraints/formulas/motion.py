@@ -11,7 +11,7 @@ import numpy as np
 
 from . import formula
 from .rotation import length, turn_about
-from .vectors import Matrix, Vector, cross, minus, plus, rotate
+from .vectors import Matrix, Vector, cross, minus, plus, rotate, vector
 
 
 @formula
@@ -40,8 +40,10 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
         angular_velocity[1] / turning,
         angular_velocity[2] / turning,
     )
-    R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
-    origin = plus(minus(centre, rotate(R, centre)), moved)
+    angle_turned = rate * t
+    R = turn_about(axis, np.sin(angle_turned), np.cos(angle_turned))
+    centre_moved_by_turn = minus(centre, rotate(R, centre))
+    origin = plus(centre_moved_by_turn, moved)
     return R, origin
 
 
@@ -56,10 +58,12 @@ def carried(
     by_rotation = cross(omega, r)
     centripetal = cross(omega, by_rotation)
     # v̇ + ω̇ × r + ω × (ω × r)
+    x, y, z = vector(r)
+    alpha_x, alpha_y, alpha_z = vector(alpha)
     point_acceleration = (
-        acceleration[0] + alpha[1] * r[2] - alpha[2] * r[1] + centripetal[0],
-        acceleration[1] + alpha[2] * r[0] - alpha[0] * r[2] + centripetal[1],
-        acceleration[2] + alpha[0] * r[1] - alpha[1] * r[0] + centripetal[2],
+        acceleration[0] + alpha_y * z - alpha_z * y + centripetal[0],
+        acceleration[1] + alpha_z * x - alpha_x * z + centripetal[1],
+        acceleration[2] + alpha_x * y - alpha_y * x + centripetal[2],
     )
     return plus(velocity, by_rotation), point_acceleration
 

@@ -37,7 +37,8 @@ def prepared(
     blocks = _chords(vertices, BLOCK)
     groups = _chords(vertices, BLOCK**2)
     regions = _chords(vertices, BLOCK**3)
-    squared_lengths = ((vertices[after] - vertices) ** 2).sum(axis=1)
+    segments = vertices[after] - vertices
+    squared_lengths = (segments**2).sum(axis=1)
     half_length_squared = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
     return vertices, blocks, groups, regions, before, after, half_length_squared
 
@@ -47,15 +48,19 @@ def _chords(vertices: Array, size: int) -> Array:
     starts = np.arange(0, len(vertices), size)
     ends = np.minimum(starts + size, len(vertices))
     first = vertices[starts]
-    chord = vertices[ends - 1] - first
-    inverse = 1.0 / np.maximum((chord**2).sum(axis=1), TINY)
+    last = vertices[ends - 1]
+    chord = last - first
+    squared_length = (chord**2).sum(axis=1)
+    inverse = 1.0 / np.maximum(squared_length, TINY)
     # distance of each vertex from the chord of its block
     block = np.arange(len(vertices)) // size
     along = chord[block]
     relative = vertices - first[block]
-    share = (relative * along).sum(axis=1) * inverse[block]
-    nearest = np.clip(share, 0.0, 1.0)[:, None] * along
-    distance = np.sqrt(((relative - nearest) ** 2).sum(axis=1))
+    projection = (relative * along).sum(axis=1)
+    share_of_chord = np.clip(projection * inverse[block], 0.0, 1.0)
+    nearest = share_of_chord[:, None] * along
+    away = relative - nearest
+    distance = np.sqrt((away**2).sum(axis=1))
     spread = np.maximum.reduceat(distance, starts)
     return np.column_stack((first, chord, inverse, spread))
 
@@ -66,11 +71,14 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
     along_u = c - a
     along_v = d - b
     squared_length = along_u * along_u + along_v * along_v
-    s = ((u - a) * along_u + (v - b) * along_v) / max(squared_length, TINY)
+    from_u = u - a
+    from_v = v - b
+    projection = from_u * along_u + from_v * along_v
+    s = projection / max(squared_length, TINY)
     s = min(max(s, 0.0), 1.0)
-    x = u - a - s * along_u
-    y = v - b - s * along_v
-    return x * x + y * y
+    away_u = from_u - s * along_u
+    away_v = from_v - s * along_v
+    return away_u * away_u + away_v * away_v
 
 
 @formula
@@ -81,11 +89,13 @@ def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     y = v - chords[i, FIRST_V]
     along_u = chords[i, ALONG_U]
     along_v = chords[i, ALONG_V]
-    s = (x * along_u + y * along_v) * chords[i, INVERSE]
+    projection = x * along_u + y * along_v
+    s = projection * chords[i, INVERSE]
     s = min(max(s, 0.0), 1.0)
     x = x - s * along_u
     y = y - s * along_v
-    return bool(x * x + y * y <= limit * limit)
+    squared_distance = x * x + y * y
+    return bool(squared_distance <= limit * limit)
 
 
 @formula
@@ -95,11 +105,23 @@ def to_neighbours(
     """Squared distance of (u, v) to the two segments at vertex k."""
     x = vertices[k, 0]
     y = vertices[k, 1]
-    i = before[k]
-    j = after[k]
-    to_previous = to_segment(u, v, x, y, vertices[i, 0], vertices[i, 1])
-    to_next = to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1])
+    x_before = vertices[before[k], 0]
+    y_before = vertices[before[k], 1]
+    x_after = vertices[after[k], 0]
+    y_after = vertices[after[k], 1]
+    to_previous = to_segment(u, v, x, y, x_before, y_before)
+    to_next = to_segment(u, v, x, y, x_after, y_after)
     return min(to_previous, to_next)
+
+
+@formula
+def squared_reach(least: float, half_length_squared: Array) -> float:
+    """Squared distance of the vertices that matter, if the nearest line is at √``least``.
+
+    The end of a segment is no farther than √(least + (length/2)²); see :func:`search`.
+    """
+    farthest: float = least + half_length_squared[0]
+    return farthest * SLACK
 
 
 @formula
@@ -108,16 +130,18 @@ def search_block(
 ) -> tuple[int, float]:
     """Return the nearest vertex so far and its squared distance, after a search of this block."""
     vertices, _, _, _, before, after, half_length_squared = lines
-    reach = (least + half_length_squared[0]) * SLACK
+    reach = squared_reach(least, half_length_squared)
     end = min((block + 1) * BLOCK, len(vertices))
     for k in range(block * BLOCK, end):
-        if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
+        du = vertices[k, 0] - u
+        dv = vertices[k, 1] - v
+        if du**2 + dv**2 > reach:
             continue
         squared = to_neighbours(vertices, before, after, k, u, v)
         if squared < least:
             nearest = k
             least = squared
-            reach = (least + half_length_squared[0]) * SLACK
+            reach = squared_reach(least, half_length_squared)
     return nearest, least
 
 
@@ -129,7 +153,7 @@ def search_group(
     _, blocks, _, _, _, _, half_length_squared = lines
     end = min((group + 1) * BLOCK, len(blocks))
     for block in range(group * BLOCK, end):
-        bound = np.sqrt((least + half_length_squared[0]) * SLACK)
+        bound = np.sqrt(squared_reach(least, half_length_squared))
         if may_hold(blocks, block, u, v, bound):
             nearest, least = search_block(lines, block, u, v, nearest, least)
     return nearest, least
@@ -154,12 +178,12 @@ def search(
         vertex = nearest[i - stride] if i >= stride else 0
         least = to_neighbours(vertices, before, after, vertex, u, v)
         for region in range(len(regions)):
-            bound = np.sqrt((least + half_length_squared[0]) * SLACK)
+            bound = np.sqrt(squared_reach(least, half_length_squared))
             if not may_hold(regions, region, u, v, bound):
                 continue
             end = min((region + 1) * BLOCK, len(groups))
             for group in range(region * BLOCK, end):
-                bound = np.sqrt((least + half_length_squared[0]) * SLACK)
+                bound = np.sqrt(squared_reach(least, half_length_squared))
                 if may_hold(groups, group, u, v, bound):
                     vertex, least = search_group(lines, group, u, v, vertex, least)
         nearest[i] = vertex

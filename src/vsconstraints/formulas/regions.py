@@ -26,12 +26,18 @@ def sign(x: Any) -> Any:
 
 
 @formula
+def squared(x: Any, y: Any, z: Any) -> Any:
+    """x² + y² + z²."""
+    return x * x + y * y + z * z
+
+
+@formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     """Depth r − ‖p‖ in a sphere and its derivatives (eqs. 47 and 48); at the centre n = +z.
 
     n is the outward direction.
     """
-    d = np.sqrt(x * x + y * y + z * z)
+    d = np.sqrt(squared(x, y, z))
     at_centre = 1.0 * (d <= 0.0)
     divisor = d + at_centre
     dx = -x / divisor
@@ -43,9 +49,10 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 @formula
 def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
-    d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
-    radial = (x * x_dot + y * y_dot + z * z_dot) / d
-    squared_speed = x_dot * x_dot + y_dot * y_dot + z_dot * z_dot
+    d = np.maximum(np.sqrt(squared(x, y, z)), SMALL)
+    product = x * x_dot + y * y_dot + z * z_dot
+    radial = product / d
+    squared_speed = squared(x_dot, y_dot, z_dot)
     return (radial * radial - squared_speed) / d
 
 
@@ -76,7 +83,7 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     outside_x = np.maximum(beyond_x, 0.0)
     outside_y = np.maximum(beyond_y, 0.0)
     outside_z = np.maximum(beyond_z, 0.0)
-    length = np.sqrt(outside_x * outside_x + outside_y * outside_y + outside_z * outside_z)
+    length = np.sqrt(squared(outside_x, outside_y, outside_z))
     inside = 1.0 * (length <= 0.0)
     divisor = length + inside
     # 1 for the nearest face of a point inside, else 0
@@ -86,7 +93,8 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     nx = sign(x) * (outside_x / divisor + face_x)
     ny = sign(y) * (outside_y / divisor + face_y)
     nz = sign(z) * (outside_z / divisor + face_z)
-    distance = length + np.minimum(np.maximum(beyond_x, beyond_yz), 0.0)
+    beyond_most = np.maximum(beyond_x, beyond_yz)
+    distance = length + np.minimum(beyond_most, 0.0)
     return -distance, -nx, -ny, -nz
 
 
@@ -99,11 +107,16 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
     x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
     rate = x_dot * nx + y_dot * ny + z_dot * nz
-    squared_x = (np.abs(x) > a) * x_dot * x_dot
-    squared_y = (np.abs(y) > b) * y_dot * y_dot
-    squared_z = (np.abs(z) > c) * z_dot * z_dot
+    is_beyond_x = np.abs(x) > a
+    is_beyond_y = np.abs(y) > b
+    is_beyond_z = np.abs(z) > c
+    squared_x = is_beyond_x * x_dot * x_dot
+    squared_y = is_beyond_y * y_dot * y_dot
+    squared_z = is_beyond_z * z_dot * z_dot
     moving = squared_x + squared_y + squared_z
-    return (depth < 0.0) * (rate * rate - moving) / np.maximum(-depth, SMALL)
+    is_outside = depth < 0.0
+    distance = np.maximum(-depth, SMALL)
+    return is_outside * (rate * rate - moving) / distance
 
 
 @formula
@@ -133,7 +146,8 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
     face_end = inside - face_side
     n_rho = outside_side / divisor + face_side
     n_z = sign(z) * (outside_end / divisor + face_end)
-    distance = length + np.minimum(np.maximum(beyond_side, beyond_end), 0.0)
+    beyond_most = np.maximum(beyond_side, beyond_end)
+    distance = length + np.minimum(beyond_most, 0.0)
     return distance, n_rho, n_z
 
 
@@ -145,7 +159,9 @@ def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
     """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
-    return -distance, -(n_rho * rx), -(n_rho * ry), -n_z
+    nx = n_rho * rx
+    ny = n_rho * ry
+    return -distance, -nx, -ny, -n_z
 
 
 @formula
@@ -161,10 +177,15 @@ def cylinder_curvature(
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
     across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
-    beyond_both = (rho > r) * (np.abs(z) > h)
-    turning = beyond_both * (rho_dot * n_z - z_dot * n_rho)
-    of_axis = n_rho * across / np.maximum(rho, SMALL)
-    of_rectangle = turning * turning / np.maximum(distance, SMALL)
+    is_beyond_side = rho > r
+    is_beyond_end = np.abs(z) > h
+    beyond_both = is_beyond_side * is_beyond_end
+    along_edge = rho_dot * n_z - z_dot * n_rho
+    turning = beyond_both * along_edge
+    radius_at_axis = np.maximum(rho, SMALL)
+    radius_at_edge = np.maximum(distance, SMALL)
+    of_axis = n_rho * across / radius_at_axis
+    of_rectangle = turning * turning / radius_at_edge
     return -(of_axis + of_rectangle)
 
 
@@ -174,8 +195,9 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
     On the segment the direction is x.
     """
-    away = z - np.minimum(np.maximum(z, -h), h)
-    length = np.sqrt(x * x + y * y + away * away)
+    nearest = np.minimum(np.maximum(z, -h), h)
+    away = z - nearest
+    length = np.sqrt(squared(x, y, away))
     on_segment = 1.0 * (length <= 0.0)
     divisor = length + on_segment
     nx = x / divisor + on_segment
@@ -203,7 +225,9 @@ def capsule_curvature(
     Beside the segment ẋ is taken without ż.
     """
     length, nx, ny, nz = from_segment(x, y, z, h)
-    along = (np.abs(z) > h) * z_dot
+    is_beyond_end = np.abs(z) > h
+    along = is_beyond_end * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
-    squared_speed = x_dot * x_dot + y_dot * y_dot + along * along
-    return (rate * rate - squared_speed) / np.maximum(length, SMALL)
+    squared_speed = squared(x_dot, y_dot, along)
+    radius_of_curvature = np.maximum(length, SMALL)
+    return (rate * rate - squared_speed) / radius_of_curvature

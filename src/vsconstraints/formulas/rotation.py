@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import formula
-from .vectors import Matrix, Vector, dot, rotate, times
+from .vectors import Matrix, Vector, add_to_diagonal, dot, outer, plus, rotate, times
 
 TURN = 2.0 * math.pi
 IDENTITY = 1e-12  #: Angle [rad] below which a rotation has no axis.
@@ -36,16 +36,20 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
     x = axis[0]
     y = axis[1]
     z = axis[2]
-    xx = (1.0 - c) * x * x
-    yy = (1.0 - c) * y * y
-    zz = (1.0 - c) * z * z
-    xy = (1.0 - c) * x * y
-    yz = (1.0 - c) * y * z
-    zx = (1.0 - c) * z * x
+    versine = 1.0 - c
+    xx = versine * x * x
+    yy = versine * y * y
+    zz = versine * z * z
+    xy = versine * x * y
+    yz = versine * y * z
+    zx = versine * z * x
+    sx = s * x
+    sy = s * y
+    sz = s * z
     return (
-        (c + xx, xy - s * z, zx + s * y),
-        (xy + s * z, c + yy, yz - s * x),
-        (zx - s * y, yz + s * x, c + zz),
+        (c + xx, xy - sz, zx + sy),
+        (xy + sz, c + yy, yz - sx),
+        (zx - sy, yz + sx, c + zz),
     )
 
 
@@ -64,23 +68,23 @@ def quaternion(R: Matrix) -> tuple[Vector, Any]:
 
     They are computed from the largest component, which is accurate for every angle.
     """
-    xx = R[0][0]
-    yy = R[1][1]
-    zz = R[2][2]
+    xx, xy, xz = R[0]
+    yx, yy, yz = R[1]
+    zx, zy, zz = R[2]
     trace = xx + yy + zz
     largest = max(trace, xx, yy, zz)
     if largest == trace:
-        vector = (R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1])
+        vector = (zy - yz, xz - zx, yx - xy)
         real = 1.0 + trace
     elif largest == xx:
-        vector = (1.0 - trace + 2.0 * xx, R[1][0] + R[0][1], R[2][0] + R[0][2])
-        real = R[2][1] - R[1][2]
+        vector = (1.0 - trace + 2.0 * xx, yx + xy, zx + xz)
+        real = zy - yz
     elif largest == yy:
-        vector = (R[0][1] + R[1][0], 1.0 - trace + 2.0 * yy, R[2][1] + R[1][2])
-        real = R[0][2] - R[2][0]
+        vector = (xy + yx, 1.0 - trace + 2.0 * yy, zy + yz)
+        real = xz - zx
     else:
-        vector = (R[0][2] + R[2][0], R[1][2] + R[2][1], 1.0 - trace + 2.0 * zz)
-        real = R[1][0] - R[0][1]
+        vector = (xz + zx, yz + zy, 1.0 - trace + 2.0 * zz)
+        real = yx - xy
     return vector, real
 
 
@@ -106,16 +110,17 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     vector, real = quaternion(R)
     sine = length(vector)
     theta = 2.0 * math.atan2(sine, abs(real))
-    share = 0.0 if sine == 0.0 else theta / sine
-    share = -share if real < 0.0 else share
-    w = times(share, vector)
+    scale = 0.0 if sine == 0.0 else theta / sine
+    scale = -scale if real < 0.0 else scale
+    w = times(scale, vector)
     factor = 1.0
     if continues:
         if theta < IDENTITY:
             # R = I has no axis: if the last rotation vector was a whole turn, its axis is kept
             last_angle = length(near)
             if last_angle > math.pi:
-                w = times(TURN * round(last_angle / TURN) / last_angle, near)
+                whole_turn = TURN * round(last_angle / TURN)
+                w = times(whole_turn / last_angle, near)
         else:
             angle_near = dot(near, w) / theta
             turns = round((angle_near - theta) / TURN)
@@ -138,7 +143,8 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
         return c, slope
     half = 0.5 * theta
     cot = 1.0 / math.tan(half)
-    c = (1.0 - half * cot) / s
+    numerator = 1.0 - half * cot
+    c = numerator / s
     # the numerator's derivative is (θ/4) (1 + cot²(θ/2)) − ½ cot(θ/2)
     numerator_slope = 0.5 * half * (1.0 + cot * cot) - 0.5 * cot
     slope = numerator_slope / s - 2.0 * c / theta
@@ -148,11 +154,22 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
 @formula
 def with_half_cross(L: Matrix, x: Any) -> Matrix:
     """L + ½[x]×."""
+    xx, xy, xz = L[0]
+    yx, yy, yz = L[1]
+    zx, zy, zz = L[2]
+    half = times(0.5, x)
     return (
-        (L[0][0], L[0][1] - 0.5 * x[2], L[0][2] + 0.5 * x[1]),
-        (L[1][0] + 0.5 * x[2], L[1][1], L[1][2] - 0.5 * x[0]),
-        (L[2][0] - 0.5 * x[1], L[2][1] + 0.5 * x[0], L[2][2]),
+        (xx, xy - half[2], xz + half[1]),
+        (yx + half[2], yy, yz - half[0]),
+        (zx - half[1], zy + half[0], zz),
     )
+
+
+@formula
+def changing_row(c_dot_x: Any, c: Any, x: Any, x_dot: Any, w: Any, w_dot: Any) -> Vector:
+    """Derivative of the row c x wᵀ of the matrix c w wᵀ, in which x is a component of w."""
+    outer_rate = plus(times(x_dot, w), times(x, w_dot))
+    return plus(times(c_dot_x, w), times(c, outer_rate))
 
 
 @formula
@@ -169,11 +186,7 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     # I + c [w]×² = c w wᵀ + (1 − c θ²) I
     cw = times(c, w)
     rest = 1.0 - c * squared_angle
-    symmetric = (
-        (cw[0] * w[0] + rest, cw[0] * w[1], cw[0] * w[2]),
-        (cw[1] * w[0], cw[1] * w[1] + rest, cw[1] * w[2]),
-        (cw[2] * w[0], cw[2] * w[1], cw[2] * w[2] + rest),
-    )
+    symmetric = add_to_diagonal(outer(cw, w), rest)
     L = with_half_cross(symmetric, w)
     w_dot = rotate(L, omega)
     # its derivative: ċ w wᵀ + c (ẇ wᵀ + w ẇᵀ) − (c θ²)˙ I
@@ -181,25 +194,11 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     c_dot = slope * along
     c_dot_w = times(c_dot, w)
     rest_rate = c_dot * squared_angle + 2.0 * c * along
-    x, y, z = w
-    x_dot, y_dot, z_dot = w_dot
-    a, b, d = c_dot_w
-    symmetric_dot = (
-        (
-            a * x + c * (x_dot * x + x * x_dot) - rest_rate,
-            a * y + c * (x_dot * y + x * y_dot),
-            a * z + c * (x_dot * z + x * z_dot),
-        ),
-        (
-            b * x + c * (y_dot * x + y * x_dot),
-            b * y + c * (y_dot * y + y * y_dot) - rest_rate,
-            b * z + c * (y_dot * z + y * z_dot),
-        ),
-        (
-            d * x + c * (z_dot * x + z * x_dot),
-            d * y + c * (z_dot * y + z * y_dot),
-            d * z + c * (z_dot * z + z * z_dot) - rest_rate,
-        ),
+    rows = (
+        changing_row(c_dot_w[0], c, w[0], w_dot[0], w, w_dot),
+        changing_row(c_dot_w[1], c, w[1], w_dot[1], w, w_dot),
+        changing_row(c_dot_w[2], c, w[2], w_dot[2], w, w_dot),
     )
+    symmetric_dot = add_to_diagonal(rows, -rest_rate)
     L_dot = with_half_cross(symmetric_dot, w_dot)
     return w_dot, L, L_dot

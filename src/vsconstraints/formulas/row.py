@@ -80,7 +80,7 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
 
 
 @formula
-def share(c: Any, tracked: Any) -> Any:
+def share_within(c: Any, tracked: Any) -> Any:
     """Largest κ in [0, 1] for which κ L_gφ q̈ of tracking does not exceed max(c, 0).
 
     It is 1 where tracking moves a row inwards.
@@ -90,6 +90,6 @@ def share(c: Any, tracked: Any) -> Any:
 
 
 @formula
-def gradient_error(gradient: Any, share: Any) -> Any:
-    """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``share`` = c_e s; the same for L_gφ = K ∇σ."""
-    return share * np.abs(gradient)
+def gradient_error(gradient: Any, error_share: Any) -> Any:
+    """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``error_share`` = c_e s; the same for L_gφ = K ∇σ."""
+    return error_share * np.abs(gradient)

@@ -42,8 +42,11 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
     """
     tau = min(max(elapsed / duration, 0.0), 1.0)
     left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-    rate = -30.0 * tau**2 * (1.0 - tau) ** 2 / duration
-    acceleration = -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / duration**2
+    remaining = 1.0 - tau
+    slope = -30.0 * tau**2 * remaining**2
+    bend = -60.0 * tau * remaining * (1.0 - 2.0 * tau)
+    rate = slope / duration
+    acceleration = bend / duration**2
     return left, rate, acceleration
 
 
@@ -57,7 +60,8 @@ def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: An
     Kp_now, Kv_now = now
     Kp_then, Kv_then = then
     untracked = b + Kp_now * error + Kv_now * rate
-    return untracked - Kp_then * (error - reference) - Kv_then * rate
+    error_then = error - reference
+    return untracked - Kp_then * error_then - Kv_then * rate
 
 
 @formula
@@ -80,7 +84,8 @@ JUST_BEFORE = 1e-6
 def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) -> Any:
     """Rest acceleration q̈₀ of :func:`resting`, held for h [s], by the implicit midpoint rule."""
     lag = 1.0 + 0.5 * h * (damping + 0.5 * h * stiffness)
-    return (rest - 0.5 * h * stiffness * qd) / lag
+    pull = rest - 0.5 * h * stiffness * qd
+    return pull / lag
 
 
 @formula

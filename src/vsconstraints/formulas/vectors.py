@@ -33,19 +33,31 @@ def matrix(A: Any) -> Matrix:
 @formula
 def plus(a: Any, b: Any) -> Vector:
     """Return a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+    return (
+        a[0] + b[0],
+        a[1] + b[1],
+        a[2] + b[2],
+    )
 
 
 @formula
 def minus(a: Any, b: Any) -> Vector:
     """Return a − b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return (
+        a[0] - b[0],
+        a[1] - b[1],
+        a[2] - b[2],
+    )
 
 
 @formula
 def times(scale: Any, a: Any) -> Vector:
     """Return scale a."""
-    return scale * a[0], scale * a[1], scale * a[2]
+    return (
+        scale * a[0],
+        scale * a[1],
+        scale * a[2],
+    )
 
 
 @formula
@@ -77,7 +89,11 @@ def dot(a: Any, b: Any) -> Any:
 @formula
 def rotate(A: Matrix, x: Any) -> Vector:
     """Return A x."""
-    return dot(A[0], x), dot(A[1], x), dot(A[2], x)
+    return (
+        dot(A[0], x),
+        dot(A[1], x),
+        dot(A[2], x),
+    )
 
 
 @formula
@@ -104,6 +120,29 @@ def product(A: Matrix, B: Matrix) -> Matrix:
         rotate(columns, A[0]),
         rotate(columns, A[1]),
         rotate(columns, A[2]),
+    )
+
+
+@formula
+def outer(a: Any, b: Any) -> Matrix:
+    """Return a bᵀ."""
+    return (
+        times(a[0], b),
+        times(a[1], b),
+        times(a[2], b),
+    )
+
+
+@formula
+def add_to_diagonal(A: Matrix, x: Any) -> Matrix:
+    """Return A + x I."""
+    xx, xy, xz = A[0]
+    yx, yy, yz = A[1]
+    zx, zy, zz = A[2]
+    return (
+        (xx + x, xy, xz),
+        (yx, yy + x, yz),
+        (zx, zy, zz + x),
     )
 
 

@@ -25,17 +25,26 @@ def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope_at_zer
 
 
 @formula
+def rate_factor(K: Any) -> Any:
+    """Return the factor of σ̇ in φ = σ + K σ̇; 1 for a row on speeds, which has K = 0."""
+    return where(K > 0.0, K, 1.0)
+
+
+@formula
 def damped_bound(
     h: Any, sigma: Any, K: Any, scale: Any, speed: float, influence: float, security: float
 ) -> Any:
-    """Return the bound h of G q̇ ≤ h with which a row on σ is a velocity damper.
+    """Return the bound of ∇σᵀ q̇ with which a row on σ is a velocity damper.
 
-    ``h`` is −σ − K ∂σ/∂t; the damper replaces −σ by K ξ (d − d_s)/(d_i − d_s), d = −σ in scales of
-    the row, and demands nothing beyond d_i. Bounds of speeds, K = 0, stay as they are. Faverjon and
-    Tournassoud, "A local based approach for path planning of manipulators with a high number of
-    degrees of freedom", ICRA 1987.
+    ``h`` is −σ − K ∂σ/∂t, the bound of K ∇σᵀ q̇. With d = −σ in scales of the row, the damper
+    demands ∇σᵀ q̇ + ∂σ/∂t ≤ ξ (d − d_s)/(d_i − d_s) scales per second, and nothing beyond d_i. It
+    does not depend on K. Bounds of speeds, K = 0, stay as they are. Faverjon and Tournassoud, "A
+    local based approach for path planning of manipulators with a high number of degrees of
+    freedom", ICRA 1987.
     """
     distance = -sigma / scale
     share_left = (distance - security) / (influence - security)
-    damped = h + sigma + K * speed * scale * share_left
+    fastest_approach = speed * scale * share_left
+    drift = -(h + sigma) / rate_factor(K)
+    damped = fastest_approach - drift
     return where(K > 0.0, where(distance <= influence, damped, UNBOUNDED), h)

@@ -12,7 +12,7 @@ import numpy as np
 from ..compiled import load
 from ..compiled.workspace import Workspace, zeros
 from ..controllers.delay import split_delay
-from ..errors import ConfigurationError, format_value
+from ..errors import ConfigurationError, SceneError, format_value
 from ..robots.limits import PerJoint, per_joint
 from ..rows import Array
 from .disturbances import Disturbances
@@ -211,6 +211,16 @@ class LowLevelLoop:
         """Let q_c advance by T_s q̇_c with the new q̇_c, as for a law that commands speeds."""
         self.arrays.implicit[0] = 1
 
+    def check(self) -> None:
+        """Raise SceneError if the loop's motion has had more parts than are followed."""
+        if self.arrays.unfollowed[0]:
+            raise SceneError(
+                f"the arm's loop changes its acceleration more than {self.kernels.MOST_PARTS} "
+                "times between two commands: arm.jerk is too small for arm.lag = "
+                f"{self.arm.lag:g} s, so that the speed swings about the wanted one; give a longer "
+                "lag, or a greater jerk or none"
+            )
+
     def speed_rows(self) -> tuple[Array, Array]:
         """Return the weight (1,) and the row (1, n) of the last commanded q̇_c in the state."""
         row = self.kernels.COMMANDS + 1
@@ -255,7 +265,8 @@ class FollowingPlant(Plant):
         self.x[-1] = self._offset
         self.transition = np.eye(len(self.x))
         self.mover = loop.kernels.MOVE, loop.workspace.address
-        self.switch = (delay / self.Ts) % 1.0
+        # a late command is taken at the first instant after its arrival
+        self.switch = int(np.argmax(loop.arrays.fresh)) / loop.arrays.ticks
 
     def take_speeds(self) -> None:
         """See :class:`.Plant`."""
@@ -277,6 +288,10 @@ class FollowingPlant(Plant):
         self.loop.kernels.follow_period(self.loop.workspace, self.x)
 
     step = follow
+
+    def check(self) -> None:
+        """See :class:`.Plant`."""
+        self.loop.check()
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """See :class:`.Plant`."""

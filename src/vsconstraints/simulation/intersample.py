@@ -19,19 +19,20 @@ FINEST = 2.0**-8  #: Smallest part, as a share of a period.
 #: searched for.
 NEAR = 0.05
 
-DIP = 2.0, 0.001
-"""Largest decrease of a clearance within a period below both its ends.
+DIP_FACTOR = 2.0
+"""Largest decrease of a clearance within a period below both its ends, as a multiple of its change.
 
-It is a multiple of the largest change of the clearance in this period and its neighbours, and a
-fraction of the characteristic length, below which decreases are ignored. At a constant rate, half
-the change would suffice: a boundary that is passed at full speed was approached in the period
-before.
+That is the largest change in this period and its neighbours. At a constant rate, half the change
+would suffice: a boundary that is passed at full speed was approached in the period before.
 """
+#: Decrease of a clearance that is ignored, as a fraction of the characteristic length.
+NEGLIGIBLE_DIP = 0.001
 
 #: Smallest distance that a joint moves out and back within a period to be inspected [rad or m]:
 #: near a boundary, and anywhere. A motion that reverses at every sample does not change the sampled
 #: clearances.
-BACK = 1e-5, 1e-3
+BACK_NEAR_A_BOUNDARY = 1e-5
+BACK_ANYWHERE = 1e-3
 
 
 def intersample_clearance(
@@ -41,10 +42,10 @@ def intersample_clearance(
 
     It is infinite if no period was inspected. A period is inspected if a row may be violated in it
     or may have its smallest clearance of the run there. This is the case if the clearance might
-    reach zero at its rate of change there (:data:`DIP`), however far the samples are from the
-    boundary, or if a joint reverses within the period (:data:`BACK`). Parts of a period are halved
-    as long as a row may be violated more deeply within a part, at the rate observed in it. Samples
-    have states (N, s, n) and clearances (N, m).
+    reach zero at its rate of change there (:data:`DIP_FACTOR`), however far the samples are from
+    the boundary, or if a joint reverses within the period (:data:`BACK_ANYWHERE`). Parts of a
+    period are halved as long as a row may be violated more deeply within a part, at the rate
+    observed in it. Samples have states (N, s, n) and clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)
@@ -84,7 +85,7 @@ def intersample_clearance(
         halves = []
         for begin, candidates, first, last in parts:
             may = (np.minimum(first, last) - change[candidates] < deepest) & (
-                change[candidates] > DIP[1] * length
+                change[candidates] > NEGLIGIBLE_DIP * length
             )
             candidates, first, last = (each[may.any(axis=1)] for each in (candidates, first, last))
             if len(candidates):
@@ -115,7 +116,8 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     dips = (may_be_least & is_open).any(axis=1)
     is_near = (lower_end < NEAR * length).any(axis=1)
     way = _ways_back(setup, plant, states)
-    turns = (way > BACK[0]) & is_near | (way > BACK[1])
+    turns_near = (way > BACK_NEAR_A_BOUNDARY) & is_near
+    turns = turns_near | (way > BACK_ANYWHERE)
     return np.flatnonzero(dips | turns)
 
 
@@ -129,7 +131,8 @@ def _greatest_dips(clearance: Array, length: Array) -> Array:
     change[~np.isfinite(change)] = np.inf
     padded = np.pad(change, ((1, 1), (0, 0)))
     in_neighbours = np.maximum(padded[:-2], padded[2:])
-    dip: Array = DIP[0] * np.maximum(change, in_neighbours) + DIP[1] * length
+    largest_change = np.maximum(change, in_neighbours)
+    dip: Array = DIP_FACTOR * largest_change + NEGLIGIBLE_DIP * length
     return dip
 
 

@@ -130,7 +130,7 @@ def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:
     time = math.nan if reply.compute_s is None else reply.compute_s
     if time < 0.0:
         raise StackFailedError(f"its compute_s must be a time in seconds, not {time}")
-    if reply.t is not None and not abs(reply.t - t) <= SAME_TIME:
+    if reply.t is not None and not abs(reply.t - t) <= rounding_of_time(t):
         raise StackFailedError(
             f"it answered the period at t = {reply.t:.9g} s when it was asked at {t:.9g} s: one "
             "line answers one period"
@@ -140,10 +140,15 @@ def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:
     return checked_answer(getattr(reply, output), output, n, time)
 
 
-#: Rounding of a repeated time [s].
+#: Rounding of a repeated time [s], if it is not that of single precision, which grows with time.
 SAME_TIME = 1e-6
 #: Largest number in an answer; the differences of larger ones may be infinite.
 LARGEST = 1e12
+
+
+def rounding_of_time(t: float) -> float:
+    """Return the largest error [s] of a time that a stack repeats in single precision or better."""
+    return max(SAME_TIME, float(np.spacing(np.float32(t))))
 
 
 def checked_answer(command: Any, output: Output, n: int, compute_time: float) -> Answer:

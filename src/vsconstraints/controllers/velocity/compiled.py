@@ -14,12 +14,12 @@ from ..demand import Demand
 from ..resolver import Resolver
 
 
-def reason_of(answer: Command) -> str:
-    """Return the reason of a program's answer in terms of speeds."""
+def reason_of(answer: Command, unit: str) -> str:
+    """Return the reason of a program's answer in terms of speeds, with the unit of violations."""
     if answer.status != "relaxed":
         return answer.reason
     amounts = ", ".join(f"{label} by {slack:.3g}" for label, slack in answer.slacks.items())
-    return f"no joint speed meets every row; exceeded, in units of φ: {amounts}"
+    return f"no joint speed meets every row; exceeded, in {unit}: {amounts}"
 
 
 class CompiledSpeeds(Wrapped):
@@ -27,7 +27,8 @@ class CompiledSpeeds(Wrapped):
 
     It is called with the ``program``, a demand and a resolver, and ``options``, fields of
     :class:`vsconstraints.compiled.velocity.SpeedArrays`; those that are left out have no effect.
-    Every call writes ``speeds`` (n,), the last commanded q̇.
+    Every call writes ``speeds`` (n,), the last commanded q̇. ``unit_of_excess`` is that of violated
+    rows in reasons.
     """
 
     def __init__(
@@ -37,8 +38,10 @@ class CompiledSpeeds(Wrapped):
         labels: tuple[str, ...],
         speeds: Array,
         options: dict[str, Any],
+        unit_of_excess: str,
     ) -> None:
         self.resolver = program[1]
+        self.unit_of_excess = unit_of_excess
         self.speeds = speeds
         solves = CompiledLaw(*program, labels)
         self.complete = solves.complete
@@ -74,7 +77,7 @@ class CompiledSpeeds(Wrapped):
         command = self.resolver.command(answer, labels)
         if command is not None:
             command.qd = self.speeds.copy()
-            command.reason = reason_of(command)
+            command.reason = reason_of(command, self.unit_of_excess)
             if len(self.own.least):
                 command.saturated = at_end(command.qd, self.own.least, self.own.greatest)
         return command

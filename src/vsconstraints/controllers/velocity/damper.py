@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from ...errors import ConfigurationError
-from ...formulas.velocity import damped_bound
+from ...formulas.velocity import damped_bound, rate_factor
 from ...rows import Array, Rows, Task
-from ..ranges import Declared, Range, positive_number, share
+from ..ranges import Declared, Range, positive_number, share_number
 from .base import VelocityController
 from .quadratic import VelocityQP
 
@@ -19,8 +19,9 @@ class VelocityDamper(VelocityQP):
     Rows at a distance d = −σ below the influence distance d_i demand ḋ ≥ −ξ (d − d_s)/(d_i − d_s),
     so that d never falls below the security distance d_s; the others demand nothing. Distances
     count in scales of the rows. Bounds of speeds hold as they are. The cost is that of
-    :class:`.VelocityQP`. Faverjon and Tournassoud, "A local based approach for path planning of
-    manipulators with a high number of degrees of freedom", ICRA 1987.
+    :class:`.VelocityQP`. Of rows that contradict each other, violations count in units of σ per
+    second, so that no command depends on K. Faverjon and Tournassoud, "A local based approach for
+    path planning of manipulators with a high number of degrees of freedom", ICRA 1987.
 
     Parameters
     ----------
@@ -38,9 +39,8 @@ class VelocityDamper(VelocityQP):
         "speed": Range(0.1, 10.0),
         "influence": Range(0.05, 1.0),
     }
-    #: The bounds do not depend on K of the rows either. Only violations of rows that contradict
-    #: each other are measured in units of φ, and are shared by K.
     ignores = (*VelocityController.ignores, "K")
+    unit_of_excess = "units of σ per second, for bounds of speeds of φ"
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class VelocityDamper(VelocityQP):
         )
         self.speed = positive_number("speed", speed)
         self.influence = positive_number("influence", influence)
-        self.security = share("security", security)
+        self.security = share_number("security", security)
         if self.security >= self.influence:
             raise ConfigurationError(
                 f"security must be below influence, {self.influence:g}, not {self.security:g}"
@@ -75,12 +75,13 @@ class VelocityDamper(VelocityQP):
         return (*super().uses, "σ", "K")
 
     def bounds(self, rows: Rows, task: Task) -> tuple[Array, Array]:
-        """Return G (m, n) and h (m,), infinite in effect beyond the influence distance."""
+        """Return G (m, n), which is ∇σᵀ, and h (m,), huge beyond the influence distance."""
         self.require_sigma(rows)
         G, h = rows.velocity_form(task.qd)
         damper = self.speed, self.influence, self.security
         damped: Array = damped_bound(h, rows.sigma, rows.K, rows.scale, *damper)
-        return G, damped
+        gradients: Array = G / rate_factor(rows.K)[:, None]
+        return gradients, damped
 
     def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
         """See :class:`.VelocityLaw`."""

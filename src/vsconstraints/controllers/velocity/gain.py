@@ -38,6 +38,8 @@ class VelocityLaw(VelocityController):
     #: Function of :mod:`vsconstraints.compiled.velocity` for exactly this class; subclasses may
     #: override any method, and have none unless they declare it.
     kernel: ClassVar[str] = ""
+    #: Unit in which violations of rows that contradict each other are measured and reported.
+    unit_of_excess: ClassVar[str] = "units of φ"
 
     def __init__(
         self,
@@ -85,7 +87,9 @@ class VelocityLaw(VelocityController):
         if not kernel or replaced or not self.program()[1].compiles:
             return None
         options = self.compiled_options(rows, n)
-        law = CompiledSpeeds(kernel, self.program(), rows.labels, self._speeds, options)
+        law = CompiledSpeeds(
+            kernel, self.program(), rows.labels, self._speeds, options, self.unit_of_excess
+        )
         return law if law.complete else None
 
     @property

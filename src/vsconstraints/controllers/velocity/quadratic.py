@@ -140,7 +140,7 @@ class QuadraticVelocity(VelocityLaw):
             raise SolverError(f"beyond the range of floating point: {error}") from error
         if answer.status == "failed":
             return answer
-        return replace(answer, qd=answer.qdd, reason=reason_of(answer))
+        return replace(answer, qd=answer.qdd, reason=reason_of(answer, self.unit_of_excess))
 
 
 class VelocityQP(QuadraticVelocity):
