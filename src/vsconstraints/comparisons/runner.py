@@ -15,7 +15,7 @@ from ..plugins.processes import INTERRUPTS, signal_of
 from ..plugins.provenance import Files, digests, imported, noted
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
-from .run import perform
+from .run import failed_record, failed_score, perform
 from .runs.files import (
     SUMS,
     TRAJECTORIES,
@@ -27,7 +27,7 @@ from .runs.files import (
     write_json,
 )
 from .runs.folder import MANIFEST, locked
-from .runs.law_process import LawFailedError, LawProcessLostError
+from .runs.law_process import LawProcessLostError
 from .runs.machine import loaded_versions, new_manifest, run_limit
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
@@ -120,7 +120,7 @@ def compare(
                 # the trajectory stored before does not belong to this failure; the failure is not
                 # stored, because the run may succeed next time, for example with more memory
                 run_file(folder, *key).unlink(missing_ok=True)
-                answer = score(RunRecord.failed(answer.reason, ""), None), False
+                answer = failed_score(answer.reason), False
             # earlier results are kept until the first new one replaces them
             first = not scores
             scores[key], stored = answer
@@ -211,7 +211,7 @@ def run_stored(
         if record.fingerprint != NOT_STORED:
             record.save(path)
     except Exception as error:  # a failure of one run must not end the others
-        result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
+        result = failed_score(f"the run cannot be stored: {described(error)}")
     return result, False
 
 
@@ -225,13 +225,9 @@ def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
                 spec, by_public_call=True, to_the_goal=True, in_own_process=in_own_process
             ).record
         except LawProcessLostError as lost:
-            return RunRecord.failed(str(lost), NOT_STORED)
-        except LawFailedError as failure:
-            record = RunRecord.failed(str(failure), spec.fingerprint)
-        except INTERRUPTS:  # they concern this process if the run is executed here
-            raise
-        except BaseException as error:  # even SystemExit
-            record = RunRecord.failed(described(error), spec.fingerprint)
+            return replace(failed_record(lost), fingerprint=NOT_STORED)
+        except BaseException as error:
+            record = replace(failed_record(error), fingerprint=spec.fingerprint)
     # the first reading of a file counts: its content before an edit must not be mistaken for the
     # content after it; the process of a law may have read some files earlier
     found = {**files, **read} if in_own_process else {**read, **files}

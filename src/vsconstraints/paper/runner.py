@@ -10,7 +10,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, TypedDict, Unpack
 
-from ..comparisons.run import Run, kept_file, kept_run, unfinished
+from ..comparisons.run import Run
 from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
@@ -20,6 +20,7 @@ from .claims import CLAIMS, all_claims
 from .figures import FIGURES
 from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
+from .unfinished import kept_file, kept_run, unfinished
 from .verdicts import Claim, Finding
 
 #: Called with the current activity, the number of its finished tasks, and their total.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.record import RunRecord
-from ...comparisons.run import kept_file, perform, unfinished
+from ...comparisons.run import perform
 from ...comparisons.runs.files import write_arrays
 from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
@@ -19,6 +19,7 @@ from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
+from ..unfinished import kept_file, kept_run, unfinished
 from .gradient_error import GradientError
 from .non_static import NonStatic
 from .pareto import Pareto
@@ -129,10 +130,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
         return stored
     # some studies include runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
-        performed = perform(run)
-        with suppress(OSError):  # if it fails, an interrupted call cannot reuse the record
-            if run == baseline:
-                performed.record.save(kept_file(kept, run))
+        performed = kept_run(run, kept_file(kept, run)) if run == baseline else perform(run)
         summary = summarise(
             performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted
         )
