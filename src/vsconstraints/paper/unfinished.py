@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ..comparisons.record import RunRecord
 from ..comparisons.run import Run, perform
+from ..comparisons.runs.folder import make_folder
 from ..comparisons.runs.spec import RunSpec
-from ..errors import ConfigurationError
 
 
 def kept_run(spec: RunSpec, file: Path) -> Run:
@@ -45,9 +45,6 @@ def unfinished(folder: Path | None) -> Iterator[Path]:
             yield Path(temporary)
         return
     kept = folder / "unfinished"
-    try:
-        kept.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
+    make_folder(kept)
     yield kept
     shutil.rmtree(kept, ignore_errors=True)

@@ -196,10 +196,9 @@ def scored(task: Batch) -> Part:
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
-    nothing: Files = {}
     own_parts = has_own_parts(task.controllers, [task.family])
     with (
-        own_parts_noted() if own_parts else nullcontext(nothing) as files,
+        own_parts_noted() if own_parts else nullcontext(NO_FILES) as files,
         deadline(task.limit) as step,
     ):
         for number in task.scenes:

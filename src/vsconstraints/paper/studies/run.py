@@ -13,11 +13,12 @@ import numpy as np
 from ...comparisons.record import RunRecord
 from ...comparisons.run import perform
 from ...comparisons.runs.files import write_arrays
+from ...comparisons.runs.folder import make_folder
 from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
 from ...compiled import prepare
-from ...errors import ConfigurationError, unknown_name
+from ...errors import unknown_name
 from ...reports.plots import PNG, Formats
 from ..unfinished import kept_file, kept_run, unfinished
 from .gradient_error import GradientError
@@ -82,11 +83,8 @@ def run_studies(
             raise unknown_name("study", name, studies)
     runs = {name: studies[name].runs(small=small) for name in dict.fromkeys(names or studies)}
     if folder is not None:
-        try:
-            for file in (figure_file(folder, ""), data_file(folder, "")):
-                file.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
+        for file in (figure_file(folder, ""), data_file(folder, "")):
+            make_folder(file.parent)
     drift_noted: dict[RunSpec, bool] = {}
     for name, cases in runs.items():
         drift_noted |= {
