@@ -256,7 +256,7 @@ def test_a_process_that_cannot_be_asked_is_not_asked_again_and_says_nothing_of_i
     monkeypatch.setattr(law_process.LawProcess, "run", run)
     asked = spec(folder, "Honest")
     with pytest.raises(raised):
-        law_process.simulate_apart(LawRun(asked.load(), asked.controller), asked.load().setup())
+        law_process.simulate_law(LawRun(asked, in_own_process=True), asked.load().setup())
     assert not law_process.law_processes
 
 
@@ -331,7 +331,7 @@ def test_files_that_cannot_be_those_of_a_law_cost_its_own_run(
         law_process, "ask_law", lambda run: {"files": files, "failed": "its reason"}
     )
     with noted() as files_of_results, pytest.raises(LawFailedError, match="cannot be used"):
-        law_process.simulate_apart(LawRun(asked.load(), asked.controller), setup)
+        law_process.simulate_law(LawRun(asked, in_own_process=True), setup)
     assert not {*files_of_results} & {*files}  # type: ignore[misc]
 
 

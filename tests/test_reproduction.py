@@ -18,7 +18,7 @@ import pytest
 
 import numpy_form
 from vsconstraints.comparisons import RunRecord
-from vsconstraints.comparisons.run import Run, kept_run, perform
+from vsconstraints.comparisons.run import Run, perform
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
@@ -28,6 +28,7 @@ from vsconstraints.paper.figures import FIGURES, simulations
 from vsconstraints.paper.report import TOPICS, differences
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.tables import Numbers
+from vsconstraints.paper.unfinished import kept_run
 from vsconstraints.paper.verdicts import VERDICTS, Claim, Finding, claim
 from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew

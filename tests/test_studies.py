@@ -433,7 +433,7 @@ class TestFailures:
 
     def test_a_folder_that_cannot_be_made_is_refused(self, tmp_path):
         (tmp_path / "file").write_text("")
-        with pytest.raises(ConfigurationError, match="cannot be stored"):
+        with pytest.raises(ConfigurationError, match="cannot be written"):
             run_studies(["pareto"], tmp_path / "file")
 
 

@@ -1,25 +1,23 @@
-"""A run with access to its rows by label, and runs kept until their command has finished."""
+"""A run with access to its rows by label, its execution, and the record of a run that failed."""
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import chdir, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import chdir
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..constraints import Constraint
-from ..errors import ConfigurationError
+from ..errors import described
+from ..plugins.processes import INTERRUPTS
 from ..rows import Array
-from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
+from ..simulation import Setup, Trajectory, intervals, until_settled
 from .metrics import Score, score
 from .record import RunRecord
-from .runs.law_process import LawRun, simulate_apart
+from .runs.law_process import LawFailedError, LawRun, simulate_law
 from .runs.spec import RunSpec
 
 #: Active times of a row that are closer than this are merged into one interval [s], because φ
@@ -178,58 +176,30 @@ def perform(
 
     ``by_public_call`` is passed to :func:`.simulate`. With ``to_the_goal`` the run continues, see
     :func:`.until_settled`. With ``in_own_process`` the controller runs in a separate process, see
-    :func:`.simulate_apart`, which also documents the errors raised.
+    :func:`.simulate_law`, which also documents the errors raised.
     """
     scenario = spec.load()
     # custom parts may change the working directory, and import neighbouring modules at any time
     with chdir("."), spec.controller.importing_beside(scenario.folder):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
-        law_run = LawRun(
-            scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call
-        )
         setup = spec.controller.run.of(setup)
-        if in_own_process:
-            trajectory = simulate_apart(law_run, setup)
-        else:
-            trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
+        law_run = LawRun(spec, setup.time_limit, by_public_call, in_own_process)
+        trajectory = simulate_law(law_run, setup)
         return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
 
 
-def kept_run(spec: RunSpec, file: Path) -> Run:
-    """Load a run from a file, or execute it and save it there; raises as :func:`perform`."""
-    record = RunRecord.load(file)
-    if record is not None:
-        return Run(spec.controller.run.of(spec.load().setup(spec.trial, spec.seed)), record)
-    run = perform(spec)
-    with suppress(OSError):  # the run is complete; the command just cannot resume from it
-        run.record.save(file)
-    return run
+def failed_record(error: BaseException) -> RunRecord:
+    """Return the record of a run that ended with an error; raise the error if it is an interrupt.
 
-
-def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
-    """Return the path where data of a run is kept.
-
-    The path changes if anything that the run depends on has changed, including the code.
+    The record has no fingerprint. Any other error ends its own run only, even SystemExit.
     """
-    return folder / f"{spec.fingerprint}-{what}.npz"
+    if isinstance(error, INTERRUPTS):  # it concerns this process
+        raise error
+    reason = str(error) if isinstance(error, LawFailedError) else described(error)
+    return RunRecord.failed(reason, "")
 
 
-@contextmanager
-def unfinished(folder: Path | None) -> Iterator[Path]:
-    """Provide the folder ``unfinished`` below a command's folder, until the block completes.
-
-    After an error it is kept. If ``folder`` is None, a temporary folder is used. Raises
-    ConfigurationError if the folder cannot be created.
-    """
-    if folder is None:
-        with tempfile.TemporaryDirectory() as temporary:
-            yield Path(temporary)
-        return
-    kept = folder / "unfinished"
-    try:
-        kept.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
-    yield kept
-    shutil.rmtree(kept, ignore_errors=True)
+def failed_score(reason: str) -> Score:
+    """Return the score of a run that failed without a trajectory."""
+    return score(RunRecord.failed(reason, ""), None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir, nullcontext, suppress
@@ -11,26 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import described
-from ..plugins.processes import INTERRUPTS, signal_of
 from ..plugins.provenance import Files, digests, imported, noted
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
-from .run import perform
-from .runs.files import (
-    SUMS,
-    TRAJECTORIES,
-    add_sums,
-    plain,
-    remove_changed,
-    seal,
-    storing,
-    write_json,
-)
-from .runs.folder import MANIFEST, locked
-from .runs.law_process import LawFailedError, LawProcessLostError
+from .run import failed_record, failed_score, perform
+from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed
+from .runs.folder import locked
+from .runs.law_process import LawProcessLostError
 from .runs.machine import loaded_versions, new_manifest, run_limit
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
+from .runs.store import Store
 from .stored import TABLES, require_arm_kept, require_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
@@ -91,26 +81,24 @@ def compare(
     everything already stored is kept.
     """
     with locked(folder, "a comparison"):
-        started = time.perf_counter()
+        # a law may change the working directory
+        folder = folder.absolute()
+        store = Store(folder, "results", stored_files)
         prepare_laws(suite.controllers)
         warned = plain(suite.warnings() if warnings is None else warnings)
-        # a law may change the working directory
         suite = suite.with_baseline()
-        folder = folder.absolute()
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
             require_nothing_lost(folder, suite)
         require_arm_kept(folder, runs.values(), fresh)
-        manifest = {**new_manifest(command, suite.resolved()), "warnings": warned}
-        with storing("results", folder):
-            (folder / TRAJECTORIES).mkdir(exist_ok=True)
-            if fresh:
-                (folder / SUMS).unlink(missing_ok=True)
-            remove_changed(folder, (folder / TRAJECTORIES).glob("*.npz"))
-            seal(folder, (folder / TRAJECTORIES).glob("*.npz"))
-            write_json(folder / MANIFEST, manifest)
-            for name in TABLES if fresh else ():
+        trajectories = folder / TRAJECTORIES
+        with store.storing():
+            trajectories.mkdir(exist_ok=True)
+            for name in (SUMS, *TABLES) if fresh else ():
                 (folder / name).unlink(missing_ok=True)
+            remove_changed(folder, trajectories.glob("*.npz"))
+        manifest = {**new_manifest(command, suite.resolved()), "warnings": warned}
+        store.begin(manifest, trajectories.glob("*.npz"))
         scores: dict[Key, Score] = {}
         stored_before = 0
 
@@ -120,7 +108,7 @@ def compare(
                 # the trajectory stored before does not belong to this failure; the failure is not
                 # stored, because the run may succeed next time, for example with more memory
                 run_file(folder, *key).unlink(missing_ok=True)
-                answer = score(RunRecord.failed(answer.reason, ""), None), False
+                answer = failed_score(answer.reason), False
             # earlier results are kept until the first new one replaces them
             first = not scores
             scores[key], stored = answer
@@ -132,7 +120,6 @@ def compare(
                     add_sums(folder, [run_file(folder, *key)])
             on_finished(runs[key], *answer)
 
-        interrupted = 0
         # baselines come first, since the others are scored against them; they run in other
         # processes where possible
         baselines = {
@@ -148,30 +135,27 @@ def compare(
             for first in (True, False)
         )
         limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-        try:
+        with store.interruptible():
             run_all(
                 run_stored, *batches, workers=workers, limits=limits, here=in_main, on_answer=done
             )
-        except INTERRUPTS as interrupt:
-            interrupted = signal_of(interrupt)
         # in the order of the suite, not in the order of completion
         scores = {key: scores[key] for key in runs if key in scores}
-        wall_time = time.perf_counter() - started
-        compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
-        manifest.update(
-            wall_time_s=wall_time, runs=len(runs), finished=len(scores), stored_before=stored_before
-        )
-        manifest.update(
-            compiled={"compiled": compiled[True], "NumPy": compiled[False]},
-            loaded=loaded_versions(),
-        )
-        with storing("results", folder):
+        wall_time = store.seconds
+        with store.storing():
             for name, lines in _lines(suite, scores).items():
                 if scores or not (folder / name).exists():
                     write_table(folder / name, TABLES[name], lines)
-            write_json(folder / MANIFEST, manifest)
-            seal(folder, stored_files(folder))
-        return Finished(folder, scores, stored_before, wall_time, interrupted)
+        compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
+        store.finish(
+            wall_time_s=wall_time,
+            runs=len(runs),
+            finished=len(scores),
+            stored_before=stored_before,
+            compiled={"compiled": compiled[True], "NumPy": compiled[False]},
+            loaded=loaded_versions(),
+        )
+        return Finished(folder, scores, stored_before, wall_time, store.interrupted)
 
 
 def run_stored(
@@ -189,14 +173,10 @@ def run_stored(
 
     def scored(record: RunRecord) -> Score:
         # a baseline of an earlier comparison is not used
-        own = (
-            record
-            if spec == baseline
-            else None
-            if baseline is None
-            else stored_run(baseline, folder)
-        )
-        return score(record, own)
+        alone = None
+        if baseline is not None:
+            alone = record if spec == baseline else stored_run(baseline, folder)
+        return score(record, alone)
 
     with suppress(Exception):  # a record that cannot be read or scored is damaged: run again
         record = None if fresh else stored_run(spec, folder)
@@ -211,7 +191,7 @@ def run_stored(
         if record.fingerprint != NOT_STORED:
             record.save(path)
     except Exception as error:  # a failure of one run must not end the others
-        result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
+        result = failed_score(f"the run cannot be stored: {described(error)}")
     return result, False
 
 
@@ -225,13 +205,9 @@ def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
                 spec, by_public_call=True, to_the_goal=True, in_own_process=in_own_process
             ).record
         except LawProcessLostError as lost:
-            return RunRecord.failed(str(lost), NOT_STORED)
-        except LawFailedError as failure:
-            record = RunRecord.failed(str(failure), spec.fingerprint)
-        except INTERRUPTS:  # they concern this process if the run is executed here
-            raise
-        except BaseException as error:  # even SystemExit
-            record = RunRecord.failed(described(error), spec.fingerprint)
+            return replace(failed_record(lost), fingerprint=NOT_STORED)
+        except BaseException as error:
+            record = replace(failed_record(error), fingerprint=spec.fingerprint)
     # the first reading of a file counts: its content before an edit must not be mistaken for the
     # content after it; the process of a law may have read some files earlier
     found = {**files, **read} if in_own_process else {**read, **files}
@@ -239,14 +215,11 @@ def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:
-    runs = [
-        (dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()
-    ]
-    results = [{**own, **score.result} for own, score in runs]
-    return dict(
-        zip(
-            TABLES,
-            (results, [{**own, **row} for own, each in runs for row in each.constraints]),
-            strict=True,
-        )
-    )
+    """Return the lines of each table."""
+    results = []
+    constraints = []
+    for key, scored in scores.items():
+        own = dict(zip(RUN, (suite.name, *key), strict=True))
+        results.append({**own, **scored.result})
+        constraints += [{**own, **row} for row in scored.constraints]
+    return dict(zip(TABLES, (results, constraints), strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,8 +30,6 @@ TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 Number = float | None
 Texts = Sequence[str]
-Part = tuple[str, str]  #: Part of a configuration: its kind and, except for the seed, its name.
-Settings = dict[Part, Any]  #: Settings that results depend on.
 
 #: Additional file that a run on an arm stores in its folder.
 ARM_LOG = Path("arm", "log.npz")
@@ -50,11 +48,13 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
     now = _settings(plain(suite.resolved()))
     planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
-        parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
+        parts = "seed", f"scenario {scenario}", f"controller {controller}"
+        known = {part: earlier[part] for part in parts if part in earlier}
+        changes = list(differences(known, {part: now.get(part) for part in known}))
         if (scenario, controller, trial) not in planned:
             why = "is not part of this one"
-        elif texts := [text for part in parts for text in _differences(part, earlier, now)]:
-            why = f"has other settings in this one: {in_words(texts)}"
+        elif changes:
+            why = f"has other settings in this one: {in_words(changes)}"
         else:
             continue
         lost = (
@@ -84,29 +84,20 @@ def require_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False)
             raise FolderTaken(f"{lost}: {why}, {instead}", f"{lost}: {why}")
 
 
-def _differences(part: Part, earlier: Settings, now: Settings) -> Iterator[str]:
-    """Yield a sentence for each setting of a part that differs; none if the part is not stored."""
-    if part in earlier:
-        key = " ".join(part).strip()
-        yield from differences({key: earlier[part]}, {key: now.get(part)})
-
-
-def _settings(configuration: Any) -> Settings:
+def _settings(configuration: Any) -> dict[str, Any]:
     """Extract the settings that results depend on from a manifest's configuration.
 
-    These are the seed, and the scenarios and controllers by name. Invalid entries are ignored.
+    These are the seed, and each scenario and controller. Invalid entries are ignored.
     """
-    settings: Settings = {}
+    settings = {}
     with suppress(KeyError, TypeError, AttributeError):
-        settings["seed", ""] = configuration["seed"]
-        settings |= {
-            ("controller", name): entry for name, entry in configuration["controllers"].items()
-        }
+        settings["seed"] = configuration["seed"]
+        for name, entry in configuration["controllers"].items():
+            settings[f"controller {name}"] = entry
         for name, entry in configuration["scenarios"].items():
-            own = entry["tables"].items()
-            settings["scenario", name] = {
-                key: value for key, value in own if key not in ("title", "description")
-            }
+            texts = ("title", "description")
+            tables = entry["tables"].items()
+            settings[f"scenario {name}"] = {key: value for key, value in tables if key not in texts}
     return settings
 
 

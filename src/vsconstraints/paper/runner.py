@@ -10,7 +10,8 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, TypedDict, Unpack
 
-from ..comparisons.run import Run, kept_file, kept_run, unfinished
+from ..comparisons.run import Run
+from ..comparisons.runs.folder import make_folder
 from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
@@ -20,6 +21,7 @@ from .claims import CLAIMS, all_claims
 from .figures import FIGURES
 from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
+from .unfinished import kept_file, kept_run, unfinished
 from .verdicts import Claim, Finding
 
 #: Called with the current activity, the number of its finished tasks, and their total.
@@ -66,7 +68,7 @@ def reproduce(
     """
     started = time.perf_counter()
     claims = all_claims()
-    figures_folder(folder)
+    make_folder(folder / "figures")
     with unfinished(folder) as kept:
         work = Work(folder, kept, **options)
         runs = run_specs(work, [*claims, *FIGURES.values()])
@@ -100,7 +102,8 @@ def redraw(
     and as :func:`reproduce`.
     """
     figures = chosen_figures(numbers, controller)
-    place = figures_folder(folder)
+    place = folder / "figures"
+    make_folder(place)
     with unfinished(None) as kept:
         work = Work(folder, kept, **options)
         missing = draw_figures(work, figures, run_specs(work, figures.values()))
@@ -167,15 +170,6 @@ def chosen_claims(keys: Sequence[str]) -> list[Claim]:
             raise unknown_name("claim", key, of_number)
         chosen |= {key} if key in CLAIMS else set(of_number)
     return [claim for claim in all_claims() if claim.key in chosen]
-
-
-def figures_folder(folder: Path) -> Path:
-    """Create the folder for figures if missing; raises ConfigurationError if that fails."""
-    try:
-        (folder / "figures").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
-    return folder / "figures"
 
 
 def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | str]:

@@ -25,7 +25,6 @@ from .parquet import RUNS, TABLES
 from .work import Batch, benches, make_batch, shard_name
 
 MARK = "runs"  # the table that is written last: a shard is complete if it has this part
-MAX_NAMED = 5  # maximum number of scene ranges in a message
 
 
 @dataclass(frozen=True)
@@ -106,13 +105,21 @@ def shards(folder: Path) -> list[StoredShard]:
 
     Raises ConfigurationError if a footer cannot be read.
     """
-    paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
-    return [_stored_shard(folder, path) for path in paths]
+    return [_stored_shard(folder, name) for name in shard_names(folder)]
 
 
-def _stored_shard(folder: Path, path: Path) -> StoredShard:
+def _stored_shard(folder: Path, name: str) -> StoredShard:
+    path = shard_file(folder, MARK, name)
     facts = Facts.of(path)
-    return StoredShard(folder, path.stem, facts, path, facts.scenes)
+    return StoredShard(folder, name, facts, path, facts.scenes)
+
+
+def files_of(shards: Iterable[Facts]) -> Files:
+    """Return hashes of the files that custom parts loaded or read when shards were made."""
+    files: Files = {}
+    for facts in shards:
+        files.update(facts.files)
+    return files
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -163,7 +170,7 @@ def _complete_shards(folder: Path) -> list[StoredShard]:
         with suppress(ConfigurationError):  # a truncated file has no footer
             for table in TABLES:
                 parquet.line_count(shard_file(folder, table, name))
-            complete.append(_stored_shard(folder, shard_file(folder, MARK, name)))
+            complete.append(_stored_shard(folder, name))
     return complete
 
 
@@ -191,9 +198,7 @@ def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
 def _changed_files(stored: Iterable[Facts], campaign: Campaign) -> list[str]:
     """Return a sentence for each custom file that changed since a stored shard was made."""
     folders = own_folders(campaign.controllers, campaign.families)
-    files: Files = {}
-    for facts in stored:
-        files.update(facts.files)
+    files = files_of(stored)
     return [
         f"the content of {name} has changed" for name in changed(files, contents(files, folders))
     ]
@@ -216,21 +221,6 @@ def clear(folder: Path) -> None:
     for name in (*TABLES, TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
     (folder / SUMS).unlink(missing_ok=True)
-
-
-def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wanted: range) -> str:
-    """List the wanted scenes that no shard contains, by family, in words.
-
-    The text is empty if none is missing.
-    """
-    missing = {name: set(wanted) for name in configuration["families"]}
-    for facts in there:
-        missing[facts.family].difference_update(facts.scenes)
-    lost = []
-    for name, numbers in missing.items():
-        firsts, lasts = (sorted(n for n in numbers if n + step not in numbers) for step in (-1, 1))
-        lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
-    return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
 
 
 class RunKey(NamedTuple):

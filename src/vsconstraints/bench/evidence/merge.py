@@ -9,15 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ...comparisons.runs.files import (
-    TRAJECTORIES,
-    replaced,
-    require_unchanged,
-    seal,
-    storing,
-    write_json,
-)
-from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
+from ...comparisons.runs.files import TRAJECTORIES, replaced, require_unchanged
+from ...comparisons.runs.folder import locked, manifest_of
+from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
 from .folder import MARK, chosen, clear, stored_files, trajectory_file, write_parts
 from .parquet import TABLES
@@ -59,8 +53,9 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
             f"{out} is one of the folders to merge: give another output folder"
         )
     with locked(out, "evidence"):
+        store = Store(out, "evidence", stored_files)
         clear(out)
-        with storing("evidence", out):
+        with store.storing():
             counts = Counter[str]()
             for shard in evidence.shards:
                 tables = {name: shard.table(name) for name in TABLES}
@@ -70,9 +65,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
             merged = Merged(
                 counts["scenes"], counts[MARK], _copy_trajectories(evidence, out), evidence.remarks
             )
-            manifest = combined_manifest(evidence.manifests, evidence.shards)
-            write_json(out / MANIFEST, {**manifest, "trajectories": merged.trajectories})
-            seal(out, stored_files(out))
+        manifest = combined_manifest(evidence.manifests, evidence.shards)
+        store.finish(**{**manifest, "trajectories": merged.trajectories})
     return merged
 
 

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ...comparisons.runs.files import seal, storing, write_json
-from ...comparisons.runs.folder import MANIFEST, Keep, locked, manifest_of, parse_keep
+from ...comparisons.runs.folder import Keep, locked, manifest_of, parse_keep
 from ...comparisons.runs.machine import loaded_versions, machine, new_manifest
 from ...comparisons.runs.pool import Failure, OpenWorkers, Workers, processes
 from ...comparisons.runs.spec import BASELINE, prepare_laws
-from ...plugins.processes import INTERRUPTS, signal_of
-from ...plugins.provenance import Files
+from ...comparisons.runs.store import Store
 from .campaign import Campaign
-from .folder import Facts, clear, finished_shards, keep_trajectories, stored_files, write_parts
+from .folder import (
+    Facts,
+    clear,
+    files_of,
+    finished_shards,
+    keep_trajectories,
+    stored_files,
+    write_parts,
+)
 from .own_files import contents, own_folders, require_unchanged_files
 from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, plan_batches, scored
@@ -123,8 +128,8 @@ def collect(
     plan = plan or Plan()
     parse_keep(plan.keep)
     with locked(folder, "evidence"):
-        started = time.perf_counter()
         folder = folder.absolute()  # custom parts may change the working directory
+        store = Store(folder, "evidence", stored_files)
         if plan.fresh:
             clear(folder)
         there = finished_shards(folder, campaign)
@@ -139,59 +144,45 @@ def collect(
             "keep": plan.keep,
             **{name: value for name, value in manifest_of(folder).items() if name in OF_WORK},
         }
-        with storing("evidence", folder):
-            seal(folder, stored_files(folder)[1:])
-            write_json(folder / MANIFEST, manifest)
+        store.begin(manifest, stored_files(folder)[1:])
         stored = len(scenes_there)
         progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
         on_progress(progress)
         identities = campaign.identities()
         here = machine()
         folders = own_folders(campaign.controllers, campaign.families)
-        files: Files = {}
-        for facts in there:
-            files.update(facts.files)
-        interrupted = kept = 0
-        try:
+        files = files_of(there)
+        kept = 0
+        with store.interruptible():
             if tasks:
                 with plan.workers(scored) as workers:
                     for i, part in results(tasks, workers):
                         task = tasks[i]
-                        name = tasks[i].family.name
+                        name = task.family.name
                         files = contents(part.files.keys() - files.keys(), folders) | files
                         require_unchanged_files(part.files, files)
                         files.update(part.files)
                         made = part.runs.num_rows, part.seconds, part.files
                         facts = Facts(name, task.scenes, identities[name], here, *made)
-                        with storing("evidence", folder):
-                            write_parts(
-                                folder, task.name, dict(zip(TABLES, part, strict=False)), facts
-                            )
+                        tables = dict(zip(TABLES, part, strict=False))
+                        with store.storing():
+                            write_parts(folder, task.name, tables, facts)
                         progress.add(task, part)
                         on_progress(progress)
-            with storing("evidence", folder):
+            with store.storing():
                 kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
-        except INTERRUPTS as interrupt:
-            interrupted = signal_of(interrupt)
-        finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
+        finished = Finished(folder, progress, store.seconds, kept, store.interrupted)
         if progress.runs:
             manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
-        seconds = sum(facts.seconds for facts in there)
-        runs = sum(facts.runs for facts in there)
-        manifest.update(
-            process_time_s=seconds + progress.seconds,
-            runs=runs + progress.runs,
+        store.finish(
+            process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
+            runs=sum(facts.runs for facts in there) + progress.runs,
             scenes=progress.scenes,
-        )
-        manifest.update(
             finished=progress.done,
             stored_before=stored,
             trajectories=kept,
             loaded=loaded_versions(),
         )
-        with storing("evidence", folder):
-            write_json(folder / MANIFEST, manifest)
-            seal(folder, stored_files(folder))
         return finished
 
 

@@ -33,7 +33,7 @@ from .folder import (  # fmt: skip
     Facts,
     RunKey,
     StoredShard,
-    missing_scenes,
+    files_of,
     require_same_files,
     shard_file,
     stored_files,
@@ -43,6 +43,7 @@ from .parquet import KEYS, TABLES
 from .together import combined_manifest, shards_of
 
 MAX_ROWS = 1000  # maximum number of constraint rows of a run in a shard
+MAX_NAMED = 5  # maximum number of scene ranges in a message
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,15 @@ class Evidence(StoredResults):
 
     def missing_scenes(self, wanted: range) -> str:
         """List the wanted scenes that are not stored, by family; empty if none is missing."""
-        facts = (shard.facts for shard in self.shards)
-        return missing_scenes(self.manifest["configuration"], facts, wanted)
+        missing = {name: set(wanted) for name in self.manifest["configuration"]["families"]}
+        for shard in self.shards:
+            missing[shard.facts.family].difference_update(shard.facts.scenes)
+        lost = []
+        for name, numbers in missing.items():
+            firsts = sorted(number for number in numbers if number - 1 not in numbers)
+            lasts = sorted(number for number in numbers if number + 1 not in numbers)
+            lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
+        return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
 
     @property
     def families(self) -> dict[str, Family]:
@@ -105,10 +113,7 @@ class Evidence(StoredResults):
     @property
     def own_files(self) -> Files:
         """Hashes of files that custom parts loaded or read, see :mod:`.own_files`."""
-        files: Files = {}
-        for shard in self.shards:
-            files.update(shard.facts.files)
-        return files
+        return files_of(shard.facts for shard in self.shards)
 
     @cached_property
     def runs(self) -> Any:

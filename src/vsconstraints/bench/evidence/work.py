@@ -17,14 +17,15 @@ from typing import Any, NamedTuple
 from ...comparisons.experiment import Entries
 from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
-from ...comparisons.runs.law_process import LawFailedError, LawRun, simulate_apart
+from ...comparisons.run import failed_record, failed_score
+from ...comparisons.runs.law_process import LawRun, simulate_law
 from ...comparisons.runs.machine import run_limit
-from ...comparisons.runs.spec import BASELINE, ControllerSpec
+from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
-from ...plugins.processes import INTERRUPTS, deadline
+from ...plugins.processes import deadline
 from ...plugins.provenance import Files, own_parts_noted
-from ...simulation import RunWorkspace, Setup, simulate, until_settled
+from ...simulation import RunWorkspace, Setup, until_settled
 from ..families import Drawn, Family
 from . import parquet
 from .campaign import Campaign
@@ -195,10 +196,9 @@ def scored(task: Batch) -> Part:
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
-    nothing: Files = {}
     own_parts = has_own_parts(task.controllers, [task.family])
     with (
-        own_parts_noted() if own_parts else nullcontext(nothing) as files,
+        own_parts_noted() if own_parts else nullcontext(NO_FILES) as files,
         deadline(task.limit) as step,
     ):
         for number in task.scenes:
@@ -260,7 +260,7 @@ def _add(
     try:
         run = score(record, baseline)
     except Exception as error:  # arrays of custom parts can hold anything
-        run = score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
+        run = failed_score(f"the run cannot be scored: {described(error)}")
     names = ("family", "half", "scene", "condition", "controller")
     keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
     lines["runs"].append({**keys, **run.result})
@@ -316,7 +316,8 @@ class Bench:
             # custom parts may change the working directory, and import neighboring modules at any
             # time
             with chdir("."), entry.importing_beside(scene.folder):
-                own_parts = bool(scene.scenario(self._condition).own_parts)
+                scenario = scene.scenario(self._condition)
+                own_parts = bool(scenario.own_parts)
                 if self._ready is None:
                     setup = self._setup
                     self._setup = None
@@ -329,22 +330,12 @@ class Bench:
                 self._ready = None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
-                if entry.in_own_process:
-                    scenario = scene.scenario(self._condition)
-                    law_run = LawRun(
-                        scenario, entry, seed=scene.noise, time_limit=prepared.setup.time_limit
-                    )
-                    trajectory = simulate_apart(law_run, setup, remarks, same)
-                else:
-                    trajectory = simulate(setup, entry.make(), remarks=remarks, prepared=same)
+                spec = RunSpec(scenario, entry, seed=scene.noise)
+                law_run = LawRun(spec, setup.time_limit, in_own_process=entry.in_own_process)
+                trajectory = simulate_law(law_run, setup, remarks, same)
                 record = RunRecord.of(setup, trajectory, "")
-        except LawFailedError as failure:
-            return RunRecord.failed(str(failure), "")
-        except INTERRUPTS:
-            raise
-        # even SystemExit: it must not end the other runs
         except BaseException as error:
-            return RunRecord.failed(described(error), "")
+            return failed_record(error)
         left_as_it_was = entry.in_own_process or ":" not in entry.law
         if record.trajectory.status != "failed" and left_as_it_was and not own_parts:
             self._ready = prepared, remarks

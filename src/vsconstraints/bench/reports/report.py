@@ -10,7 +10,7 @@ from typing import Any
 
 from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
 from ...comparisons.runs.files import write_json
-from ...comparisons.runs.folder import MANIFEST
+from ...comparisons.runs.folder import MANIFEST, make_folder
 from ...errors import ConfigurationError, StorageError
 from ...reports import groups
 from ...reports.page import render, write_pages
@@ -81,20 +81,12 @@ def write_evidence_report(
             "rows and scenes are missing. The report is left unchanged"
         )
     if out is not None:
-        _make_report_folder(out)
+        if (out / MANIFEST).exists():
+            raise ConfigurationError(f"{out} holds results: give another folder with --out")
+        make_folder(out)
     if tuning is None and (evidence.folder / "tuning").is_dir():
         tuning = evidence.folder / "tuning"
     return write_report_of(Dataset(evidence, tuning, figures, formats, out), on_written)
-
-
-def _make_report_folder(folder: Path) -> None:
-    """Create the folder of a report; raises ConfigurationError if it holds results."""
-    if (folder / MANIFEST).exists():
-        raise ConfigurationError(f"{folder} holds results: give another folder with --out")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
 
 
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:

@@ -81,6 +81,14 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
             _locked.discard(path)
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder if it is missing; raises ConfigurationError if that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
+
+
 def require_inside(folder: Path) -> None:
     """Raise ConfigurationError if a link in a folder leads out of it, so that writing would too."""
     whole = os.path.realpath(folder)

@@ -19,11 +19,10 @@ from typing import Any
 
 from ...errors import MAX_REASON_LENGTH, VsconstraintsError, described
 from ...plugins.provenance import Files, add_to_notes, own_parts_noted
-from ...scenarios import Scenario
-from ...simulation import RunWorkspace, Setup, Trajectory
+from ...simulation import RunWorkspace, Setup, Trajectory, simulate
 from ...simulation.recorded import Recorded, replay
 from .pool import Failure, Pool
-from .spec import AS_THE_SCENE, ControllerSpec
+from .spec import AS_THE_SCENE, RunSpec
 
 #: Maximum number of law processes kept for further runs; the one unused for longest ends first.
 #: They are not counted as workers: only one of them computes at a time, while its caller waits. The
@@ -89,31 +88,33 @@ class LawProcessLostError(LawFailedError):
 
 @dataclass(frozen=True)
 class LawRun:
-    """Description of a run that is sent to the process of its law.
+    """A run and how it is simulated, which is sent to the process of its law if it has one.
 
     ``time_limit`` [s] is that of the setup, see :func:`.until_settled`. ``by_public_call`` is
-    passed to :func:`.simulate`.
+    passed to :func:`.simulate`. With ``in_own_process`` the law has a separate process.
     """
 
-    scenario: Scenario
-    law: ControllerSpec
-    trial: int = 0
-    seed: int = 0
+    spec: RunSpec
     time_limit: float | None = None
     by_public_call: bool = False
+    in_own_process: bool = False
 
 
-def simulate_apart(
+def simulate_law(
     run: LawRun,
     setup: Setup,
     remarks: Sequence[str] | None = None,
     prepared: RunWorkspace | None = None,
 ) -> Trajectory:
-    """Simulate as :func:`.simulate`, with the law in a separate process.
+    """Simulate a law as :func:`.simulate`, in a separate process if its run has one.
 
-    ``setup`` is the setup on which the run is scored. Raises LawFailedError if the law's process
-    returns no run.
+    ``setup`` is the setup on which the run is scored. Raises the errors of the law and of
+    :func:`.simulate`, or LawFailedError if the law's process returns no run.
     """
+    if not run.in_own_process:
+        law = run.spec.controller.make()
+        public = run.by_public_call
+        return simulate(setup, law, by_public_call=public, remarks=remarks, prepared=prepared)
     answer: object = ask_law(run)
     if isinstance(answer, Failure):
         raise LawProcessLostError(str(answer.reason))
@@ -159,10 +160,13 @@ def record(run: LawRun) -> dict[str, Any]:
     said: dict[str, Any] = {}
     with chdir("."), own_parts_noted() as files:
         try:
-            with run.law.importing_beside(run.scenario.folder):
-                setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
+            spec = run.spec
+            law = spec.controller
+            scenario = spec.load()
+            with law.importing_beside(scenario.folder):
+                setup = replace(scenario.setup(spec.trial, spec.seed), time_limit=run.time_limit)
                 recorded = Recorded.of(
-                    run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call
+                    law.run.of(setup), law.make(), by_public_call=run.by_public_call
                 )
                 said["recorded"] = recorded.plain()
         except BaseException as error:  # even SystemExit: a failure of the law ends its run only
@@ -176,9 +180,10 @@ def ask_law(run: LawRun) -> dict[str, Any] | Failure:
     if not _finalizers:
         _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
     try:
-        pickle.dumps(run.law.options)
+        entry = run.spec.controller
+        pickle.dumps(entry.options)
         # one process serves all settings of a law, such as those that a tuning tries
-        law_alone = replace(run.law, name="", options={}, run=AS_THE_SCENE)
+        law_alone = replace(entry, name="", options={}, run=AS_THE_SCENE)
         law = hashlib.sha256(pickle.dumps(law_alone)).hexdigest()
     # options and instances of custom laws can raise any error when they are pickled
     except Exception as error:

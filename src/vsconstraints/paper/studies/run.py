@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.record import RunRecord
-from ...comparisons.run import kept_file, perform, unfinished
+from ...comparisons.run import perform
 from ...comparisons.runs.files import write_arrays
+from ...comparisons.runs.folder import make_folder
 from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
 from ...compiled import prepare
-from ...errors import ConfigurationError, unknown_name
+from ...errors import unknown_name
 from ...reports.plots import PNG, Formats
+from ..unfinished import kept_file, kept_run, unfinished
 from .gradient_error import GradientError
 from .non_static import NonStatic
 from .pareto import Pareto
@@ -81,11 +83,8 @@ def run_studies(
             raise unknown_name("study", name, studies)
     runs = {name: studies[name].runs(small=small) for name in dict.fromkeys(names or studies)}
     if folder is not None:
-        try:
-            for file in (figure_file(folder, ""), data_file(folder, "")):
-                file.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
+        for file in (figure_file(folder, ""), data_file(folder, "")):
+            make_folder(file.parent)
     drift_noted: dict[RunSpec, bool] = {}
     for name, cases in runs.items():
         drift_noted |= {
@@ -129,10 +128,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
         return stored
     # some studies include runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
-        performed = perform(run)
-        with suppress(OSError):  # if it fails, an interrupted call cannot reuse the record
-            if run == baseline:
-                performed.record.save(kept_file(kept, run))
+        performed = kept_run(run, kept_file(kept, run)) if run == baseline else perform(run)
         summary = summarise(
             performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted
         )
