@@ -68,7 +68,6 @@ def band(run: Run) -> float:
     where="8.2, Fig. 4",
     sentence="the second feature remains in the FOV",
     rule="max σ ≤ 0, between samples too",
-    figure="fig-04.png",
 )
 def _remains_in_the_image(fov: Run) -> Finding:
     sigma = greatest_sigma(fov, SECOND)
@@ -87,7 +86,6 @@ def _remains_in_the_image(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the allowed space is fully utilized",
     rule="unused margin of at most 1 % of half the allowed image",
-    figure="fig-04.png",
 )
 def _space_is_used(fov: Run) -> Finding:
     return fully_used(fov, SECOND)
@@ -99,7 +97,6 @@ def _space_is_used(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the boundary of the hyperellipse constraint is reached smoothly",
     rule=SMOOTHLY,
-    figure="fig-04.png",
 )
 def _boundary_is_reached_smoothly(fov: Run) -> Finding:
     return smoothly(fov, SECOND)
@@ -111,7 +108,6 @@ def _boundary_is_reached_smoothly(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the initial error for the camera orientation is made zero",
     rule=ORIENTED,
-    figure="fig-04.png",
 )
 def _orientation_error_vanishes(fov: Run) -> Finding:
     first = angle(fov)[0]
@@ -135,7 +131,6 @@ def _orientation_error_vanishes(fov: Run) -> Finding:
     "made zero",
     rule="below 1 % of its peak before the row first acts and at the end; the peak while the row "
     "acts or between",
-    figure="fig-04.png",
 )
 def _position_error_arises_and_vanishes(fov: Run) -> Finding:
     error = position(fov)
@@ -170,7 +165,6 @@ def _position_error_arises_and_vanishes(fov: Run) -> Finding:
     "second image feature",
     rule="two intervals, their ends within 0.5 s of those printed; the first feature's row never "
     "acts",
-    figure="fig-04.png",
 )
 def _active_intervals(fov: Run) -> Finding:
     second = fov.active_intervals(SECOND)
@@ -190,7 +184,6 @@ def _active_intervals(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the FOV constraint is fulfilled, i.e., φ_V,2 ≤ 0",
     rule=FULFILLED,
-    figure="fig-04.png",
 )
 def _image_border_is_kept(fov: Run) -> Finding:
     return phi_never_positive(fov, [SECOND])
@@ -206,7 +199,6 @@ def _image_border_is_kept(fov: Run) -> Finding:
     where="8.2, Fig. 5",
     sentence="with K_T,p(0) = 50 the positioning task is performed around three times faster",
     rule="settling times (5 mm, 5 mrad) in a ratio of 3 ± 25 %; partly if above 1",
-    figure="fig-05.png",
 )
 def _three_times_faster(fov: Run, fast: Run) -> Finding:
     ratio = fov.settling_time / fast.settling_time
@@ -226,7 +218,6 @@ def _three_times_faster(fov: Run, fast: Run) -> Finding:
     sentence="the smaller value of the switching gain (u⁺ = 10) is not enough to fulfill the FOV "
     "constraint",
     rule="φ exceeds 1.5 T_s u⁺ and stays positive for five samples in a row or more",
-    figure="fig-05.png",
 )
 def _small_gain_is_not_enough(fast: Run) -> Finding:
     kept = fulfilled(fast, SECOND)
@@ -245,7 +236,6 @@ def _small_gain_is_not_enough(fast: Run) -> Finding:
     where="8.2, Fig. 5",
     sentence="when the large value (u⁺ = 50) is used the FOV constraint is fulfilled",
     rule=FULFILLED,
-    figure="fig-05.png",
 )
 def _large_gain_is_enough(high_gain: Run) -> Finding:
     return phi_never_positive(high_gain, [SECOND])
@@ -258,7 +248,6 @@ def _large_gain_is_enough(high_gain: Run) -> Finding:
     where="8.2, Figs. 4, 5",
     sentence="the resulting chattering amplitude is also increased",
     rule="peak-to-peak φ while sliding is larger with u⁺ = 50 than in Fig. 4",
-    figure="fig-05.png",
 )
 def _chattering_grows_with_the_gain(fov: Run, high_gain: Run) -> Finding:
     slow = band(fov)
@@ -323,7 +312,6 @@ def _shorter_sampling_time_keeps_the_band(fov: Run, sampled_faster: Run) -> Find
     "considered, since the lower bound in (12) is larger",
     rule="with every faster motion the bound (12) rises, and the smallest gain tried that keeps φ "
     "within T_s u⁺ never falls, and rises in all; partly if one of both",
-    figure="study-switching-gain.png",
 )
 def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     """Smallest sufficient gain and bound (12) at each speed of motion."""
@@ -354,7 +342,6 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     sentence="the first feature is blocked in a trap situation with the bowl-shaped constraint",
     rule="the run ends at rest away from the goal, and the first feature's bowl row acts until the "
     "end",
-    figure="fig-06.png",
 )
 def _blocked_in_the_bowl(bowl: Run) -> Finding:
     acts = bowl.active_intervals(BOWL_ROW)
@@ -374,7 +361,6 @@ def _blocked_in_the_bowl(bowl: Run) -> Finding:
     where="8.2, Fig. 6",
     sentence="the robot reaches a local minima where the orientation error is zero",
     rule=ORIENTED,
-    figure="fig-06.png",
 )
 def _orientation_error_vanishes_in_the_bowl(bowl: Run) -> Finding:
     first = angle(bowl)[0]
@@ -393,7 +379,6 @@ def _orientation_error_vanishes_in_the_bowl(bowl: Run) -> Finding:
     where="8.2, Fig. 6",
     sentence="but the position error is not zero",
     rule="at the end more than 5 mm",
-    figure="fig-06.png",
 )
 def _position_error_remains_in_the_bowl(bowl: Run) -> Finding:
     last = position(bowl)[-1]
@@ -407,7 +392,6 @@ def _position_error_remains_in_the_bowl(bowl: Run) -> Finding:
     sentence="the SMC is stable at the mentioned local minima",
     rule="in the last 2 s the camera moves less than 5 mm, joints stay below 0.05 rad/s, and "
     "peak-to-peak φ of the bowl is at most 10 % above that of 2 s in the middle of the run",
-    figure="fig-06.png",
 )
 def _stable_in_the_bowl(bowl: Run) -> Finding:
     phi = bowl.phi(BOWL_ROW)
@@ -448,7 +432,6 @@ def _stable_in_the_bowl(bowl: Run) -> Finding:
     "no problem",
     rule="the marker comes within 5 px of the corner, max σ ≤ 0, φ within T_s u⁺, and the goal is "
     "reached",
-    figure="fig-07.png",
 )
 def _convex_corner_is_passed(convex: Run) -> Finding:
     kept = fulfilled(convex, HEART)
@@ -470,7 +453,6 @@ def _convex_corner_is_passed(convex: Run) -> Finding:
     where="8.2, Fig. 8",
     sentence="the constraint is unfulfilled (φ_V,1occ > 0) at the concave non-differentiable point",
     rule="max φ above 5 T_s u⁺ and max σ > 0, within 20 px of the corner",
-    figure="fig-08.png",
 )
 def _concave_corner_is_entered(concave: Run) -> Finding:
     kept = fulfilled(concave, HEART)
