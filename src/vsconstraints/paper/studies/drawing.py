@@ -100,12 +100,12 @@ def add_panels(
     )
     for scenario, ax in zip(by_scenario, axes, strict=False):
         ax.set_title(scenario_title(scenario))
-    for measure, ax in zip(measures.values(), axes[:: len(by_scenario)], strict=True):
-        ax.set_ylabel(measure.label)
-    panels = []
-    for measure in measures:
+    for first, measure in zip(axes[:: len(by_scenario)], measures.values(), strict=True):
+        first.set_ylabel(measure.label)
+    panels: list[Panel] = []
+    for name in measures:
         for scenario, of_scenario in by_scenario.items():
-            panels.append(Panel(axes[len(panels)], measure, scenario, of_scenario))
+            panels.append(Panel(axes[len(panels)], name, scenario, of_scenario))
     return panels
 
 
