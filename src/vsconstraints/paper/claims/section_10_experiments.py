@@ -121,21 +121,6 @@ def one_marker_slides(run: Run, kind: str) -> Finding:
     return finding(text, holds=good, partly=kept, margin=share, sigma_max=sigma, rows=len(acting))
 
 
-def reached(run: Run) -> Finding:
-    """Finding on how the run ends."""
-    end = run.trajectory
-    text = (
-        f"{end.status} after {run.settling_time:.0f} s; "
-        f"at the end {end.feature_error_px[-1]:.2f} px"
-    )
-    position, angle = 1e3 * end.camera_error[-1]
-    if np.isfinite(position):
-        text += f", {position:.2f} mm, {angle:.2f} mrad"
-    return finding(
-        f"{text} from the goal", holds=end.status == "converged", settling=run.settling_time
-    )
-
-
 def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
     """Finding that an error of the gradient changes little in shipped and unselected scenes.
 
@@ -208,17 +193,6 @@ def _border_is_reached_smoothly(pbvs: Run) -> Finding:
 
 
 @claim(
-    "6c",
-    PBVS,
-    where="10.2.1, Figs. 14, 15",
-    sentence="the robot is positioned at the desired pose",
-    rule="converged",
-)
-def _pose_is_reached(pbvs: Run) -> Finding:
-    return reached(pbvs)
-
-
-@claim(
     "6d",
     UNSELECTED,
     where="10.2.1, Fig. 16",
@@ -269,17 +243,6 @@ def _area_is_reached_smoothly(ibvs: Run) -> Finding:
 
 
 @claim(
-    "6g",
-    IBVS,
-    where="10.2.2, Figs. 17, 18",
-    sentence="the robot is positioned at the desired pose",
-    rule="converged",
-)
-def _image_is_reached(ibvs: Run) -> Finding:
-    return reached(ibvs)
-
-
-@claim(
     "6h",
     UNSELECTED,
     where="10.2.2, Fig. 19",
@@ -303,6 +266,35 @@ def _speeds_of_ibvs_differ_little(unselected: StudyResult) -> Finding:
 
 
 # --- 10.2 and 11: both experiments ---
+
+
+@claim(
+    "6c",
+    PBVS,
+    where="10.2.1, Figs. 14, 15",
+    sentence="the robot is positioned at the desired pose",
+    rule="converged",
+)
+@claim(
+    "6g",
+    IBVS,
+    where="10.2.2, Figs. 17, 18",
+    sentence="the robot is positioned at the desired pose",
+    rule="converged",
+)
+def _goal_is_reached(run: Run) -> Finding:
+    """Status, settling time and remaining errors at the end of the run."""
+    end = run.trajectory
+    text = (
+        f"{end.status} after {run.settling_time:.0f} s; "
+        f"at the end {end.feature_error_px[-1]:.2f} px"
+    )
+    position, angle = 1e3 * end.camera_error[-1]
+    if np.isfinite(position):
+        text += f", {position:.2f} mm, {angle:.2f} mrad"
+    return finding(
+        f"{text} from the goal", holds=end.status == "converged", settling=run.settling_time
+    )
 
 
 @claim(
