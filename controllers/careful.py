@@ -14,7 +14,7 @@ class Careful(Controller):
     Parameters
     ----------
     ahead
-        How far it looks ahead [s].
+        Prediction horizon [s].
     """
 
     name = "careful"

@@ -370,18 +370,18 @@ class GoalGovernor(ReferenceGovernor):
     Parameters
     ----------
     speed
-        v, the greatest speed of the reference [units of the error per second].
+        v: greatest speed of the reference [units of the error per second].
     margin
-        δ, the share of each row's scale that is kept where a motion ends at rest; half of it is
-        kept on the way.
+        δ: safety margin at the end of a predicted motion, as a fraction of each row's scale; half
+        of it applies during the motion.
     influence
-        ζ > δ, the margin by the row's scale below which rows slow the reference and repel it.
+        ζ > δ: margin below which rows slow and repel the reference, as a fraction of their scale.
     horizon
         Duration of the predicted response before it comes to rest [s], from the next reset on; None
         for four time constants of the tracking law.
     options
         ``demand``, ``resolver`` and their options, of the inner law: see
-        :class:`vsconstraints.controllers.Pair`; tracking if not given.
+        :class:`vsconstraints.controllers.Pair`; tracking by default.
     """
 
     name = "goal-governor"
@@ -440,8 +440,8 @@ class BarrierGovernor(ReferenceGovernor):
     Parameters
     ----------
     alpha, sharpness
-        α, the largest rate of decrease of h relative to h [1/s]; and κ: h is less than the least
-        dᵢ − δ by up to log(m)/κ.
+        α: largest relative rate of decrease of h [1/s]. κ: sharpness of the smooth minimum h, which
+        is less than the smallest dᵢ − δ by up to log(m)/κ for m rows.
     speed, margin, horizon, options
         As of :class:`GoalGovernor`.
     """

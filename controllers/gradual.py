@@ -13,7 +13,7 @@ class Gradual(Controller):
     Parameters
     ----------
     region
-        Where braking begins, as a fraction of each row's allowed range.
+        Width of the braking zone, as a fraction of each row's allowed range.
     """
 
     name = "gradual"

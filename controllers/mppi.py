@@ -36,16 +36,26 @@ class PathIntegralControl(PredictiveControl):
     ignores = (*PredictiveControl.ignores, "observer")
     kernels = ()
 
-    samples: int = option(64, "S, from 1 to 100,000", Range(16, 512, integer=True))
-    horizon: int = option(3, "H, from 1 to 100", Range(2, 20, integer=True))
-    approach: float = option(5.0, "κ in blocks")
-    damping: float = option(1e-3, "that of the cost")
-    temperature: float = option(1.0, "the lower, the more the best plans count", (0.1, 10.0))
-    noise: float = option(
-        0.2, "standard deviation of q̈ in every block [rad/s² or m/s²]", (0.02, 2.0)
+    samples: int = option(
+        64, "S: number of sampled plans, from 1 to 100,000", Range(16, 512, integer=True)
     )
-    penalty: float = option(1.0, "weight of rows", (0.01, 100.0))
-    seed: int = option(1, "of the random numbers, from 1 to 100,000")
+    horizon: int = option(
+        3, "H: number of blocks in a plan, from 1 to 100", Range(2, 20, integer=True)
+    )
+    approach: float = option(
+        5.0, "κ: time constant with which rows may approach their boundary, in blocks"
+    )
+    damping: float = option(1e-3, "λ: weight of the accelerations in the cost")
+    temperature: float = option(
+        1.0,
+        "temperature of the weighted mean; a lower value favours the best plans more",
+        (0.1, 10.0),
+    )
+    noise: float = option(
+        0.2, "standard deviation of the sampled q̈ in every block [rad/s² or m/s²]", (0.02, 2.0)
+    )
+    penalty: float = option(1.0, "weight of violated rows in the cost", (0.01, 100.0))
+    seed: int = option(1, "seed of the random numbers, from 1 to 100,000")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("samples", "seed"):

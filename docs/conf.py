@@ -73,7 +73,6 @@ other_packages = (
     "typing",
     "types",
 )
-autodoc_default_options = {"exclude-members": "Case"}
 suppress_warnings = ["ref.python"]  # in aliases of types, names that two modules define
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
@@ -81,9 +80,6 @@ nitpick_ignore_regex = [
     ("py:.*", r"vsconstraints\.compiled\..*"),
 ]
 nitpick_ignore = [
-    ("py:class", "vsconstraints.paper.studies.study.Case"),  # one for every study
-    ("py:class", "Case"),
-    ("py:attr", "Case"),
     ("py:class", "Path"),
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),

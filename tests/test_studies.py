@@ -6,6 +6,7 @@ import runpy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -23,20 +24,25 @@ from vsconstraints.paper.studies import (
     figure_file,
     run_studies,
 )
+from vsconstraints.paper.studies.gradient_error import ErrorCase
 from vsconstraints.paper.studies.laws import LAWS
 from vsconstraints.paper.studies.pareto import front, not_kept, scaled_gains, unused
+from vsconstraints.paper.studies.sampling_time import TimeCase
+from vsconstraints.paper.studies.shrinking_region import RegionCase
 from vsconstraints.paper.studies.summary import (
     clearance_distance,
     gains,
     joint_distance,
     pixel_distance,
 )
+from vsconstraints.paper.studies.switching_gain import GainCase
 from vsconstraints.paper.studies.unselected_experiments import (
     compared,
     counted,
     kept_scenes,
     why_not,
 )
+from vsconstraints.reports.plots import Sheet
 from vsconstraints.scenarios import Scenario
 
 
@@ -237,7 +243,7 @@ class TestDrift:
 
 class TestEvaluation:
     def test_shrinking_region_on_a_field_that_approaches_and_one_that_does_not(self):
-        case = partial(STUDIES["shrinking-region"].Case, "example-2d-fov")
+        case = partial(RegionCase, "example-2d-fov")
         runs = {case("sliding-mode"): summary(), case("halved"): summary(q=0.001)}
         for region, near, far in ((0.5, 1.0, 1.0), (0.01, 0.1, 0.5), (0.001, 0.0, 2.0)):
             runs[case("priority", region)] = summary(q=near)
@@ -261,10 +267,10 @@ class TestEvaluation:
             return summary(result={"violation_depth": depth}, **gains)
 
         runs = {
-            STUDIES["switching-gain"].Case(50.0, 5.0): run(0.1, 1.0, 30),
-            STUDIES["switching-gain"].Case(50.0, 10.0): run(0.0, 0.2, 20),
-            STUDIES["switching-gain"].Case(50.0, 20.0): run(0.0, 0.06, 3),
-            STUDIES["switching-gain"].Case(50.0, 40.0): run(0.0, 0.06, 1),
+            GainCase(50.0, 5.0): run(0.1, 1.0, 30),
+            GainCase(50.0, 10.0): run(0.0, 0.2, 20),
+            GainCase(50.0, 20.0): run(0.0, 0.06, 3),
+            GainCase(50.0, 40.0): run(0.0, 0.06, 1),
         }
         numbers = STUDIES["switching-gain"].evaluate(runs).numbers
         assert numbers[50.0, "smallest_allowed"] == 10.0
@@ -280,7 +286,7 @@ class TestEvaluation:
 
     def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
         made = {10.0: summary(phi_max=0.0), 20.0: summary("failed"), 40.0: summary(phi_max=0.0)}
-        runs = {STUDIES["switching-gain"].Case(50.0, gain): run for gain, run in made.items()}
+        runs = {GainCase(50.0, gain): run for gain, run in made.items()}
         assert STUDIES["switching-gain"].evaluate(runs).numbers[50.0, "smallest_allowed"] == 40.0
 
     def test_sampling_time_finds_the_exponent(self):
@@ -292,16 +298,13 @@ class TestEvaluation:
                 result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts},
             )
 
-        runs = {
-            STUDIES["sampling-time"].Case("example-2d-fov", 1e3 * Ts): run(Ts)
-            for Ts in (0.001, 0.01, 0.1)
-        }
+        runs = {TimeCase("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
         numbers = STUDIES["sampling-time"].evaluate(runs).numbers
         assert numbers["example-2d-fov", "exponent"] == pytest.approx(2.0)
         assert numbers["example-2d-fov", "greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
 
     def test_gradient_error_compares_with_the_same_controllers_exact_run(self):
-        case = partial(STUDIES["gradient-error"].Case, "example-2d-fov")
+        case = partial(ErrorCase, "example-2d-fov")
         runs = {
             case("sliding-mode", 0.0): summary(),
             case("sliding-mode", 0.3): summary(
@@ -339,6 +342,10 @@ class TestEvaluation:
         assert front([*beaten, *best]) == best
 
 
+class Key(NamedTuple):
+    key: str
+
+
 class TinyStudy(Study):
     """Runs of half a second, some of which go wrong."""
 
@@ -346,6 +353,7 @@ class TinyStudy(Study):
     title = "Tiny"
     question = "Does it go on?"
     claims = ()
+    columns = ("status", "reason")
     figure_caption = "Nothing."
 
     def __init__(self, laws, spoiled=""):
@@ -354,25 +362,25 @@ class TinyStudy(Study):
 
     def runs(self, *, small=False):
         return {
-            key: RunSpec("example-2d-fov", ControllerSpec(law), {"duration": 0.1})
+            Key(key): RunSpec("example-2d-fov", ControllerSpec(law), {"duration": 0.1})
             for key, law in self.laws.items()
         }
 
-    def measure(self, results):
-        if self.spoiled == "measure":
-            raise ZeroDivisionError("in measure")
-        return (
-            [
-                {"key": key, "status": run.status, "reason": run.reason}
-                for key, run in results.items()
-            ],
-            {},
-            [],
-        )
+    def lines(self, case, run, results):
+        return [{}]
 
-    def draw(self, result, path):
-        if self.spoiled == "draw":
-            raise ZeroDivisionError("in draw")
+    def numbers(self, points):
+        if self.spoiled == "numbers":
+            raise ZeroDivisionError("in numbers")
+        return {}
+
+    def sentences(self, points, numbers):
+        return []
+
+    def figure(self, result):
+        if self.spoiled == "figure":
+            raise ZeroDivisionError("in figure")
+        return Sheet()
 
 
 DEADLY = """import os
@@ -398,8 +406,8 @@ def spoiled(tmp_path_factory):
         "two": "tracking",
     }
     studies = {
-        "measure": TinyStudy({"one": "tracking"}, "measure"),
-        "draw": TinyStudy({"one": "tracking"}, "draw"),
+        "numbers": TinyStudy({"one": "tracking"}, "numbers"),
+        "figure": TinyStudy({"one": "tracking"}, "figure"),
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
@@ -419,7 +427,7 @@ class TestFailures:
         assert "no-such-law" in bad
         assert deadly == "deadly: failed, the process that ran it died"
 
-    @pytest.mark.parametrize(("where", "points"), [("measure", 0), ("draw", 1)])
+    @pytest.mark.parametrize(("where", "points"), [("numbers", 0), ("figure", 1)])
     def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(
         self, spoiled, where, points
     ):

@@ -23,7 +23,7 @@ from .ranges import GAINS, option
 class WithRate(Demand):
     """Common option of barriers with a rate α."""
 
-    alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
+    alpha: float = option(20.0, "α: rate at which φ may approach zero [1/s]", (1.0, 200.0))
 
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
     ignores = GAINS
@@ -56,7 +56,11 @@ class RobustBarrier(WithRate):
     Jankovic 2018. D holds for each joint.
     """
 
-    disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
+    disturbance: float = option(
+        0.1,
+        "D: bound on the disturbance of each joint's acceleration [rad/s² or m/s²]",
+        (0.001, 10.0),
+    )
 
     name = "robust-barrier"
     uses = ("Lf", "norm_1")
@@ -77,12 +81,14 @@ class ProbabilisticBarrier(WithRate):
     are held together with others. Errors of L_fφ and L_gφ are not included.
     """
 
-    violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
+    violation_rate: float = option(
+        0.01, "ε: probability of a violation, for each row in each sample", (1e-4, 0.2), below=0.5
+    )
     noise: float = option(
-        0.01, "standard deviation of measured φ, a fraction of each row's scale", (1e-4, 0.1)
+        0.01, "standard deviation of the measured φ, as a fraction of each row's scale", (1e-4, 0.1)
     )
     acceleration_noise: float = option(
-        0.01, "that of each joint's q̈ [rad/s² or m/s²]", (0.001, 10.0)
+        0.01, "standard deviation of each joint's acceleration [rad/s² or m/s²]", (0.001, 10.0)
     )
 
     name = "probabilistic-barrier"
@@ -115,7 +121,9 @@ class InputToStateSafeBarrier(WithRate):
     scale of the row.
     """
 
-    epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
+    epsilon: float = option(
+        1.0, "ε: the violation under a disturbance is proportional to it [s³/rad²]", (0.01, 100.0)
+    )
 
     name = "input-to-state-safe-barrier"
     uses = ("Lf", "norm")
@@ -133,7 +141,9 @@ class GradientRobustBarrier(WithRate):
     gradients. The margin is too small where the law commands more than tracking.
     """
 
-    gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
+    gradient_error: float = option(
+        0.1, "c_e: relative error of the gradients, as a fraction", (0.001, 1.0)
+    )
 
     name = "gradient-robust-barrier"
     uses = ("Lf", "norm", "effort")
@@ -153,7 +163,7 @@ class SampledBarrier(WithRate):
 
     curvature: float = option(
         20.0,
-        "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]",
+        "bound on |φ̈| of every row near its boundary, as a multiple of the row's scale [1/s²]",
         (0.1, 1000.0),
     )
 
@@ -190,7 +200,7 @@ class FiniteTimeBarrier(WithRate):
     demand overshoots and chatters within |φ| < (α T_s)² s.
     """
 
-    alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
+    alpha: float = option(2.0, "α: rate at which φ may approach zero [1/s]", (0.1, 20.0))
 
     name = "finite-time-barrier"
 
@@ -208,9 +218,14 @@ class PrescribedTimeBarrier(WithRate):
     outside and T is short.
     """
 
-    time: float = option(1.0, "T [s]", (0.1, 10.0))
+    time: float = option(
+        1.0, "T: time within which a violated row returns to its boundary [s]", (0.1, 10.0)
+    )
     exponent: float = option(
-        2.0, "p; 1 returns straight, larger ones arrive gently", (1.0, 6.0), at_least=1.0
+        2.0,
+        "p: exponent of the return, φ₀ e^(−αt) (1 − t/T)^p",
+        (1.0, 6.0),
+        at_least=1.0,
     )
 
     name = "prescribed-time-barrier"
@@ -240,7 +255,11 @@ class BackupBarrier(WithRate):
     itself (K = 0), demand −αφ − L_fφ.
     """
 
-    braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
+    braking: float = option(
+        5.0,
+        "a: deceleration of the backup manoeuvre, as a multiple of each row's scale [1/s²]",
+        (0.1, 100.0),
+    )
 
     name = "backup-barrier"
     uses = ("sigma", "sigma_dot", "K", "Lf", "period")
@@ -274,8 +293,12 @@ class HighOrderBarrier(Demand):
     0) demand −αφ − L_fφ.
     """
 
-    alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
-    braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
+    alpha: float = option(20.0, "α: rate at which ψ₁ may approach zero [1/s]", (1.0, 200.0))
+    braking: float = option(
+        5.0,
+        "a: assumed deceleration before the boundary, as a multiple of each row's scale [1/s²]",
+        (0.1, 100.0),
+    )
 
     name = "high-order-barrier"
     uses = ("sigma", "sigma_dot", "K", "Lf")

@@ -58,14 +58,12 @@ class Demand(Part, ABC):
     _: KW_ONLY
     ahead: bool = option(
         False,
-        "whether rows that are φ itself, such as speeds, are judged one period ahead, by φ + T_s "
-        "L_gφ q̈ of tracking, "
-        "which may take them beyond their boundary before any law has seen it",
+        "true to evaluate rows that are φ itself, such as speeds, one period ahead, at φ + T_s "
+        "L_gφ q̈ of tracking, since tracking can exceed their limits within a period",
     )
     margin: float = option(
         0.0,
-        "share of each row's scale by which φ and σ count as greater than they are, for what the "
-        "law cannot know",
+        "safety margin added to φ and σ, as a fraction of each row's scale",
     )
     ranges = ROWS
 

@@ -54,7 +54,12 @@ class ImplicitSwitch(Demand):
     that are followed late; p < 1 would overshoot.
     """
 
-    periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
+    periods: float = option(
+        1.0,
+        "p: number of sampling periods within which φ returns to zero",
+        (1.0, 50.0),
+        at_least=1.0,
+    )
 
     name = "implicit-switch"
     uses: ClassVar[tuple[str, ...]] = ("period",)
@@ -135,7 +140,12 @@ class SuperTwisting(Demand):
     exceed c, and 0 elsewhere.
     """
 
-    rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
+    rate: float = option(
+        20.0,
+        "L: bound on the rate of change of the drift, as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ "
+        "= 1.1 L",
+        (1.0, 100.0),
+    )
 
     name = "super-twisting"
     remembers = (0.0,)
@@ -213,9 +223,11 @@ def grown(row: Row, region: float, exponent: float) -> Any:
 class Field(Demand):
     """Common options of the demands of potential fields, see :class:`RampRepulsion`."""
 
-    region: float = option(0.2, "δ as a fraction of each row's scale", (0.01, 1.0))
-    exponent: float = option(1.0, "how ψ grows; 1 is linear", (0.5, 4.0))
-    strength: float = option(1.0, "factor s on every u⁺", (0.1, 10.0))
+    region: float = option(
+        0.2, "δ: width of the influence region, as a fraction of each row's scale", (0.01, 1.0)
+    )
+    exponent: float = option(1.0, "exponent of ψ in the influence region; 1 is linear", (0.5, 4.0))
+    strength: float = option(1.0, "s: factor on every u⁺", (0.1, 10.0))
 
     owner = "a potential field"
     everywhere = True
@@ -260,7 +272,9 @@ class OuterLayer(Demand):
     Slotine and Sastry (1983).
     """
 
-    layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
+    layer: float = option(
+        0.05, "δ: width of the boundary layer, as a fraction of each row's scale", (0.001, 0.5)
+    )
 
     name = "outer-layer"
     uses = ("tracked",)
@@ -281,10 +295,12 @@ class Firas(Demand):
     ``strength`` × u⁺ ρ₀³.
     """
 
-    region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
-    strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
+    region: float = option(
+        0.2, "ρ₀: width of the influence region, as a fraction of each row's scale", (0.01, 1.0)
+    )
+    strength: float = option(0.1, "s: factor on every u⁺", (0.01, 1.0))
     contact: float = option(
-        0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0
+        0.1, "least distance ρ used in the force, as a fraction of ρ₀", (0.02, 0.5), below=1.0
     )
 
     name = "firas"
@@ -314,8 +330,14 @@ class PublishedFiras(Demand):
     ρ is set to ρ₀/1000.
     """
 
-    region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
-    eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
+    region: float = option(
+        0.2, "ρ₀: width of the influence region, as a fraction of each row's scale", (0.01, 1.0)
+    )
+    eta: float = option(
+        0.05,
+        "η: gain of the force, with ρ as a fraction of each row's scale [1/s²]",
+        (0.0001, 10.0),
+    )
 
     name = "firas-published"
     uses = ("sigma", "K")

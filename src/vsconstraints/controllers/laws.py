@@ -68,7 +68,7 @@ class PotentialField(Law):
     Parameters
     ----------
     blend
-        ``"additive"`` or ``"priority"``.
+        Combination of repulsion and task: ``"additive"`` (default) or ``"priority"``.
     """
 
     name = "potential-field"
@@ -124,8 +124,8 @@ class HierarchicalQP(Law):
     Parameters
     ----------
     rows
-        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row. ``"active"``: L_gφ q̈ ≤ −u⁺
-        for the rows with φ ≥ 0 only, the inequality twin of eq. (15).
+        Demands of the rows: ``"barrier"``, L_fφ + L_gφ q̈ ≤ −αφ for every row, or ``"active"``,
+        L_gφ q̈ ≤ −u⁺ for the rows with φ ≥ 0 only, which is eq. (15) with inequalities.
     """
 
     name = "hierarchical-qp"

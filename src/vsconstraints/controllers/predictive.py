@@ -63,22 +63,29 @@ class PredictiveControl(Controller):
     #: set by an observer.
     fading = 0.0
 
-    horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
-    block: int = option(
-        10, "length of a block in sampling periods, from 1 to 10,000", Range(5, 25, integer=True)
+    horizon: int = option(
+        10, "H: number of blocks in the plan, from 1 to 100", Range(3, 30, integer=True)
     )
-    approach: float = option(5.0, "κ in blocks", (1.5, 10.0))
+    block: int = option(
+        10, "length of a block, in sampling periods, from 1 to 10,000", Range(5, 25, integer=True)
+    )
+    approach: float = option(
+        5.0, "κ: time constant with which rows may approach their boundary, in blocks", (1.5, 10.0)
+    )
     damping: float = option(
-        1e-6, "λ relative to the mean of ‖J‖² in the Frobenius norm", (1e-8, 1e-4)
+        1e-6,
+        "λ: weight of the accelerations, relative to the mean of ‖J‖² in the Frobenius norm",
+        (1e-8, 1e-4),
     )
     margin: float = option(
-        0.0, "share of each row's scale by which it counts as greater than it is", ROWS["margin"]
+        0.0, "safety margin added to every row, as a fraction of its scale", ROWS["margin"]
     )
     weights: Mapping[str, float] | None = option(
-        None, "w by the beginning of the label, as of ``hierarchical-qp``"
+        None,
+        "w: weights of violations, by the beginning of the row's label, as of ``hierarchical-qp``",
     )
     max_acceleration: float | None = option(
-        None, "bound of every |q̈| beside the box of the rows [rad/s² or m/s²]"
+        None, "bound on |q̈| of every joint, in addition to the box of the rows [rad/s² or m/s²]"
     )
 
     period: float | None = field(default=None, init=False)

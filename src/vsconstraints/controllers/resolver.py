@@ -151,9 +151,8 @@ class Priority(Resolver):
 
     rank_tolerance: float = option(
         RANK_TOLERANCE,
-        "singular values below this fraction of the largest one count as zero, of the active rows "
-        "once each is divided "
-        "by its length",
+        "singular values below this fraction of the largest one count as zero; the active rows "
+        "are divided by their length first",
     )
 
     name = "priority"

@@ -35,8 +35,8 @@ class Projection(Additive):
     d²/dt² ½‖e‖². Where the error is small, rows may be violated.
     """
 
-    closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
-    opened: float = option(0.7, "‖e‖ above which λ is 1", Range(0.4, 4.0))
+    closed: float = option(0.1, "norm of the task error ‖e‖ below which λ is 0", Range(0.01, 0.3))
+    opened: float = option(0.7, "norm of the task error ‖e‖ above which λ is 1", Range(0.4, 4.0))
 
     name = "projection"
     kernel = ("projection", "projection")
@@ -88,21 +88,21 @@ class Hierarchy(Resolver):
 
     solver: str = option(
         AUTO,
-        "auto, the compiled dual active-set method; or a QP solver by name: ``vsconstraints list "
-        "solvers``. If an "
-        "answer fails the check of the optimality conditions, others are asked, and the command "
-        "says so",
+        "auto, the compiled dual active-set method, or the name of a QP solver, see "
+        "``vsconstraints list solvers``; if an answer violates the optimality conditions, other "
+        "solvers are tried, and the command states this",
     )
     weights: Mapping[str, float] | None = option(
         None,
         'diagonal of W, 1e-10 to 1e10, by the beginning of the label, such as {"fov": 2.0, '
-        '"range[joint 6]": 5.0}; the '
-        "longest that matches counts, 1 where none does; one that begins no label is told of in "
-        "Command.remark",
+        '"range[joint 6]": 5.0}; the longest match counts, and rows without a match have weight '
+        "1; entries that match no label are reported in Command.remark",
     )
-    max_acceleration: float | None = option(None, "q̈_max [rad/s² or m/s²]; none for no box")
+    max_acceleration: float | None = option(
+        None, "q̈_max: bound on |q̈| of every joint [rad/s² or m/s²]; none for no bound"
+    )
     damping: float = option(
-        1e-8, "weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm"
+        1e-8, "weight of level 3 in the QP, relative to ‖J‖² in the Frobenius norm"
     )
     rank_tolerance: float = option(
         RANK_TOLERANCE, "singular values of J below this fraction of the largest one count as zero"
@@ -217,10 +217,12 @@ class Filter(Hierarchy):
     """
 
     damping: float = option(
-        1e-8, "weight of the joints in the metric task, relative to ‖J‖²", Range(1e-8, 1.0)
+        1e-8,
+        "weight of the joint accelerations in the metric ``task``, relative to ‖J‖²",
+        Range(1e-8, 1.0),
     )
     metric: Literal["joint", "task"] = option(
-        "joint", "what distance is measured in", Choices(tuple(METRICS))
+        "joint", "norm in which the distance to tracking is minimised", Choices(tuple(METRICS))
     )
 
     name = "filter"
@@ -272,7 +274,9 @@ class Saturation(Hierarchy):
     """
 
     scales: bool = option(
-        True, "whether a task that cannot be met whole any more is scaled, as published"
+        True,
+        "true to scale a task that cannot be met entirely, as published; false to meet it in the "
+        "least-squares sense",
     )
 
     name = "saturation"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, SupportsFloat
@@ -103,8 +104,11 @@ def claim(
     """Register a function as the measurement of a sentence of the paper.
 
     ``key`` is the number of the claim and the letter of its sentence. The other arguments are those
-    of :class:`Claim`. Raises ValueError if there is a claim with this key.
+    of :class:`Claim`. Without ``figure``, it is the counterpart of the last figure in ``where`` or,
+    if there is none, the figure of a needed study. Raises ValueError if there is a claim with this
+    key.
     """
+    figure = figure or _shown_in(where, needs)
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
@@ -113,6 +117,13 @@ def claim(
         return measure
 
     return register
+
+
+def _shown_in(where: str, needs: Sequence[RunSpec | str]) -> str:
+    """Return the file of the figure that shows a claim, by default; empty if there is none."""
+    if named := re.search(r"Figs?\. (?:\d+, )*(\d+)", where):
+        return f"fig-{int(named[1]):02d}.png"
+    return next((f"study-{need}.png" for need in needs if isinstance(need, str)), "")
 
 
 def judged(good: bool, part: bool = False) -> Verdict:

@@ -48,24 +48,19 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     known = _checked(costs)
     n, k = known.shape
     if n == 0:
-        return Ranks(
-            np.full(k, (k + 1) / 2),
-            math.inf,
-            1.0,
-            np.ones((k, k)),
-            _groups(np.zeros(k), math.inf),
-            0,
-        )
+        everything = _groups(np.zeros(k), math.inf)
+        return Ranks(np.full(k, (k + 1) / 2), math.inf, 1.0, np.ones((k, k)), everything, 0)
     each = rankdata(known, axis=1)
     means = each.mean(axis=0)
-    unit = math.sqrt(k * (k + 1) / (6.0 * n))
-    width = (
-        unit * float(studentized_range.isf(level, k, math.inf)) / math.sqrt(2.0) if k > 1 else 0.0
-    )
-    apart = np.abs(means[:, None] - means) / unit * math.sqrt(2.0)
-    p_values = studentized_range.sf(apart, k, math.inf) if k > 1 else np.ones((1, 1))
+    if k == 1:
+        return Ranks(means, 0.0, 1.0, np.ones((1, 1)), (), n)
     p = _friedman(each)
-    return Ranks(means, width, p, p_values, _groups(means, width if p < level else math.inf), n)
+    unit = math.sqrt(k * (k + 1) / (6.0 * n))
+    width = unit * float(studentized_range.isf(level, k, math.inf)) / math.sqrt(2.0)
+    distances = np.abs(means[:, None] - means) / unit
+    p_values = studentized_range.sf(distances * math.sqrt(2.0), k, math.inf)
+    groups = _groups(means, width if p < level else math.inf)
+    return Ranks(means, width, p, p_values, groups, n)
 
 
 def _checked(costs: ArrayLike) -> Array:

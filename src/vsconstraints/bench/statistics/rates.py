@@ -103,10 +103,9 @@ def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
     difference = (only_a - only_b) / n if n else math.nan
+    low, high = difference_interval(only_a, only_b, n, confidence)
     p = min(2.0 * float(norm.sf(score)), 1.0)
-    return PairedRates(
-        difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b
-    )
+    return PairedRates(difference, low, high, n, p, only_a, only_b)
 
 
 def sign_test(wins: int, losses: int) -> float:
@@ -144,10 +143,10 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
     def beyond(delta: float) -> float:
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b
-        p = (math.sqrt(max(linear**2 + 8 * n * only_b * delta * (1.0 - delta), 0.0)) - linear) / (
-            4 * n
-        )
-        return apart - n * delta - z * math.sqrt(max(n * (2.0 * p + delta * (1.0 - delta)), 0.0))
+        discriminant = linear**2 + 8 * n * only_b * delta * (1.0 - delta)
+        p = (math.sqrt(max(discriminant, 0.0)) - linear) / (4 * n)
+        variance = n * (2.0 * p + delta * (1.0 - delta))
+        return apart - n * delta - z * math.sqrt(max(variance, 0.0))
 
     # exclude the observed difference: the expression may be zero there too, but it is not the end
     # of the interval
@@ -195,8 +194,9 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     upper = ordered[n // 2]
     middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # −∞ and ∞ give zero
     k = int(np.count_nonzero(binom.cdf(np.arange(n), n, 0.5) <= alpha / 2.0))
-    low, high = (float(ordered[k - 1]), float(ordered[n - k])) if k else (-math.inf, math.inf)
-    return Median(middle, low, high, n)
+    if k == 0:
+        return Median(middle, -math.inf, math.inf, n)
+    return Median(middle, float(ordered[k - 1]), float(ordered[n - k]), n)
 
 
 def paired(

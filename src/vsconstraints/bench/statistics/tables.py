@@ -64,9 +64,8 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
     """
     judged = judged_metric(metric)
     lines = []
-    for group, group_runs in _groups(
-        runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)
-    ):
+    valued = runs.assign(value=values(checked(runs, by, judged), judged))
+    for group, group_runs in _groups(valued, (*by, LAW)):
         middle = median(group_runs["value"].dropna(), confidence)
         lines.append((*group, middle.n, len(group_runs), middle.median, middle.low, middle.high))
     return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
@@ -90,11 +89,8 @@ def costs(runs: Any, metric: str) -> Costs:
     """
     judged = judged_metric(metric)
     result = values(checked(runs, (), judged), judged)
-    each = _by_law(
-        runs,
-        SCENE,
-        (result if judged.better == "less" else -result).where(counts(runs, judged), np.inf),
-    )
+    cost = result if judged.better == "less" else -result
+    each = _by_law(runs, SCENE, cost.where(counts(runs, judged), np.inf))
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 

@@ -59,13 +59,15 @@ class ResolvedRateAvoidance(ResolvedRate):
     Parameters
     ----------
     zone
-        ρ: avoidance begins at this share of the whole range from its end, at most 0.5.
+        ρ: width of the avoidance zone at each end of a range, as a fraction of the range, at most
+        0.5.
     full
-        ρ₁: it is complete after this share of the zone.
+        ρ₁: part of the zone after which avoidance acts fully, as a fraction of the zone.
     tune
-        λ_tune: by how much avoidance exceeds the speed of the primary task.
+        λ_tune: relative excess of the avoidance speed over the speed of the primary task.
     avoids
-        ``"ranges"``: ranges of joints, as published. ``"all"``: every row on σ, in the same way.
+        Constraints that are avoided: ``"ranges"``, the ranges of joints, as published, or
+        ``"all"``, every row on σ, in the same way.
     """
 
     name = "resolved-rate-avoidance"

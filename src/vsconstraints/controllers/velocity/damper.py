@@ -26,9 +26,9 @@ class VelocityDamper(VelocityQP):
     Parameters
     ----------
     speed
-        ξ [scales per second]: greatest speed at the influence distance.
+        ξ: greatest speed towards the boundary at the influence distance [row scales per second].
     influence, security
-        d_i and d_s [scales].
+        d_i and d_s: influence distance and security distance [row scales].
     damping, max_acceleration
         See :class:`.VelocityQP`.
     """

@@ -23,12 +23,12 @@ class VelocityLaw(VelocityController):
     Parameters
     ----------
     gain
-        λ [1/s]. If ``gain_at_zero`` is given, λ where the error is large.
+        λ: gain of the task error [1/s]. If ``gain_at_zero`` is given, λ for large errors.
     gain_at_zero
-        λ where the error is zero [1/s], at least ``gain``: ViSP's adaptive gain, see
-        :func:`.adaptive_gain`, of the largest |eᵢ|. None: λ is constant.
+        λ at zero error [1/s], at least ``gain``: ViSP's adaptive gain as a function of the largest
+        |eᵢ|, see :func:`.adaptive_gain`. None for a constant λ.
     slope_at_zero
-        By how much the adaptive gain falls with the error where that is zero [1/s per unit of the
+        Decrease of the adaptive gain per unit of the error, at zero error [1/s per unit of the
         error].
     """
 

@@ -157,12 +157,12 @@ class VelocityQP(QuadraticVelocity):
     task_weights
         Diagonal of W, one positive number per feature; None for 1.
     damping
-        μ [units of the task squared, s²].
+        μ: weight of the joint velocities [units of the task squared, s²].
     max_acceleration
-        Limits |q̇ − q̇_last| ≤ a T_s of the command's change: a [rad/s² or m/s²], ``"limits"`` for
-        those of the arm, as far as the law knows them, or None.
+        a: limit of the change of the command, |q̇ − q̇_last| ≤ a T_s [rad/s² or m/s²]; ``"limits"``
+        for the limits of the arm, as far as the law knows them; None for no limit.
     weights
-        How rows share a violation, by the beginning of their labels; see :class:`.Hierarchy`.
+        Weights of violations, by the beginning of the rows' labels; see :class:`.Hierarchy`.
     solver
         See :class:`.Hierarchy`.
     """

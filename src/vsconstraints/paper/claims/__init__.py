@@ -7,7 +7,8 @@ from . import (
     section_4_approach,
     section_5_remarks,
     section_6_advantages,
-    section_8_first_example,
+    section_8_image_border,
+    section_8_obstacles,
     section_9_case_study,
     section_10_experiments,
 )
@@ -20,7 +21,8 @@ __all__ = [
     "section_4_approach",
     "section_5_remarks",
     "section_6_advantages",
-    "section_8_first_example",
+    "section_8_image_border",
+    "section_8_obstacles",
     "section_9_case_study",
     "section_10_experiments",
 ]

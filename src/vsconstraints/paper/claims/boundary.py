@@ -28,6 +28,8 @@ SMOOTHLY = (
     "left 3 K later"
 )
 
+#: Rule of claims that the orientation error is zero.
+ORIENTED = "at the end less than 1 % of the initial error"
 VANISHED = 0.01  #: Share of the greatest error that may remain where the paper says zero.
 #: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts
 #: as fully used.

@@ -20,7 +20,6 @@ from .boundary import clear, excess, number, with_sigma
     "along its own motion keeps φ within T_s u⁺; partly if σ ≤ 0 in all of them. Rows of several "
     "kinds are divided by their u⁺, so that it is one; the concave corner is left out, where φ is "
     "not differentiable",
-    figure="study-switching-gain.png",
 )
 def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     """Number of runs above the bound that keep σ ≤ 0, and φ in its band."""

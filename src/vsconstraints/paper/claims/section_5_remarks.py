@@ -153,7 +153,6 @@ def lost_rank(run: Run) -> int | None:
     rule="peak-to-peak φ from when a row first acts until it no longer does is at most T_s u⁺ at "
     "every sampling time of the sweep and in every scene with the law; partly if at most twice "
     "that everywhere, and in proportion to T_s (power 0.8 to 1.2) in the sweep",
-    figure="study-sampling-time.png",
 )
 def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     """Peak-to-peak φ while a row is active, in units of T_s u⁺."""

@@ -87,7 +87,6 @@ def leaves(unused: float) -> str:
     rule=f"{KEPT}, that of the sliding mode with the printed gains leaves at most 1 % unused, and "
     "less than those of either potential field over region and strength, in both scenarios; "
     "partly if at most 1 % in one scenario",
-    figure="study-pareto.png",
 )
 def _printed_gains_use_the_space(pareto: StudyResult) -> Finding:
     compared = Comparison(pareto, "printed", "unused")
@@ -111,7 +110,6 @@ def _printed_gains_use_the_space(pareto: StudyResult) -> Finding:
     rule=f"{KEPT}, the best of the sliding mode over u⁺ leaves at most 1 % unused, and the best of "
     "neither potential field over region and strength leaves less; partly if only the former, or "
     "in one scenario only",
-    figure="study-pareto.png",
 )
 def _best_gains_use_the_space(pareto: StudyResult) -> Finding:
     compared = Comparison(pareto, SLIDING, "least_unused")
@@ -136,7 +134,6 @@ def _best_gains_use_the_space(pareto: StudyResult) -> Finding:
     rule="as the region of the priority blend shrinks its paths come nearer to the sliding mode's, "
     "in the end as near as the sliding mode's own paths with T_s and T_s/2 are, within a factor of "
     "2; partly if they come nearer at all",
-    figure="study-shrinking-region.png",
 )
 def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
     """RMS distance of joint paths from those of sliding mode, at largest and smallest region."""
@@ -262,7 +259,6 @@ def _second_derivatives_not_needed(*runs: Run) -> Finding:
     rule="with a 30 % error (49) the sliding mode converges in every scenario of the sweep and "
     "violates nothing; partly if it converges in all and violates at most 1 % of the "
     "characteristic length",
-    figure="study-gradient-error.png",
 )
 def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
     converged, depth, deviation = (
@@ -297,7 +293,6 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
     sentence="the chattering problem becomes negligible for reasonable fast sampling rates",
     rule="at the shortest sampling time of the sweep the band is below 0.02, a fiftieth of the "
     "range of σ inside the image",
-    figure="study-sampling-time.png",
 )
 def _chattering_becomes_negligible(study: StudyResult) -> Finding:
     """Band of the first example at each sampling time, the shortest last."""

@@ -51,7 +51,6 @@ def acting_borders(run: Run, phase: int) -> list[str]:
     sentence="the position and orientation error is made zero for both phases",
     rule="at the end of each phase less than 1 % of what it began with, in position and "
     "orientation; partly if in one",
-    figure="fig-10.png",
 )
 def _errors_vanish_in_both_phases(case: Run) -> Finding:
     k = switch_sample(case)
@@ -80,7 +79,6 @@ def _errors_vanish_in_both_phases(case: Run) -> Finding:
     sentence="the second and third features remain in the FOV fully utilizing the allowed space",
     rule="clearance never negative and unused margin of at most 1 % of half the allowed image, for "
     "both",
-    figure="fig-10.png",
 )
 def _space_is_used(case: Run) -> Finding:
     return fully_used(case, BORDERS[1], BORDERS[2])
@@ -92,7 +90,6 @@ def _space_is_used(case: Run) -> Finding:
     where="9.2, Fig. 10",
     sentence="reaching smoothly the boundary of the hyperellipse constraint",
     rule=SMOOTHLY,
-    figure="fig-10.png",
 )
 def _boundary_is_reached_smoothly(case: Run) -> Finding:
     return smoothly(case, BORDERS[1], BORDERS[2])
@@ -105,7 +102,6 @@ def _boundary_is_reached_smoothly(case: Run) -> Finding:
     where="9.2, Fig. 11",
     sentence="all the constraints are fulfilled, i.e., max(φ_i) ≤ 0",
     rule=f"over all rows, {FULFILLED}",
-    figure="fig-11.png",
 )
 def _all_constraints_are_fulfilled(case: Run, case_halved: Run) -> Finding:
     kept = phi_never_positive(case, case.trajectory.labels)
@@ -133,7 +129,6 @@ def _all_constraints_are_fulfilled(case: Run, case_halved: Run) -> Finding:
     rule="both act in the first phase, neither in the second; then q₆ comes within 1 % of the "
     "printed range of its limit without exceeding it, and the speed of joint 2 within 1 % of its "
     "limit; partly if only the former",
-    figure="fig-11.png",
 )
 def _joint_limits_act_in_the_first_phase(case: Run) -> Finding:
     in_range = phases(case, RANGE)
@@ -160,7 +155,6 @@ def _joint_limits_act_in_the_first_phase(case: Run) -> Finding:
     sentence="the constraint for forbidden areas becomes active for the time interval 6-8 s during "
     "the second phase",
     rule="one interval, its ends within 0.5 s of those printed",
-    figure="fig-11.png",
 )
 def _sphere_acts_in_the_second_phase(case: Run) -> Finding:
     first, second = phases(case, SPHERE)
@@ -179,7 +173,6 @@ def _sphere_acts_in_the_second_phase(case: Run) -> Finding:
     sentence="the FOV constraint becomes active for the second and third feature during the first "
     "phase and for the second feature during the second phase",
     rule="exactly these rows act in each phase",
-    figure="fig-11.png",
 )
 def _borders_act_in_each_phase(case: Run) -> Finding:
     first = acting_borders(case, 0)
@@ -203,7 +196,6 @@ def _borders_act_in_each_phase(case: Run) -> Finding:
     where="9.2, Fig. 11",
     sentence="in some phases of the simulation there are up to three active constraints at a time",
     rule="three at most, as overlapping intervals, at some time",
-    figure="fig-11.png",
 )
 def _three_at_a_time(case: Run) -> Finding:
     count = at_once(case)
@@ -227,7 +219,6 @@ def _three_at_a_time(case: Run) -> Finding:
     where="9.2, Fig. 12",
     sentence="this constraint [the spherical forbidden area] is fulfilled",
     rule="the end-effector never inside the sphere, between samples too",
-    figure="fig-12.png",
 )
 def _sphere_is_not_entered(case: Run) -> Finding:
     clearance = clear(case, SPHERE)

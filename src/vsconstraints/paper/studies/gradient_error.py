@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number, percent
-from .drawing import Crosses, Layer, Measure, SweepFigure
+from ...reports.plots import Sheet, widths
+from .drawing import Measure, add_panels, draw_crosses, draw_line, law_look
 from .laws import LAWS
-from .study import Found, Results, Sweep
+from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance
 from .tables import Numbers, Points, ended_early, greatest, grouped, sentence_start, where
 
@@ -32,43 +33,29 @@ ERRORS = {
 }
 SMALL_ERRORS = {"example-2d-fov": (0.0, 0.3)}
 
-FIGURE = SweepFigure(
-    x="gradient_error",
-    below="gradient error cₑ",
-    limits=(-0.06, 1.14),
-    left=0.9,
-    height=1.4,
-    gap=0.6,
-    measures={
-        "deviation_px": Measure(
-            label="deviation of a\nmarker [px]",
-            linear_below=1.0,
-            low=0.0,
-            headroom=10.0,  # room for crosses
-            top=10.0,
-        ),
-        "violation": Measure(
-            label="depth of violation\n[% of L]", linear_below=0.01, low=-0.002, top=1.0
-        ),
-        "settling_time_s": Measure(label="settling time [s]", linear=True, margin=0.17),
-    },
-    layers=(
-        Layer(by="controller", widths=(1.8, 1.0), look={"markersize": 4.5, "alpha": 0.9}),
-        Crosses(
-            on=("deviation_px",),
-            by="controller",
-            shift={
-                "sliding-mode": -0.07,
-                "potential-field": -0.035,
-                "hierarchical-qp": 0.035,
-                "hierarchical-qp-active": 0.07,
-            },
-        ),
+MEASURES = {
+    "deviation_px": Measure(
+        label="deviation of a\nmarker [px]",
+        linear_below=1.0,
+        low=0.0,
+        headroom=10.0,  # room for crosses
+        top=10.0,
     ),
-)
+    "violation": Measure(
+        label="depth of violation\n[% of L]", linear_below=0.01, low=-0.002, top=1.0
+    ),
+    "settling_time_s": Measure(label="settling time [s]", linear=True),
+}
+#: Horizontal shift of the crosses of laws, so that they do not cover each other.
+SHIFT = {
+    "sliding-mode": -0.07,
+    "potential-field": -0.035,
+    "hierarchical-qp": 0.035,
+    "hierarchical-qp-active": 0.07,
+}
 
 
-class GradientError(Sweep):
+class GradientError(Study):
     """All laws with the erroneous gradient (49) in their visibility rows.
 
     The deviation is the greatest distance, at any time, of a marker from its position in the run of
@@ -95,8 +82,6 @@ class GradientError(Sweep):
         "from the same controller's run with exact gradients. A cross marks a run that failed or "
         "was aborted."
     )
-    Case = ErrorCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ErrorCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -140,6 +125,29 @@ class GradientError(Sweep):
             laws = ", ".join(point["controller"] for point in arrived) or "no controller"
             sentences.append(f"With c_e = {most:g} the goal is reached by {laws}.")
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw each measure over the error, one line for each law."""
+        points = list(result.points)
+        laws = list(grouped(points, "controller"))
+        width = widths(laws, 1.8, 1.0)
+        looks = {law: law_look(law, linewidth=width[law]) for law in laws}
+        for look in looks.values():
+            look |= {"markersize": 4.5, "alpha": 0.9}
+        sheet = Sheet(left=0.9)
+        sheet.legend(list(looks.values()))
+        below = "gradient error cₑ"
+        for panel in add_panels(sheet, points, MEASURES, below, height=1.4, gap=0.6):
+            for law, runs in grouped(panel.points, "controller").items():
+                draw_line(panel.ax, runs, "gradient_error", panel.measure, looks[law])
+                if panel.measure == "deviation_px":
+                    shift = SHIFT.get(law, 0.0)
+                    draw_crosses(panel.ax, runs, "gradient_error", looks[law], shift)
+            if panel.measure == "settling_time_s":
+                panel.ax.margins(y=0.17)
+            MEASURES[panel.measure].finish(panel.ax)
+            panel.ax.set_xlim(-0.06, 1.14)
+        return sheet
 
 
 def described(point: dict[str, Any]) -> str:

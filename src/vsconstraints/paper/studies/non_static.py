@@ -10,11 +10,21 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
+from ...reports.plots import Sheet, logarithmic
 from ...scenarios import Scenario
-from .drawing import Layer, Measure, SweepFigure
-from .study import Found, Results, Sweep
+from .drawing import DASHED, SYMBOLS, Measure, add_panels, draw_line, look_of
+from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
-from .tables import Numbers, Points, about, grouped, scenario_title, smallest_gain, where
+from .tables import (
+    Numbers,
+    Points,
+    about,
+    grouped,
+    numbers_by,
+    scenario_title,
+    smallest_gain,
+    where,
+)
 
 #: Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about
 #: what it moves by in a sampling period.
@@ -40,6 +50,7 @@ class Obstacle(NamedTuple):
     meeting: float  #: Time at which it is at the same place whatever its speed [s].
     duration: float  #: Duration of the runs [s].
     unit: str  #: Unit of depths.
+    gain_unit: str  #: Unit of u⁺.
     factor: float  #: Factor that converts depths into this unit.
     gain: float  #: u⁺ of the scenario, with which the velocity is not known.
     speeds: tuple[float, ...]  #: Factors on its velocity.
@@ -52,6 +63,7 @@ OBSTACLES = {
         meeting=1.3,
         duration=3.0,
         unit="mm",
+        gain_unit="m/s",
         factor=1e3,
         gain=1.0,
         speeds=(0.0, 0.5, 1.0, 2.0),
@@ -62,6 +74,7 @@ OBSTACLES = {
         meeting=1.6,
         duration=5.2,
         unit="px",
+        gain_unit="1/s",
         factor=1.0,
         gain=10.0,
         speeds=(0.0, 0.5, 1.0),
@@ -72,80 +85,22 @@ SMALL_OBSTACLES = {
     "moving-sphere": OBSTACLES["moving-sphere"]._replace(speeds=(0.0, 1.0), gains=(0.0125, 1.0))
 }
 
-ON_GAIN = ("switching_gain",)
-ON_DEPTH = ("depth",)
-ABOUT = ("scenario", "speed")
-FIGURE = SweepFigure(
-    x="speed",
-    below="speed of the obstacle, relative to the scenario's",
-    margin=0.08,
-    left=0.8,
-    height=2.0,
-    gap=0.9,
-    measures={
-        "switching_gain": Measure(
-            by_scenario={
-                "moving-sphere": Measure(label="u⁺ [m/s]", ticks=OBSTACLES["moving-sphere"].gains),
-                "moving-occluder": Measure(
-                    label="u⁺ [1/s]", ticks=OBSTACLES["moving-occluder"].gains
-                ),
-            }
-        ),
-        "depth": Measure(
-            by_scenario={
-                name: Measure(label=f"depth of violation [{obstacle.unit}]", linear=True)
-                for name, obstacle in OBSTACLES.items()
-            }
-        ),
-    },
-    layers=(
-        Layer(
-            by="outcome",
-            on=ON_GAIN,
-            where={"known": True},
-            look={
-                "linestyle": "none",
-                "markersize": 7.5,
-                "markeredgecolor": "#222222",
-                "markeredgewidth": 0.5,
-                "zorder": 3,
-            },
-        ),
-        Layer(
-            about=ABOUT,
-            on=ON_GAIN,
-            y="bound_12",
-            look={"label": "bound (12)", "linewidth": 1.8, "zorder": 4},
-        ),
-        Layer(
-            about=ABOUT,
-            on=ON_DEPTH,
-            y="depth_known",
-            look={"label": "velocity known", "color": "#0072B2", "marker": "o"},
-        ),
-        Layer(
-            about=ABOUT,
-            on=ON_DEPTH,
-            y="depth_unknown",
-            look={"label": "velocity unknown", "color": "#D55E00", "marker": "s"},
-        ),
-        Layer(
-            about=ABOUT,
-            on=ON_DEPTH,
-            y="depth_expected",
-            reference=True,
-            look={"label": "K times the speed"},
-        ),
-    ),
-    looks={
-        "kept": {"color": "#0072B2", "marker": "o", "label": "boundary kept"},
-        "violated": {"color": "#B2182B", "marker": "X", "label": "boundary violated"},
-        "failed": {"color": "#000000", "marker": "x", "label": "failed"},
-    },
-)
+#: Styles of outcomes and of depths.
+OUTCOMES = {
+    "kept": look_of("boundary kept", "#0072B2", marker="o"),
+    "violated": look_of("boundary violated", "#B2182B", marker="X"),
+    "failed": look_of("failed", "#000000", marker="x"),
+}
+BOUND = look_of("bound (12)", linewidth=1.8, zorder=4)
+DEPTHS = {
+    "depth_known": look_of("velocity known", color="#0072B2", marker="o"),
+    "depth_unknown": look_of("velocity unknown", color="#D55E00", marker="s"),
+    "depth_expected": look_of("K times the speed", **DASHED),
+}
+MEASURES = {"switching_gain": Measure(), "depth": Measure(linear=True)}
 
 
-class NonStatic(Sweep):
+class NonStatic(Study):
     """The sliding-mode law with obstacles that move at different speeds, known and unknown.
 
     The obstacle is the only constraint. It is displaced so that it is at the same place at one time
@@ -175,8 +130,6 @@ class NonStatic(Sweep):
         "obstacle is entered when its velocity is known and when it is not, with the shipped u⁺; "
         "line: K times its speed."
     )
-    Case = ObstacleCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ObstacleCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -256,6 +209,32 @@ class NonStatic(Sweep):
             f"{int(of['above_bound_kept'])} keep the boundary."
         )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw outcomes over speed and gain with the bound (12), and depths over the speed."""
+        points = list(result.points)
+        known = where(points, known=True)
+        outcomes = [outcome for outcome in OUTCOMES if where(known, outcome=outcome)]
+        looks = {outcome: OUTCOMES[outcome] | SYMBOLS for outcome in outcomes}
+        sheet = Sheet(left=0.8)
+        sheet.legend([*looks.values(), BOUND, *DEPTHS.values()])
+        below = "speed of the obstacle, relative to the scenario's"
+        for panel in add_panels(sheet, points, MEASURES, below, height=2.0, gap=0.9):
+            obstacle = OBSTACLES[panel.scenario]
+            by_speed = numbers_by(result.numbers, "speed", panel.scenario)
+            panel.ax.margins(x=0.08)
+            if panel.measure == "depth":
+                panel.ax.set_ylabel(f"depth of violation [{obstacle.unit}]")
+                for depth, look in DEPTHS.items():
+                    draw_line(panel.ax, by_speed, "speed", depth, look)
+                continue
+            for outcome, look in looks.items():
+                runs = where(panel.points, known=True, outcome=outcome)
+                draw_line(panel.ax, runs, "speed", "switching_gain", look)
+            draw_line(panel.ax, by_speed, "speed", "bound_12", BOUND)
+            panel.ax.set_ylabel(f"u⁺ [{obstacle.gain_unit}]")
+            logarithmic(panel.ax.yaxis, obstacle.gains)
+        return sheet
 
 
 def entered(of: dict[str | float, float], speed: float, unit: str) -> str:

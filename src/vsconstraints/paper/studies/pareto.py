@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number, percent
+from ...reports.plots import Sheet, logarithmic
 from ...scenarios import Scenario
-from .drawing import Layer, Measure, SweepFigure
+from .drawing import Measure, add_panels, draw_line, law_look, look_of
 from .laws import LAWS
-from .study import Found, Results, Sweep
+from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
 from .tables import Numbers, Points, grouped, sentence_start, where
 
@@ -73,69 +74,35 @@ SMALL_RANGES = {
 }
 
 LEAST = 1e-3  #: Smaller unused space is drawn here [%].
-FIGURE = SweepFigure(
-    x="unused",
-    below="allowed space left unused [%] (less →)",
-    ticks=(LEAST, 0.01, 0.1, 1.0, 10.0),
-    names=("≤ 0.001", "0.01", "0.1", "1", "10"),
-    limits=(None, 0.7e-3),
-    left=0.8,
-    height=2.1,
-    gap=0.75,
-    measures={
-        "acceleration_variation": Measure(label="acceleration variation\n[rad/s³]"),
-        "violation": Measure(
-            label="depth of violation\n[% of L]",
-            linear_below=0.01,
-            low=-0.002,
-            headroom=2.0,
-            top=1.0,
-            same=True,
-        ),
-    },
-    layers=(
-        Layer(
-            by="controller",
-            least=LEAST,
-            where={"not_kept": ""},
-            look={
-                "linestyle": "none",
-                "markersize": 7.0,
-                "markeredgecolor": "white",
-                "markeredgewidth": 0.9,
-                "zorder": 3.5,
-                "clip_on": False,
-            },
-        ),
-        Layer(
-            by="controller",
-            least=LEAST,
-            look={
-                "linestyle": "none",
-                "markersize": 3.5,
-                "markerfacecolor": "none",
-                "alpha": 0.45,
-                "zorder": 2.5,
-                "clip_on": False,
-            },
-        ),
-        Layer(
-            on=("acceleration_variation",),
-            least=LEAST,
-            where={"front": True},
-            look={
-                "label": "front",
-                "marker": "",
-                "drawstyle": "steps-post",
-                "linewidth": 2.0,
-                "zorder": 3,
-            },
-        ),
+#: Ticks of the unused space [%], with their texts.
+TICKS = {LEAST: "≤ 0.001", 0.01: "0.01", 0.1: "0.1", 1.0: "1", 10.0: "10"}
+MEASURES = {
+    "acceleration_variation": Measure(label="acceleration variation\n[rad/s³]"),
+    "violation": Measure(
+        label="depth of violation\n[% of L]", linear_below=0.01, low=-0.002, top=1.0, headroom=2.0
     ),
-)
+}
+#: Styles of runs that keep their boundaries, and of the others.
+KEPT: dict[str, Any] = {
+    "linestyle": "none",
+    "markersize": 7.0,
+    "markeredgecolor": "white",
+    "markeredgewidth": 0.9,
+    "zorder": 3.5,
+    "clip_on": False,
+}
+NOT_KEPT: dict[str, Any] = {
+    "linestyle": "none",
+    "markersize": 3.5,
+    "markerfacecolor": "none",
+    "alpha": 0.45,
+    "zorder": 2.5,
+    "clip_on": False,
+}
+FRONT = look_of("front", drawstyle="steps-post") | {"linewidth": 2.0, "zorder": 3}
 
 
-class Pareto(Sweep):
+class Pareto(Study):
     """All laws over the range of their own parameter.
 
     The parameter is a factor on every u⁺, a region, or the rate α of a barrier. Runs are compared
@@ -171,8 +138,6 @@ class Pareto(Sweep):
         "not reached, a row was violated, or φ ≥ 0 lasts for more than two samples. Black line: "
         "the front of all others."
     )
-    Case = ParetoCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[ParetoCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -232,6 +197,31 @@ class Pareto(Sweep):
                 f"{'; '.join(texts)}. On the front: {laws}."
             )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw both prices over the unused space, with the front of the first one."""
+        points = list(result.points)
+        looks = {law: law_look(law) for law in grouped(points, "controller")}
+        sheet = Sheet(left=0.8)
+        sheet.legend([*(look | KEPT for look in looks.values()), FRONT])
+        below = "allowed space left unused [%] (less →)"
+        panels = add_panels(sheet, points, MEASURES, below, height=2.1, gap=0.75)
+        for panel in panels:
+            for style, runs in ((KEPT, where(panel.points, not_kept="")), (NOT_KEPT, panel.points)):
+                for law, of_law in grouped(runs, "controller").items():
+                    draw_line(panel.ax, of_law, "unused", panel.measure, looks[law] | style, LEAST)
+            if panel.measure == "acceleration_variation":
+                on_front = where(panel.points, front=True)
+                draw_line(panel.ax, on_front, "unused", panel.measure, FRONT, LEAST)
+            logarithmic(panel.ax.xaxis, list(TICKS))
+            panel.ax.set_xticks(list(TICKS), list(TICKS.values()))
+            MEASURES[panel.measure].finish(panel.ax)
+            panel.ax.set_xlim(panel.ax.get_xlim()[1], 0.7e-3)
+        depths = [panel.ax for panel in panels if panel.measure == "violation"]
+        highest = max(ax.get_ylim()[1] for ax in depths)
+        for ax in depths:
+            ax.set_ylim(top=highest)
+        return sheet
 
 
 def with_parameter(case: ParetoCase) -> RunSpec:

@@ -10,10 +10,11 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
-from .drawing import Layer, Measure, SweepFigure
-from .study import Found, Results, Sweep
+from ...reports.plots import Sheet, logarithmic
+from .drawing import BELOW_LEGEND, DASHED, Measure, draw_line, look_of
+from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
-from .tables import Numbers, Points, about, greatest, where
+from .tables import Numbers, Points, about, greatest, grouped, where
 
 SLOW, FAST = BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
@@ -34,70 +35,31 @@ TIMES = {
 }
 SMALL_TIMES = {FAST: (2.5, 5.0, 10.0)}
 
-IN_BANDS = {"row": "", "scenario": [*BAND_SCENARIOS]}
-FIGURE = SweepFigure(
-    x="Ts_ms",
-    below="sampling time Tₛ [ms]",
-    columns=3,
-    left=0.65,
-    height=2.3,
-    gap=0.62,
-    measures={
-        "band": Measure(title="band of φ while sliding", below=(1, 2.5, 5, 10, 20, 40)),
-        "relative_overshoot": Measure(
-            title="case study: greatest φ / (Tₛ u⁺)",
-            below=(1, 2, 4, 8, 16),
-            linear=True,
-            level=1.0,
-            low=0.0,
-        ),
-        "longest_run": Measure(
-            title="samples in a row with φ ≥ 0",
-            below=(1, 2.5, 5, 10, 20, 40),
-            ticks=(1, 2, 5, 10, 20),
-        ),
-    },
-    layers=(
-        Layer(by="scenario", where=IN_BANDS),
-        Layer(
-            by="row",
-            on=("relative_overshoot", "longest_run"),
-            palette=(
-                ("#0072B2", "o"),
-                ("#56B4E9", "s"),
-                ("#009E73", "^"),
-                ("#D55E00", "D"),
-                ("#CC79A7", "v"),
-                ("#E69F00", "P"),
-                ("#000000", "X"),
-                ("#9C8A00", "<"),
-            ),
-            look={"markersize": 4.5},
-        ),
-        Layer(
-            by="scenario",
-            where=IN_BANDS,
-            on=("band",),
-            y="bound_43",
-            reference=True,
-            look={"marker": "", "label": "Tₛ u⁺ (43)"},
-        ),
-        Layer(
-            by="scenario",
-            where=IN_BANDS,
-            on=("band",),
-            y="band_expected",
-            look={"marker": "", "linestyle": ":", "label": "Tₛ (u⁺ + push of tracking)"},
-        ),
-    ),
-    looks={
-        SLOW: {"color": "#222222", "marker": "o", "label": "first example, u⁺ = 10 /s"},
-        FAST: {"color": "#8A8A8A", "marker": "s", "label": "first example, fast, u⁺ = 50 /s"},
-    },
+BANDS = {
+    SLOW: look_of("first example, u⁺ = 10 /s", marker="o"),
+    FAST: look_of("first example, fast, u⁺ = 50 /s", "#8A8A8A", marker="s"),
+}
+ROWS = (
+    ("#0072B2", "o"),
+    ("#56B4E9", "s"),
+    ("#009E73", "^"),
+    ("#D55E00", "D"),
+    ("#CC79A7", "v"),
+    ("#E69F00", "P"),
+    ("#000000", "X"),
+    ("#9C8A00", "<"),
 )
+"""Colours and symbols of the rows of the case study."""
+BOUNDS = {
+    "bound_43": look_of("Tₛ u⁺ (43)", **DASHED),
+    "band_expected": look_of("Tₛ (u⁺ + push of tracking)", linestyle=":"),
+}
+#: Ticks of the sampling times of the first example, and of the case study [ms].
+TICKS = (1.0, 2.5, 5.0, 10.0, 20.0, 40.0)
+ROW_TICKS = (1.0, 2.0, 4.0, 8.0, 16.0)
 
 
-class SamplingTime(Sweep):
+class SamplingTime(Study):
     """The sliding-mode law with different sampling times and no other change.
 
     (43) bounds one step of the constraint action alone: T_s u⁺. In the last sample before a row
@@ -127,8 +89,6 @@ class SamplingTime(Sweep):
         "sample. Middle: greatest φ of each row of the case study relative to its T_s u⁺. Right: "
         "most samples in a row with φ ≥ 0."
     )
-    Case = TimeCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[TimeCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -202,6 +162,40 @@ class SamplingTime(Sweep):
                 f"({number(of['longest_run_ms'])} ms) in a row."
             )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw the band, the overshoot of rows, and the samples in a row, over the time."""
+        points = list(result.points)
+        bands = grouped(where(points, row="", scenario=[*BAND_SCENARIOS]), "scenario")
+        rows = grouped([point for point in points if point["row"]], "row")
+        row_looks = {}
+        for row, (colour, marker) in zip(rows, ROWS, strict=False):
+            row_looks[row] = look_of(row, colour, marker=marker) | {"markersize": 4.5}
+        band_looks = {name: look for name, look in BANDS.items() if name in bands}
+        sheet = Sheet(left=0.65)
+        sheet.legend([*band_looks.values(), *row_looks.values(), *BOUNDS.values()])
+        sheet.bottom += BELOW_LEGEND
+        labels = ("sampling time Tₛ [ms]", "")
+        band, overshoot, longest = sheet.panels(3, 3, height=2.3, gap=0.62, labels=labels)
+        for name, look in band_looks.items():
+            draw_line(band, bands[name], "Ts_ms", "band", look)
+            draw_line(longest, bands[name], "Ts_ms", "longest_run", look)
+        for row, look in row_looks.items():
+            draw_line(overshoot, rows[row], "Ts_ms", "relative_overshoot", look)
+            draw_line(longest, rows[row], "Ts_ms", "longest_run", look)
+        for column, look in BOUNDS.items():
+            for name, of_scenario in bands.items():
+                coloured = look | {"color": BANDS[name]["color"]}
+                draw_line(band, of_scenario, "Ts_ms", column, coloured)
+        band.set_title("band of φ while sliding")
+        overshoot.set_title("case study: greatest φ / (Tₛ u⁺)")
+        longest.set_title("samples in a row with φ ≥ 0")
+        for ax, ticks in ((band, TICKS), (overshoot, ROW_TICKS), (longest, TICKS)):
+            logarithmic(ax.xaxis, ticks)
+        Measure().finish(band)
+        Measure(linear=True, level=1.0, low=0.0).finish(overshoot)
+        Measure(ticks=(1.0, 2.0, 5.0, 10.0, 20.0)).finish(longest)
+        return sheet
 
 
 def row_line(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:

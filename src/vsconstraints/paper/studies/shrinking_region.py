@@ -9,15 +9,25 @@ from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
-from .drawing import Crosses, Layer, Level, Measure, Shaded, SweepFigure
+from ...reports.plots import Sheet, logarithmic
+from .drawing import (
+    DASHED,
+    Measure,
+    add_panels,
+    draw_crosses,
+    draw_levels,
+    draw_line,
+    law_look,
+    look_of,
+    shown,
+)
 from .laws import LAWS
-from .study import Found, Results, Sweep
+from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
-from .tables import Numbers, Points, about, ended_early, grouped, sentence_start
+from .tables import Numbers, Points, about, ended_early, grouped, sentence_start, where
 
 #: Laws with a region, by the names of their blends.
 BLENDS = {"priority": "potential-field-priority", "additive": "potential-field"}
-EVERY_BLEND = list(BLENDS)
 
 
 class RegionCase(NamedTuple):
@@ -42,50 +52,18 @@ SCENES = (
 )
 SMALL = (Scene("example-2d-fov", 0.0025, (0.5, 0.02, 0.0001)),)
 
-FIGURE = SweepFigure(
-    x="region",
-    below="region δ, relative to the allowed range (smaller →)",
-    ticks=(1e-4, 1e-3, 1e-2, 1e-1),
-    limits=(0.8, 0.6e-4),
-    left=0.95,
-    height=1.45,
-    gap=0.75,
-    measures={
-        "joint_distance": Measure(label="distance to sliding mode\nin joint space, RMS [rad]"),
-        "unused": Measure(label="allowed space\nleft unused [%]"),
-        "switching_rate": Measure(
-            label="switching rate of the\nacting rows [Hz]",
-            linear_below=1.0,
-            low=-0.1,
-            headroom=2.0,
-        ),
-    },
-    layers=(
-        Shaded(
-            y="step",
-            where={"law": "sliding-mode"},
-            look={"color": "#F6F0DC", "linewidth": 0.0, "zorder": 0.5},
-        ),
-        Layer(by="law", where={"law": EVERY_BLEND}),
-        Level(
-            on=("joint_distance",),
-            where={"law": "halved"},
-            reference=True,
-            look={"label": "sliding-mode", "zorder": 2},
-        ),
-        Level(
-            on=("unused", "switching_rate"),
-            where={"law": "sliding-mode"},
-            reference=True,
-            look={"label": "sliding-mode", "zorder": 2},
-        ),
-        Crosses(on=("joint_distance",), by="law", where={"law": EVERY_BLEND}),
+MEASURES = {
+    "joint_distance": Measure(label="distance to sliding mode\nin joint space, RMS [rad]"),
+    "unused": Measure(label="allowed space\nleft unused [%]"),
+    "switching_rate": Measure(
+        label="switching rate of the\nacting rows [Hz]", linear_below=1.0, low=-0.1, headroom=2.0
     ),
-    looks={blend: {"law": law, "label": law} for blend, law in BLENDS.items()},
-)
+}
+LOOKS = {blend: law_look(law) for blend, law in BLENDS.items()}
+SLIDING = look_of("sliding-mode", **DASHED, zorder=2)
 
 
-class ShrinkingRegion(Sweep):
+class ShrinkingRegion(Study):
     """Potential fields with smaller and smaller regions, compared with the sliding-mode law.
 
     The distance to sliding mode is the root mean square of ‖q − q_SM‖ over time. The distance of
@@ -114,8 +92,6 @@ class ShrinkingRegion(Sweep):
         "at half the sampling time. Shaded: regions smaller than T_s u⁺, the step of φ in one "
         "sample. A cross marks a run that failed."
     )
-    Case = RegionCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[RegionCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -179,6 +155,30 @@ class ShrinkingRegion(Sweep):
                 f"{number(sliding['sampling_distance'])} rad there."
             )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw each measure over the region, beside that of the sliding-mode law."""
+        points = list(result.points)
+        sheet = Sheet(left=0.95)
+        sheet.legend([*LOOKS.values(), SLIDING])
+        below = "region δ, relative to the allowed range (smaller →)"
+        for panel in add_panels(sheet, points, MEASURES, below, height=1.45, gap=0.75):
+            ax = panel.ax
+            is_distance = panel.measure == "joint_distance"
+            sliding = where(panel.points, law="sliding-mode")
+            for point in shown(sliding, "step"):
+                ax.axvspan(point["step"], 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
+            for blend, look in LOOKS.items():
+                runs = where(panel.points, law=blend)
+                draw_line(ax, runs, "region", panel.measure, look)
+                if is_distance:
+                    draw_crosses(ax, runs, "region", look)
+            level = where(panel.points, law="halved") if is_distance else sliding
+            draw_levels(ax, level, panel.measure, SLIDING)
+            logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
+            MEASURES[panel.measure].finish(ax)
+            ax.set_xlim(0.8, 0.6e-4)
+        return sheet
 
 
 def described(of: Mapping[str | float, float], sliding_unused: float) -> str:

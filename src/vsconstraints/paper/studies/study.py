@@ -1,22 +1,19 @@
-"""Base classes of studies: runs that differ in varied values, numbers, sentences, one figure."""
+"""Base class of studies: runs that differ in varied values, numbers, sentences, one figure."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import Figure, Sheet
-from .drawing import SweepFigure
 from .summary import RunSummary
 from .tables import Numbers, Points
 
-#: Identifies a run of a study: a NamedTuple of varied values, None if one does not apply.
-Case = Hashable
 Results = Mapping[Any, RunSummary]  #: Summaries of a study's runs, by their cases.
 #: Numbers by name, for each subject.
 Found = Mapping[tuple[Any, ...], Mapping[Any, float]]
@@ -39,7 +36,10 @@ class StudyResult:
 class Study(ABC):
     """A question, the runs that answer it, and one figure.
 
-    Studies are listed in :data:`vsconstraints.paper.studies.STUDIES`.
+    Studies are listed in :data:`vsconstraints.paper.studies.STUDIES`. A case identifies a run: a
+    NamedTuple of varied values, None if one does not apply. The data of the figure have one or
+    several points, lines of data, for each run. A point begins with the case and continues with
+    ``columns``.
     """
 
     name: str  #: Name in files, headings and texts.
@@ -47,6 +47,7 @@ class Study(ABC):
     question: str
     #: Numbers of the paper's claims that it answers, as in the reproduction.
     claims: tuple[int, ...]
+    columns: tuple[str, ...]  #: Columns of the data that follow the case.
     figure_caption: str  #: Description of the figure.
     #: True if summaries include the drift of φ, which takes about as long as the runs.
     drift_noted: bool = False
@@ -56,41 +57,12 @@ class Study(ABC):
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
 
     @abstractmethod
-    def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
-        """Return points, numbers and sentences of :class:`StudyResult`.
-
-        ``results`` contains failed runs, and may lack runs.
-        """
-
     def figure(self, result: StudyResult) -> Sheet:
         """Draw the figure from the result's points."""
-        raise NotImplementedError(f"{type(self).__name__} has neither figure nor draw")
 
     def draw(self, result: StudyResult, path: Path) -> None:
         """Draw the figure and write it in the format given by the path's suffix."""
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
-
-    def evaluate(self, results: Results) -> StudyResult:
-        """Return the result; runs that ended early are listed as failures."""
-        points, numbers, sentences = self.measure(results)
-        failures = [
-            f"{_text(case)}: {run.status}, {run.reason}"
-            for case, run in results.items()
-            if run.ended_early
-        ]
-        return StudyResult(self.name, numbers, tuple(sentences), tuple(points), tuple(failures))
-
-
-class Sweep(Study):
-    """Study whose data have one or several points, lines of data, for each run.
-
-    A point begins with the case, whose class is ``Case``, and continues with ``columns``. The
-    figure is that of ``layout``.
-    """
-
-    Case: Any  #: NamedTuple of varied values.
-    columns: tuple[str, ...]  #: Columns of the data that follow the case.
-    layout: SweepFigure
 
     @abstractmethod
     def lines(self, case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
@@ -135,28 +107,27 @@ class Sweep(Study):
         names = (*varied, *self.columns)
         return {name: known[name] if name in known else run.value(name) for name in names}
 
-    def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
-        """See :class:`Study`."""
-        lines = (
-            self.point(case, run, columns)
-            for case, run in results.items()
-            for columns in self.lines(case, run, results)
-        )
-        points = self.completed(list(lines))
-        numbers = {
-            (*key, name): float(value)
-            for key, found in self.numbers(points).items()
-            for name, value in found.items()
-        }
-        return points, numbers, self.sentences(points, numbers)
+    def evaluate(self, results: Results) -> StudyResult:
+        """Return the result of runs, which may have failed or be missing.
 
-    def figure(self, result: StudyResult) -> Sheet:
-        """See :class:`Study`."""
-        return self.layout.draw(list(result.points), result.numbers)
+        Runs that ended early are listed as failures.
+        """
+        points: Points = []
+        failures = []
+        for case, run in results.items():
+            points += [self.point(case, run, line) for line in self.lines(case, run, results)]
+            if run.ended_early:
+                failures.append(f"{_text(case)}: {run.status}, {run.reason}")
+        points = self.completed(points)
+        numbers = {}
+        for subject, found in self.numbers(points).items():
+            for name, value in found.items():
+                numbers[*subject, name] = float(value)
+        sentences = tuple(self.sentences(points, numbers))
+        return StudyResult(self.name, numbers, sentences, tuple(points), tuple(failures))
 
 
-def _text(case: Case) -> str:
-    parts = case if isinstance(case, tuple) else (case,)
+def _text(case: tuple[Any, ...]) -> str:
     return " ".join(
-        f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None
+        f"{part:g}" if isinstance(part, float) else str(part) for part in case if part is not None
     )

@@ -40,12 +40,10 @@ class RunSummary:
     #: Times (T,) of the following arrays [s].
     t: Array = field(default_factory=lambda: np.empty(0))
     q: Array = field(default_factory=lambda: np.empty((0, 0)))  #: Joint positions (T, n).
-    clearance: Array = field(
-        default_factory=lambda: np.empty((0, 0))
-    )  #: Clearance (T, m) of each row, as a fraction of its characteristic length.
-    pixels: Array = field(
-        default_factory=lambda: np.empty((0, 0, 2))
-    )  #: Markers (T, M, 2) relative to the image's centre [px].
+    #: Clearance (T, m) of each row, as a fraction of its characteristic length.
+    clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
+    #: Markers (T, M, 2) relative to the image's centre [px].
+    pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
     #: Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
     needed_gain: float = np.nan
     #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active, which
@@ -164,10 +162,9 @@ def _difference(a: RunSummary, b: RunSummary, name: str) -> Array:
 
 def _at(t: Array, times: Array, values: Array) -> Array:
     """Values (N, ...) at other times, by linear interpolation."""
-    flat = values.reshape(len(times), -1)
-    return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(
-        len(t), *values.shape[1:]
-    )
+    columns = values.reshape(len(times), -1).T
+    interpolated = np.array([np.interp(t, times, column) for column in columns])
+    return interpolated.T.reshape(len(t), *values.shape[1:])
 
 
 def gains(run: Run) -> dict[str, float]:

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
-from .drawing import Layer, Measure, SweepFigure
-from .study import Found, Results, Sweep
+from ...reports.plots import Sheet, logarithmic
+from .drawing import DASHED, SYMBOLS, draw_line, look_of
+from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
-from .tables import Numbers, Points, about, greatest, grouped, smallest_gain, where
+from .tables import Numbers, Points, about, greatest, grouped, numbers_by, smallest_gain, where
 
 #: Outcomes of a run, the worst first.
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
@@ -33,67 +34,23 @@ GAINS = (
 )
 SMALL_GAINS = (5.0, 10.0, 20.0, 40.0)
 
-FIGURE = SweepFigure(
-    x="Kp0",
-    below="gain at zero error Kₚ(0) [1/s²]: faster motion →",
-    ticks=(20, 30, 40, 50, 80, 120),
-    limits=(17.6, 136.8),
-    columns=1,
-    left=0.8,
-    height=3.5,
-    above=0.0,
-    legend=2,
-    measures={
-        "switching_gain": Measure(
-            label="switching gain u⁺ [1/s]", ticks=(2.5, 5, 10, 20, 40, 80, 160)
-        )
-    },
-    layers=(
-        Layer(
-            by="outcome",
-            look={
-                "linestyle": "none",
-                "markersize": 7.5,
-                "markeredgecolor": "#222222",
-                "markeredgewidth": 0.5,
-                "zorder": 3,
-            },
-        ),
-        Layer(
-            about=("Kp0",),
-            y="bound_12",
-            look={"label": "bound (12)", "linewidth": 1.8, "zorder": 4},
-        ),
-        Layer(
-            about=("Kp0",),
-            y="bound_sampled",
-            reference=True,
-            look={
-                "label": "what is needed to be back after one sample",
-                "linewidth": 1.8,
-                "zorder": 4,
-            },
-        ),
+LOOKS = {
+    "violated": look_of("σ > 0: violated", "#B2182B", marker="X"),
+    "beyond band": look_of("σ ≤ 0, but φ > Tₛ u⁺", "#EF8A62", marker="s"),
+    "band, not sliding": look_of(
+        "φ ≤ Tₛ u⁺, several samples in a row with φ ≥ 0", "#9BC4E2", marker="o"
     ),
-    looks={
-        "violated": {"color": "#B2182B", "marker": "X", "label": "σ > 0: violated"},
-        "beyond band": {"color": "#EF8A62", "marker": "s", "label": "σ ≤ 0, but φ > Tₛ u⁺"},
-        "band, not sliding": {
-            "color": "#9BC4E2",
-            "marker": "o",
-            "label": "φ ≤ Tₛ u⁺, several samples in a row with φ ≥ 0",
-        },
-        "sliding": {
-            "color": "#0072B2",
-            "marker": "o",
-            "label": "φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0",
-        },
-        "failed": {"color": "#000000", "marker": "x", "label": "failed"},
-    },
-)
+    "sliding": look_of("φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0", "#0072B2", marker="o"),
+    "failed": look_of("failed", "#000000", marker="x"),
+}
+_NEEDED = "what is needed to be back after one sample"
+BOUNDS = {
+    "bound_12": look_of("bound (12)", linewidth=1.8, zorder=4),
+    "bound_sampled": look_of(_NEEDED, **DASHED | {"linewidth": 1.8}, zorder=4),
+}
 
 
-class SwitchingGain(Sweep):
+class SwitchingGain(Study):
     """The first example with faster and faster motion, and switching gains for each speed.
 
     Three requirements on a switching gain are tested, each stricter than the one before: σ ≤ 0
@@ -127,8 +84,6 @@ class SwitchingGain(Sweep):
         "Σ max(L_fφ, 0) over the active rows in any run of the same speed that slides, and what is "
         "needed to be back below zero after one sample."
     )
-    Case = GainCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[GainCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -195,3 +150,22 @@ class SwitchingGain(Sweep):
             "keep σ ≤ 0."
         )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw the outcomes over speed and gain, and the bounds on the gain."""
+        by_outcome = grouped(result.points, "outcome")
+        by_speed = numbers_by(result.numbers, "Kp0")
+        looks = {name: LOOKS[name] | SYMBOLS for name in LOOKS if name in by_outcome}
+        sheet = Sheet(left=0.8)
+        sheet.legend([*looks.values(), *BOUNDS.values()], 2)
+        labels = ("gain at zero error Kₚ(0) [1/s²]: faster motion →", "")
+        (ax,) = sheet.panels(1, height=3.5, labels=labels)
+        for outcome, look in looks.items():
+            draw_line(ax, by_outcome[outcome], "Kp0", "switching_gain", look)
+        for bound, look in BOUNDS.items():
+            draw_line(ax, by_speed, "Kp0", bound, look)
+        logarithmic(ax.xaxis, (20, 30, 40, 50, 80, 120))
+        logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
+        ax.set_xlim(17.6, 136.8)
+        ax.set_ylabel("switching gain u⁺ [1/s]")
+        return sheet

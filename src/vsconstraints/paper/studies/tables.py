@@ -65,6 +65,17 @@ def about(numbers: Numbers, *key: str | float) -> dict[str | float, float]:
     return {name: value for (*first, name), value in numbers.items() if tuple(first) == key}
 
 
+def numbers_by(numbers: Numbers, column: str, *subject: str | float) -> Points:
+    """Return the numbers about a subject as points, one for each value of a further column."""
+    size = len(subject)
+    values = [key[size] for key in numbers if key[:size] == subject and len(key) == size + 2]
+    points = []
+    for value in dict.fromkeys(values):
+        found = {str(name): number for name, number in about(numbers, *subject, value).items()}
+        points.append({column: value, "status": "", **found})
+    return points
+
+
 def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
     """Greatest finite value of a column; NaN if there is none."""
     return largest([point[column] for point in points])

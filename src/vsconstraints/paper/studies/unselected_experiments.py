@@ -21,9 +21,10 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
+from ...reports.plots import Sheet
 from ...simulation.disturbances import GRADIENT_SIGNS
-from .drawing import Distribution, Edge, Measure, SweepFigure
-from .study import Found, Results, Sweep
+from .drawing import Look, Measure, add_panels, look_of, shown
+from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 from .tables import Numbers, Points, about, grouped, sentence_start, where
 
@@ -76,19 +77,19 @@ class SceneCase(NamedTuple):
     case: str
 
 
-# the levels are those of the claims
+#: The levels are those that the claims ask for.
 MEASURES = {
     "track_px": Measure(
         label="greatest difference\nof tracks [px]",
         ticks=(0.1, 1.0, 10.0, 100.0, 1000.0),
-        level=32.0,
+        level=VERY_SIMILAR * SIZE[0],
         low=0.1,
         top=1000.0,
     ),
     "speed_share": Measure(
         label="greatest difference of joint\nspeeds [% of the greatest]",
         ticks=(1.0, 10.0, 100.0, 1e3),
-        level=10.0,
+        level=100.0 * LITTLE,
         low=1.0,
         top=1000.0,
     ),
@@ -101,35 +102,16 @@ MEASURES = {
         top=10.0,
     ),
 }
-LOOKS: dict[str, dict[str, Any]] = {
-    "plus": {"color": "#0072B2", "label": "signs of (49)"},
-    "minus": {"color": "#D55E00", "label": "signs reversed"},
-    "plus-action": {
-        "color": "#0072B2",
-        "linestyle": ":",
-        "label": "signs of (49), in L_gφ alone",
-    },
+LOOKS = {
+    "plus": look_of("signs of (49)", "#0072B2"),
+    "minus": look_of("signs reversed", "#D55E00"),
+    "plus-action": look_of("signs of (49), in L_gφ alone", "#0072B2", linestyle=":"),
 }
-FIGURE = SweepFigure(
-    below="share of scenes with less",
-    limits=(-0.03, 1.03),
-    left=0.95,
-    height=1.7,
-    gap=0.75,
-    measures=MEASURES,
-    layers=(
-        Distribution(by="case", where={"rejected": ""}, without={"scene": SHIPPED}),
-        Edge(
-            by="case",
-            where={"rejected": "", "scene": SHIPPED},
-            look={"marker": "^", "linestyle": "none", "markersize": 6.0, "zorder": 4},
-        ),
-    ),
-    looks=LOOKS,
-)
+#: Style of the shipped scenes at the left edge.
+TRIANGLE = {"marker": "^", "linestyle": "none", "markersize": 6.0, "zorder": 4}
 
 
-class UnselectedExperiments(Sweep):
+class UnselectedExperiments(Study):
     """Both experiments, without and with the gradient error (49), in scenes drawn by geometry.
 
     A scene counts if, without an error, the goal is reached and exactly one row is active, which is
@@ -163,8 +145,6 @@ class UnselectedExperiments(Sweep):
         "value at the left. Dotted: the error in L_gφ alone. Triangles: the scenes of Figs. 16 and "
         "19. Dashed: what the claims ask for."
     )
-    Case = SceneCase
-    layout = FIGURE
 
     def runs(self, *, small: bool = False) -> dict[SceneCase, RunSpec]:
         """Return runs by case, in order of the figure's data; if ``small``, a few short ones."""
@@ -223,6 +203,36 @@ class UnselectedExperiments(Sweep):
                         f"{of['median_speed_share']:.2g} % of the greatest."
                     )
         return sentences
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """Draw the distribution of each measure, and the shipped scenes at the left edge."""
+        accepted = where(result.points, rejected="")
+        looks = {case: look for case, look in LOOKS.items() if where(accepted, case=case)}
+        sheet = Sheet(left=0.95)
+        sheet.legend(list(looks.values()))
+        below = "share of scenes with less"
+        points = list(result.points)
+        for panel in add_panels(sheet, points, MEASURES, below, height=1.7, gap=0.75):
+            for case, look in looks.items():
+                runs = where(panel.points, case=case, rejected="")
+                shipped = where(runs, scene=SHIPPED)
+                draw_distribution(
+                    panel.ax, [run for run in runs if run not in shipped], panel.measure, look
+                )
+                values = [run[panel.measure] for run in shown(shipped, panel.measure)]
+                edge = panel.ax.get_yaxis_transform()
+                panel.ax.plot([0.02] * len(values), values, transform=edge, **look | TRIANGLE)
+            MEASURES[panel.measure].finish(panel.ax)
+            panel.ax.set_xlim(-0.03, 1.03)
+        return sheet
+
+
+def draw_distribution(ax: Any, points: Points, column: str, look: Look) -> None:
+    """Draw a column against the share of points with less; missing values count as infinite."""
+    values = [point[column] for point in shown(points, column)]
+    if values:
+        missing = [math.inf] * (len(points) - len(values))
+        ax.ecdf(values + missing, orientation="horizontal", **look)
 
 
 def counted(points: Points) -> dict[str, float]:

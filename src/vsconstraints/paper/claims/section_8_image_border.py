@@ -1,4 +1,4 @@
-"""Section 8, simulation of the first example: claims 1a to 4b and 10a."""
+"""Section 8, first example with the border of the image: claims 1a to 1g, 2a to 2f and 10a."""
 
 from __future__ import annotations
 
@@ -8,27 +8,13 @@ from math import inf, isfinite, nan
 import numpy as np
 
 from ...comparisons.run import Run
-from ...rows import Array
 from ...rows.readable import amount
-from ..scenes import (
-    BOWL,
-    BOWL_ROW,
-    CONCAVE,
-    CONVEX,
-    FAST,
-    FIRST,
-    FOV,
-    HEART,
-    HIGH_GAIN,
-    NOTCH,
-    SAMPLED_FASTER,
-    SECOND,
-    TIP,
-)
+from ..scenes import FAST, FIRST, FOV, HIGH_GAIN, SAMPLED_FASTER, SECOND
 from ..studies import StudyResult
 from ..verdicts import Finding, NotMeasured, claim, finding, shown_intervals
 from .boundary import (
     FULFILLED,
+    ORIENTED,
     SMOOTHLY,
     VANISHED,
     angle,
@@ -45,14 +31,6 @@ from .boundary import (
     smoothly,
 )
 
-#: Rule of claims that the orientation error is zero, see :data:`VANISHED`.
-ORIENTED = "at the end less than 1 % of the initial error"
-
-
-def first_marker(run: Run) -> Array:
-    """Position (N, 2) of the first marker in the image [px]."""
-    return run.trajectory.features_px[:, 0]
-
 
 def band(run: Run) -> float:
     """Peak-to-peak φ while the second feature's row is active."""
@@ -68,7 +46,6 @@ def band(run: Run) -> float:
     where="8.2, Fig. 4",
     sentence="the second feature remains in the FOV",
     rule="max σ ≤ 0, between samples too",
-    figure="fig-04.png",
 )
 def _remains_in_the_image(fov: Run) -> Finding:
     sigma = greatest_sigma(fov, SECOND)
@@ -87,7 +64,6 @@ def _remains_in_the_image(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the allowed space is fully utilized",
     rule="unused margin of at most 1 % of half the allowed image",
-    figure="fig-04.png",
 )
 def _space_is_used(fov: Run) -> Finding:
     return fully_used(fov, SECOND)
@@ -99,7 +75,6 @@ def _space_is_used(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the boundary of the hyperellipse constraint is reached smoothly",
     rule=SMOOTHLY,
-    figure="fig-04.png",
 )
 def _boundary_is_reached_smoothly(fov: Run) -> Finding:
     return smoothly(fov, SECOND)
@@ -111,7 +86,6 @@ def _boundary_is_reached_smoothly(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the initial error for the camera orientation is made zero",
     rule=ORIENTED,
-    figure="fig-04.png",
 )
 def _orientation_error_vanishes(fov: Run) -> Finding:
     first = angle(fov)[0]
@@ -135,7 +109,6 @@ def _orientation_error_vanishes(fov: Run) -> Finding:
     "made zero",
     rule="below 1 % of its peak before the row first acts and at the end; the peak while the row "
     "acts or between",
-    figure="fig-04.png",
 )
 def _position_error_arises_and_vanishes(fov: Run) -> Finding:
     error = position(fov)
@@ -170,7 +143,6 @@ def _position_error_arises_and_vanishes(fov: Run) -> Finding:
     "second image feature",
     rule="two intervals, their ends within 0.5 s of those printed; the first feature's row never "
     "acts",
-    figure="fig-04.png",
 )
 def _active_intervals(fov: Run) -> Finding:
     second = fov.active_intervals(SECOND)
@@ -190,7 +162,6 @@ def _active_intervals(fov: Run) -> Finding:
     where="8.2, Fig. 4",
     sentence="the FOV constraint is fulfilled, i.e., φ_V,2 ≤ 0",
     rule=FULFILLED,
-    figure="fig-04.png",
 )
 def _image_border_is_kept(fov: Run) -> Finding:
     return phi_never_positive(fov, [SECOND])
@@ -206,7 +177,6 @@ def _image_border_is_kept(fov: Run) -> Finding:
     where="8.2, Fig. 5",
     sentence="with K_T,p(0) = 50 the positioning task is performed around three times faster",
     rule="settling times (5 mm, 5 mrad) in a ratio of 3 ± 25 %; partly if above 1",
-    figure="fig-05.png",
 )
 def _three_times_faster(fov: Run, fast: Run) -> Finding:
     ratio = fov.settling_time / fast.settling_time
@@ -226,7 +196,6 @@ def _three_times_faster(fov: Run, fast: Run) -> Finding:
     sentence="the smaller value of the switching gain (u⁺ = 10) is not enough to fulfill the FOV "
     "constraint",
     rule="φ exceeds 1.5 T_s u⁺ and stays positive for five samples in a row or more",
-    figure="fig-05.png",
 )
 def _small_gain_is_not_enough(fast: Run) -> Finding:
     kept = fulfilled(fast, SECOND)
@@ -245,7 +214,6 @@ def _small_gain_is_not_enough(fast: Run) -> Finding:
     where="8.2, Fig. 5",
     sentence="when the large value (u⁺ = 50) is used the FOV constraint is fulfilled",
     rule=FULFILLED,
-    figure="fig-05.png",
 )
 def _large_gain_is_enough(high_gain: Run) -> Finding:
     return phi_never_positive(high_gain, [SECOND])
@@ -258,7 +226,6 @@ def _large_gain_is_enough(high_gain: Run) -> Finding:
     where="8.2, Figs. 4, 5",
     sentence="the resulting chattering amplitude is also increased",
     rule="peak-to-peak φ while sliding is larger with u⁺ = 50 than in Fig. 4",
-    figure="fig-05.png",
 )
 def _chattering_grows_with_the_gain(fov: Run, high_gain: Run) -> Finding:
     slow = band(fov)
@@ -323,7 +290,6 @@ def _shorter_sampling_time_keeps_the_band(fov: Run, sampled_faster: Run) -> Find
     "considered, since the lower bound in (12) is larger",
     rule="with every faster motion the bound (12) rises, and the smallest gain tried that keeps φ "
     "within T_s u⁺ never falls, and rises in all; partly if one of both",
-    figure="study-switching-gain.png",
 )
 def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     """Smallest sufficient gain and bound (12) at each speed of motion."""
@@ -342,147 +308,3 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
         texts.append(f"K_T,p(0) = {Kp0:g}: (12) asks for {bound:.3g}, {smallest} is enough")
     values = {f"{Kp0:g}": gain for Kp0, gain in zip(speeds, gains, strict=True)}
     return finding("; ".join(texts), holds=rises and follows, partly=rises or follows, **values)
-
-
-# --- Fig. 6: a trap ---
-
-
-@claim(
-    "3a",
-    BOWL,
-    where="8.2, Fig. 6",
-    sentence="the first feature is blocked in a trap situation with the bowl-shaped constraint",
-    rule="the run ends at rest away from the goal, and the first feature's bowl row acts until the "
-    "end",
-    figure="fig-06.png",
-)
-def _blocked_in_the_bowl(bowl: Run) -> Finding:
-    acts = bowl.active_intervals(BOWL_ROW)
-    end = bowl.t[-1]
-    until_end = bool(acts) and acts[-1][1] >= end - 1
-    trapped = bowl.trajectory.status == "trapped"
-    return finding(
-        f"status {bowl.trajectory.status}; the row acts at {shown_intervals(acts)} of {end:.0f} s",
-        holds=trapped and until_end,
-        partly=trapped or until_end,
-    )
-
-
-@claim(
-    "3b",
-    BOWL,
-    where="8.2, Fig. 6",
-    sentence="the robot reaches a local minima where the orientation error is zero",
-    rule=ORIENTED,
-    figure="fig-06.png",
-)
-def _orientation_error_vanishes_in_the_bowl(bowl: Run) -> Finding:
-    first = angle(bowl)[0]
-    last = angle(bowl)[-1]
-    return finding(
-        f"{first:.4f} rad at first, {last:.4f} rad after {bowl.t[-1]:.0f} s",
-        holds=last < VANISHED * first,
-        first=first,
-        last=last,
-    )
-
-
-@claim(
-    "3c",
-    BOWL,
-    where="8.2, Fig. 6",
-    sentence="but the position error is not zero",
-    rule="at the end more than 5 mm",
-    figure="fig-06.png",
-)
-def _position_error_remains_in_the_bowl(bowl: Run) -> Finding:
-    last = position(bowl)[-1]
-    return finding(f"{1e3 * last:.0f} mm after {bowl.t[-1]:.0f} s", holds=last > 0.005, last=last)
-
-
-@claim(
-    "3d",
-    BOWL,
-    where="8.2, Fig. 6",
-    sentence="the SMC is stable at the mentioned local minima",
-    rule="in the last 2 s the camera moves less than 5 mm, joints stay below 0.05 rad/s, and "
-    "peak-to-peak φ of the bowl is at most 10 % above that of 2 s in the middle of the run",
-    figure="fig-06.png",
-)
-def _stable_in_the_bowl(bowl: Run) -> Finding:
-    phi = bowl.phi(BOWL_ROW)
-    place = bowl.trajectory.camera_position
-    end = bowl.t[-1]
-    last = bowl.t >= end - 2
-    middle = (bowl.t >= 0.5 * end) & (bowl.t <= 0.5 * end + 2)
-    moved = np.linalg.norm(place[last] - place[-1], axis=1).max()
-    speed = np.abs(bowl.trajectory.qd[last]).max()
-    phi_range = np.ptp(phi[last])
-    phi_range_before = np.ptp(phi[middle])
-    depth = -clear(bowl, BOWL_ROW)
-    at_rest = moved < 0.005 and speed < 0.05
-    return finding(
-        f"in the last 2 s the camera moves {1e3 * moved:.2f} mm, "
-        f"joints move at up to {speed:.3f} rad/s, "
-        f"φ by {phi_range:.3f} ({phi_range_before:.3f} in the middle of the run; "
-        f"T_s u⁺ = {bowl.bound(BOWL_ROW):g}); "
-        f"the marker is at most {depth:.2f} px inside the bowl",
-        holds=at_rest and phi_range <= 1.1 * phi_range_before,
-        partly=at_rest,
-        moved=moved,
-        speed=speed,
-        phi_range=phi_range,
-        phi_range_before=phi_range_before,
-        depth=depth,
-    )
-
-
-# --- Figs. 7 and 8: corners ---
-
-
-@claim(
-    "4a",
-    CONVEX,
-    where="8.2, Fig. 7",
-    sentence="the convex non-differentiable point of the heart-shaped constraint is overcome with "
-    "no problem",
-    rule="the marker comes within 5 px of the corner, max σ ≤ 0, φ within T_s u⁺, and the goal is "
-    "reached",
-    figure="fig-07.png",
-)
-def _convex_corner_is_passed(convex: Run) -> Finding:
-    kept = fulfilled(convex, HEART)
-    nearest = np.linalg.norm(first_marker(convex) - TIP, axis=1).min()
-    status = convex.trajectory.status
-    reached = status == "converged" and kept.values["sigma_max"] <= 0
-    return finding(
-        f"{kept.text}; passes {nearest:.1f} px from the corner; {status}",
-        holds=reached and kept.verdict == "holds" and nearest < 5,
-        partly=reached,
-        **kept.values,
-        nearest=nearest,
-    )
-
-
-@claim(
-    "4b",
-    CONCAVE,
-    where="8.2, Fig. 8",
-    sentence="the constraint is unfulfilled (φ_V,1occ > 0) at the concave non-differentiable point",
-    rule="max φ above 5 T_s u⁺ and max σ > 0, within 20 px of the corner",
-    figure="fig-08.png",
-)
-def _concave_corner_is_entered(concave: Run) -> Finding:
-    kept = fulfilled(concave, HEART)
-    depth = -clear(concave, HEART)
-    away = np.linalg.norm(first_marker(concave)[concave.phi(HEART).argmax()] - NOTCH)
-    unfulfilled = kept.values["phi_max"] > 5 * kept.values["bound"]
-    return finding(
-        f"{kept.text}; {depth:.1f} px inside the heart, "
-        f"{away:.1f} px from the corner where φ is greatest",
-        holds=unfulfilled and kept.values["sigma_max"] > 0 and away < 20,
-        partly=unfulfilled,
-        **kept.values,
-        depth=depth,
-        away=away,
-    )
