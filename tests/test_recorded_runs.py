@@ -398,30 +398,27 @@ def test_columns_of_texts_are_ignored_unless_they_are_needed(
 
 @pytest.mark.parametrize("end", [("", ""), (",,", ",,"), (",,", ""), ("", ",,"), (",", ",7")])
 def test_columns_that_are_not_used_need_no_name_of_their_own(
-    end: tuple[str, str], run: Trajectory, robot: Robot, tmp_path: Path
+    end: tuple[str, str], robot: Robot, tmp_path: Path
 ) -> None:
     """A spreadsheet ends lines with commas, and a table of pandas begins with an index."""
-    file = write(tmp_path / "run.csv", bad(run, mode=run.t))
+    motion = swaying(0.1)
+    file = write(tmp_path / "run.csv", {**motion, "mode": motion["t"]})
     header, *lines = file.read_text().splitlines()
     text = [f",mode,{header}{end[0]}", *(f"{k},8,{line}{end[1]}" for k, line in enumerate(lines))]
     file.write_text("\n".join(text))
-    np.testing.assert_array_equal(read_recording(file, robot).q, run.q)
+    np.testing.assert_array_equal(read_recording(file, robot).q[:, 5], motion["q6"])
 
 
-def test_two_columns_of_the_same_name_in_parquet(
-    run: Trajectory, robot: Robot, tmp_path: Path
-) -> None:
+def test_two_columns_of_the_same_name_in_parquet(robot: Robot, tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     file = tmp_path / "run.parquet"
-    columns = bad(run)
-    for name in ("mode", "q2"):
-        names = [*columns, name, name] if name == "mode" else [*columns, name]
-        values = [columns.get(each, run.t) for each in names]
-        parquet.write_table(pyarrow.table(values, names=names), file)
-        if name == "mode":
-            np.testing.assert_array_equal(read_recording(file, robot).q, run.q)
-    with pytest.raises(ConfigurationError, match="columns 3 and 8 have the same name, q2"):
+    motion = swaying(0.1)
+    arrays = [*motion.values(), motion["t"], motion["t"]]
+    parquet.write_table(pyarrow.table(arrays, names=[*motion, "mode", "mode"]), file)
+    np.testing.assert_array_equal(read_recording(file, robot).q[:, 5], motion["q6"])
+    parquet.write_table(pyarrow.table(arrays, names=[*motion, "mode", "q2"]), file)
+    with pytest.raises(ConfigurationError, match="columns 3 and 9 have the same name, q2"):
         read_recording(file, robot)
 
 
@@ -635,16 +632,21 @@ class Reported(Band):
 """
 
 
+def resting(setup: Setup, **settings: Any) -> Recording:
+    """Return 20 samples at the start of a scenario."""
+    q = np.tile(setup.q0, (20, 1))
+    return Recording(setup.Ts * np.arange(20), q, np.zeros_like(q), **settings)
+
+
 @pytest.mark.parametrize("name", ["Band", "Closing", "Reported"])
 def test_a_custom_constraint_that_depends_on_time_is_noticed_by_its_values(
-    name: str, run: Trajectory, robot: Robot, tmp_path: Path
+    name: str, tmp_path: Path
 ) -> None:
     (tmp_path / "band.py").write_text(CUSTOM)
-    tables = dict(Scenario.load("ur5-fov").with_override("duration", 1.2).tables)
+    tables = dict(Scenario.load("ur5-fov").tables)
     tables["constraints"] = [*tables["constraints"], {"type": f"band:{name}"}]
     setup = Scenario("own", tables, tmp_path, trusted=True).setup()
-    file = write(tmp_path / "run.csv", bad(run))
-    late = read_recording(file, robot, start=0.8)
+    late = resting(setup, begin=0.8)
     if name == "Band":
         found = recorded_trajectory(setup, late, "it")
         assert "band, were found not to depend on time" in found.reason
@@ -652,17 +654,14 @@ def test_a_custom_constraint_that_depends_on_time_is_noticed_by_its_values(
         words = rf"0\.8 s after t = 0 .*rows {name.lower()}.marker 1., .* have changed"
         with pytest.raises(ConfigurationError, match=words):
             recorded_trajectory(setup, late, "it")
-    assert len(recorded_trajectory(setup, late, "it", zero=0.8).t) == 201
+    assert len(recorded_trajectory(setup, late, "it", zero=0.8).t) == 20
 
 
-def test_a_recording_that_begins_before_a_scenario_that_depends_on_time_is_refused(
-    run: Trajectory,
-) -> None:
-    scenario = Scenario.load("ur5-fov").with_override("duration", 1.2)
-    moving = scenario.with_override("target.motion", {"velocity": [0.05, 0.0, 0.0]}).setup()
-    recording = Recording(run.t, run.q, run.qd)
+def test_a_recording_that_begins_before_a_scenario_that_depends_on_time_is_refused() -> None:
+    motion = {"velocity": [0.05, 0.0, 0.0]}
+    moving = Scenario.load("ur5-fov").with_override("target.motion", motion).setup()
     with pytest.raises(ConfigurationError, match=r"0\.4 s before t = 0 .* with --start"):
-        recorded_trajectory(moving, recording, "it", zero=0.4)
+        recorded_trajectory(moving, resting(moving), "it", zero=0.4)
 
 
 @pytest.mark.parametrize(

@@ -150,9 +150,10 @@ def _number(text: str, where: str) -> float:
 
 def _parquet(path: Path) -> Table:
     demand("evidence", "a recording in Parquet")
-    from pyarrow.parquet import read_table
+    from pyarrow.parquet import ParquetFile
 
-    stored = read_table(path)
+    with ParquetFile(path) as file:  # read_table refuses columns of one name
+        stored = file.read()
     numbers: dict[str, Array] = {}
     others = _repeated_names(path, stored.column_names)
     for i, name in enumerate(stored.column_names):
