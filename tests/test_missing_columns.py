@@ -127,6 +127,7 @@ def test_the_command_names_columns_that_are_not_compared(
     study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study.keep(tmp_path / "mine.parquet")
+    assert Study.load(tmp_path / "mine.parquet").runs["unknown_motion"].isna().all()
     nothing = Repetition(1, (), (), not_compared=("utilization",))
     monkeypatch.setattr("vsconstraints.bench.repetition.repeat", lambda *a, **b: nothing)
     command = ["testset", "leaderboard", str(tmp_path / "mine.parquet"), "--rerun", "0.1"]
