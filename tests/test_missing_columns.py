@@ -7,14 +7,17 @@ import shutil
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from test_own_files import here
 from vsconstraints.bench.advice import advise
 from vsconstraints.bench.evidence import TABLES, Evidence, parquet
 from vsconstraints.bench.families.frozen import TestSet
-from vsconstraints.bench.repetition import drawn_lines
+from vsconstraints.bench.repetition import Repetition, drawn_lines, repeat
 from vsconstraints.bench.reports import write_evidence_report
 from vsconstraints.bench.reports.leaderboard import leaderboard
 from vsconstraints.bench.study import COLUMNS, SHIPPED, Situation, Study
+from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import REQUIRED_COLUMNS
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.stored import TABLES as CSV_TABLES
@@ -91,21 +94,49 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def test_a_leaderboard_lacks_only_the_times_of_calls(study: Study) -> None:
-    whole, reduced = (
-        [
-            line.rpartition("|")[0].rpartition("|")
-            for line in leaderboard({"a": own}, TestSet.load()).splitlines()
-        ]
-        for own in (Study.load(), study)
+    """The table without them is marked, and what it lacks is named below the leaderboard."""
+    whole = leaderboard({"a": Study.load()}, TestSet.load()).splitlines()
+    *reduced, empty, note = leaderboard({"a": study}, TestSet.load()).splitlines()
+    assert len(reduced) == len(whole)
+    for before, after in zip(whole[2:], reduced[2:], strict=True):
+        expected = [cell.strip() for cell in before.split("|")]
+        expected[2] += " †"
+        expected[-2] = "–"
+        assert [cell.strip() for cell in after.split("|")] == expected
+    names = "call_us, settling_time_s, utilization, acceleration_variation"
+    assert (empty, note) == (
+        "",
+        f"† The table of a has no values of {names}: they are neither shown nor compared with repeated runs.",
     )
-    assert [line[0] for line in reduced] == [line[0] for line in whole]
-    assert {line[2].strip() for line in reduced[2:]} == {"–"}
 
 
-def test_a_missing_column_is_not_repeated(study: Study) -> None:
+def test_a_missing_column_is_not_repeated_which_the_result_says(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (line,) = drawn_lines(study, 1e-9, 0)
     assert "settling_time_s" not in line
     assert {"status", "violated", "violation_fraction"} <= line.keys()
+    monkeypatch.setattr("vsconstraints.bench.repetition.repeat_run", lambda *run: ([], False))
+    families = {family.name: family for family in TestSet.load().families}
+    found = repeat(study, families, 1e-9, 0, workers=here)
+    assert found.not_compared == ("settling_time_s", "utilization", "acceleration_variation")
+    assert repeat(Study.load(), families, 1e-9, 0, workers=here).not_compared == ()
+
+
+def test_the_command_names_columns_that_are_not_compared(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study.keep(tmp_path / "mine.parquet")
+    assert Study.load(tmp_path / "mine.parquet").runs["unknown_motion"].isna().all()
+    nothing = Repetition(1, (), (), not_compared=("utilization",))
+    monkeypatch.setattr("vsconstraints.bench.repetition.repeat", lambda *a, **b: nothing)
+    command = ["testset", "leaderboard", str(tmp_path / "mine.parquet"), "--rerun", "0.1"]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    words = " ".join(done.stderr.split())
+    assert (
+        "warning: mine: not compared, since the table has no values of them: utilization" in words
+    )
 
 
 def test_advice_names_the_missing_column(study: Study) -> None:

@@ -4,6 +4,7 @@ these.
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from vsconstraints.bench.evidence import (
 from vsconstraints.bench.evidence.folder import shards
 from vsconstraints.bench.tuning import Budget, Problem, tune
 from vsconstraints.comparisons.runs.files import SUMS
+from vsconstraints.comparisons.runs.identity import differences, scene_identity
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import provenance
 
@@ -216,6 +218,63 @@ def test_what_results_depend_on_at_each_machine_includes_files_that_laws_load(
     assert {"law/law.py", f"law/{file}"} <= expected["own files"].keys()
     edit(tmp_path / file)
     assert asked() != expected
+
+
+@pytest.mark.parametrize(
+    "statement", ["import early", "from early import GAIN", "import deep.early"]
+)
+def test_modules_that_the_program_has_imported_before_a_law_are_compared(
+    statement: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are elsewhere on the path of the program, which imports one more for itself."""
+    library = tmp_path / "library"
+    (library / "deep").mkdir(parents=True)
+    (library / "inner.py").write_text("GAIN = 1\n")
+    (library / "unrelated.py").write_text("")
+    for file in ("early.py", "deep/early.py"):
+        (library / file).write_text("def gain():\n    from inner import GAIN\nGAIN = 1\n")
+    (library / "deep" / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(library)
+    before = {*sys.modules}
+    try:
+        for name in ("inner", "unrelated", "deep.early", "early"):
+            importlib.import_module(name)
+        asked = campaign(tmp_path / "law", LAW.format("", "pass", statement)).on_each_machine()
+        expected = asked()
+        edit(library / "inner.py")
+        changed = asked()["own files"]
+    finally:
+        for name in {*sys.modules} - before:
+            del sys.modules[name]
+    module = statement.split()[1]
+    files = {name for name in expected["own files"] if name.startswith("import ")}
+    packages = {"import deep"} if "." in module else set()
+    assert files == {f"import {module}", "import inner", *packages}
+    assert {name for name in files if changed[name] != expected["own files"][name]} == {
+        "import inner"
+    }
+
+
+def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """Folders of two machines have other names, and their files the same identity."""
+    machines = []
+    for machine in ("one", "two"):
+        files = [tmp_path / machine / folder / "own.py" for folder in ("a", "b")]
+        for file in files:
+            file.parent.mkdir(parents=True)
+            file.write_text(file.parent.name)
+        machines.append(files)
+    first, second = machines
+    before = scene_identity({}, first)
+    assert before == scene_identity({}, second)
+    for file in second:
+        edit(file)
+        (difference,) = differences(before, scene_identity({}, second))
+        assert difference.startswith("files.own.py is ")
+        file.write_text(file.parent.name)
+    assert scene_identity({}, first[::-1]) != before
+    # a single file has its hash, as in results of earlier versions
+    assert scene_identity({}, first[:1])["files"] == {"own.py": provenance.digest(first[0])}
 
 
 def test_processes_say_what_they_have_read(tmp_path: Path) -> None:

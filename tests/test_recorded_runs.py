@@ -360,7 +360,9 @@ def test_gaps_and_repeated_times_are_named(run: Trajectory, robot: Robot, tmp_pa
         ("t,q1\n", "has no samples"),
         ("t,q1\n\n", "has no samples"),
         ("t;q1\n0,0;1,0\n", "semicolons between its columns"),
-        ("t,q1,q1\n0.0,1.0,2.0\n", "two or more columns q1"),
+        ("t,q1,q1\n0.0,1.0,2.0\n", "columns 2 and 3 have the same name, q1"),
+        ("t,t,q1\n0.0,1.0,2.0\n", "columns 1 and 2 have the same name, t: rename"),
+        ("t,q1,,\n0.0,1.0,,,7.0\n", "line 2: 5 values for 4 columns"),
         ("", "no column of times.*none"),
     ],
 )
@@ -392,6 +394,32 @@ def test_columns_of_texts_are_ignored_unless_they_are_needed(
         file = write(tmp_path / "run.csv", bad(run, **{**given, name: texts}))
         with pytest.raises(ConfigurationError, match=f"line 252: 'off' is no number.*{name}"):
             read_recording(file, robot, markers=4)
+
+
+@pytest.mark.parametrize("end", [("", ""), (",,", ",,"), (",,", ""), ("", ",,"), (",", ",7")])
+def test_columns_that_are_not_used_need_no_name_of_their_own(
+    end: tuple[str, str], robot: Robot, tmp_path: Path
+) -> None:
+    """A spreadsheet ends lines with commas, and a table of pandas begins with an index."""
+    motion = swaying(0.1)
+    file = write(tmp_path / "run.csv", {**motion, "mode": motion["t"]})
+    header, *lines = file.read_text().splitlines()
+    text = [f",mode,{header}{end[0]}", *(f"{k},8,{line}{end[1]}" for k, line in enumerate(lines))]
+    file.write_text("\n".join(text))
+    np.testing.assert_array_equal(read_recording(file, robot).q[:, 5], motion["q6"])
+
+
+def test_two_columns_of_the_same_name_in_parquet(robot: Robot, tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    file = tmp_path / "run.parquet"
+    motion = swaying(0.1)
+    arrays = [*motion.values(), motion["t"], motion["t"]]
+    parquet.write_table(pyarrow.table(arrays, names=[*motion, "mode", "mode"]), file)
+    np.testing.assert_array_equal(read_recording(file, robot).q[:, 5], motion["q6"])
+    parquet.write_table(pyarrow.table(arrays, names=[*motion, "mode", "q2"]), file)
+    with pytest.raises(ConfigurationError, match="columns 3 and 9 have the same name, q2"):
+        read_recording(file, robot)
 
 
 def test_texts_in_parquet_are_ignored_unless_they_are_needed(
@@ -507,6 +535,31 @@ def test_milliseconds_of_a_fast_recording_are_named(robot: Robot, tmp_path: Path
     assert found.remarks == ()
 
 
+@pytest.mark.parametrize("period", [0.1, 0.5])
+def test_a_slow_log_of_an_arm_at_rest_is_read(period: float, robot: Robot, tmp_path: Path) -> None:
+    """Noise of 0.1 mrad at 10 Hz looks like 2 mrad/s, as a swift motion of 5 kHz in ms would."""
+    t = period * np.arange(200)
+    q = np.random.default_rng(2).normal(0.0, 1e-4, (200, 6))
+    columns = {"t": t, **{f"q{i + 1}": q[:, i] for i in range(6)}}
+    found = read_recording(write(tmp_path / "run.csv", columns), robot)
+    np.testing.assert_array_equal(found.q, q)
+    (remark,) = found.remarks
+    assert "are the times in milliseconds? A column t_s" in remark
+
+
+@pytest.mark.parametrize("name", ["t_s", "time_s", "timestamp_s"])
+@pytest.mark.parametrize("period", [0.1, 2.0])
+def test_times_in_a_stated_unit_are_not_questioned(
+    name: str, period: float, robot: Robot, tmp_path: Path
+) -> None:
+    """An arm that creeps at 4 mrad/s: without the unit, the times are questioned."""
+    motion = swaying(2e-3, period=period)
+    with pytest.raises(ConfigurationError, match="are the times in milliseconds"):
+        read_recording(write(tmp_path / "run.csv", motion), robot)
+    motion[name] = motion.pop("t")
+    assert read_recording(write(tmp_path / "run.csv", motion), robot).remarks == ()
+
+
 # --- time of the scenario ---
 
 
@@ -538,6 +591,77 @@ def test_a_part_of_a_recording_is_not_scored_at_another_time_of_the_scenario(
         # 0.02 m in the base frame since t = 0 of the scenario, which is at 0.4 s of the recording
         expected = moving.scene.evaluate(0.4, run.q[400], run.qd[400]).pixels.position
         np.testing.assert_allclose(found.features_px[200], expected, atol=1e-9)
+
+
+CUSTOM = """
+import numpy as np
+from vsconstraints.constraints import ImageConstraint
+
+class Band(ImageConstraint):
+    kind = "band"
+
+    def __init__(self, **settings):
+        super().__init__(K=0.1, switching_gain=2.0, length=100.0)
+
+    def sigma(self, y):
+        return y[..., 0] / 400.0 - 1.0
+
+    def gradient(self, y):
+        return np.stack((np.full(y.shape[:-1], 1.0 / 400.0), np.zeros(y.shape[:-1])), axis=-1)
+
+    def clearance(self, trace, points):
+        return 400.0 - trace.pixels[..., 0]
+
+class Closing(Band):
+    \"\"\"The band narrows from 0.6 s on.\"\"\"
+
+    kind = "closing"
+
+    def rows(self, state, points):
+        found = super().rows(state, points)
+        narrower = 0.1 * max(0.0, state.t - 0.6)
+        return found._replace(sigma=found.sigma + narrower, phi=found.phi + narrower)
+
+class Reported(Band):
+    \"\"\"Only its clearance depends on time.\"\"\"
+
+    kind = "reported"
+
+    def clearance(self, trace, points):
+        return super().clearance(trace, points) - trace.t[:, None]
+"""
+
+
+def resting(setup: Setup, **settings: Any) -> Recording:
+    """Return 20 samples at the start of a scenario."""
+    q = np.tile(setup.q0, (20, 1))
+    return Recording(setup.Ts * np.arange(20), q, np.zeros_like(q), **settings)
+
+
+@pytest.mark.parametrize("name", ["Band", "Closing", "Reported"])
+def test_a_custom_constraint_that_depends_on_time_is_noticed_by_its_values(
+    name: str, tmp_path: Path
+) -> None:
+    (tmp_path / "band.py").write_text(CUSTOM)
+    tables = dict(Scenario.load("ur5-fov").tables)
+    tables["constraints"] = [*tables["constraints"], {"type": f"band:{name}"}]
+    setup = Scenario("own", tables, tmp_path, trusted=True).setup()
+    late = resting(setup, begin=0.8)
+    if name == "Band":
+        found = recorded_trajectory(setup, late, "it")
+        assert "band, were found not to depend on time" in found.reason
+    else:
+        words = rf"0\.8 s after t = 0 .*rows {name.lower()}.marker 1., .* have changed"
+        with pytest.raises(ConfigurationError, match=words):
+            recorded_trajectory(setup, late, "it")
+    assert len(recorded_trajectory(setup, late, "it", zero=0.8).t) == 20
+
+
+def test_a_recording_that_begins_before_a_scenario_that_depends_on_time_is_refused() -> None:
+    motion = {"velocity": [0.05, 0.0, 0.0]}
+    moving = Scenario.load("ur5-fov").with_override("target.motion", motion).setup()
+    with pytest.raises(ConfigurationError, match=r"0\.4 s before t = 0 .* with --start"):
+        recorded_trajectory(moving, resting(moving), "it", zero=0.4)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from campaigns import assert_same
-from vsconstraints.bench.evidence import TABLES, Evidence, merge
+from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
 from vsconstraints.bench.evidence.folder import shards, stored_files, write_parts
 from vsconstraints.cli import app
 from vsconstraints.comparisons.runs.files import seal
@@ -74,6 +74,23 @@ def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
     merged = merge(tmp_path / "merged", parts)
     assert (merged.scenes, merged.runs) == (2 * SCENES, runs)
     assert_same(expected, tables(Evidence.load(tmp_path / "merged")))
+
+
+def test_the_footer_of_each_file_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts = [copied(tmp_path / family, (family,)) for family in FAMILIES]
+    read: list[Path] = []
+    facts_of = parquet.facts_of
+    monkeypatch.setattr(parquet, "facts_of", lambda path: (read.append(path), facts_of(path))[1])
+    evidence = Evidence.load(parts)
+    assert len(evidence.shards) == len(evidence.own_files) + 2 == 2
+    assert sorted(read) == sorted(path for part in parts for path in part.rglob("*.parquet"))
+
+
+def test_no_folder_is_no_evidence() -> None:
+    with pytest.raises(ConfigurationError, match="no folder of evidence is given"):
+        Evidence.load([])
 
 
 def test_scenes_in_two_folders_count_once(tmp_path: Path) -> None:

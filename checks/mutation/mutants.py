@@ -202,11 +202,7 @@ class _Mutations:
         if isinstance(node, ast.Constant):
             yield from ((*self.span(node), new) for new in _other_constants(node.value))
         elif isinstance(node, ast.Compare):
-            lefts = [node.left, *node.comparators[:-1]]
-            for left, operator, right in zip(lefts, node.ops, node.comparators, strict=True):
-                for table in (BOUNDARY, NEGATION):
-                    if type(operator) in table:
-                        yield self.between(left, operator, right, table[type(operator)])
+            yield from self.of_comparison(node)
         elif isinstance(node, ast.BinOp) and type(node.op) in OPPOSITE:
             yield self.between(node.left, node.op, node.right, OPPOSITE[type(node.op)])
         elif isinstance(node, ast.BoolOp):
@@ -222,14 +218,26 @@ class _Mutations:
         elif isinstance(node, ast.Call):
             yield from self.left_out(node)
         elif isinstance(node, (ast.Name, ast.Attribute)) and isinstance(node.ctx, ast.Load):
-            name = node.id if isinstance(node, ast.Name) else node.attr
-            if name in SWAPPED:
-                end = self.span(node)[1]
-                yield end - len(name.encode()), end, SWAPPED[name]
+            yield from self.of_name(node)
         elif isinstance(node, (ast.AugAssign, ast.Raise, ast.Continue, ast.Break)) or (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
         ):
             yield *self.span(node), "pass"
+
+    def of_comparison(self, node: ast.Compare) -> Iterator[tuple[int, int, str]]:
+        """Yield changes of the operators of a comparison."""
+        lefts = [node.left, *node.comparators[:-1]]
+        for left, operator, right in zip(lefts, node.ops, node.comparators, strict=True):
+            for table in (BOUNDARY, NEGATION):
+                if type(operator) in table:
+                    yield self.between(left, operator, right, table[type(operator)])
+
+    def of_name(self, node: ast.Name | ast.Attribute) -> Iterator[tuple[int, int, str]]:
+        """Yield the change of a name into its counterpart, such as ``min`` into ``max``."""
+        name = node.id if isinstance(node, ast.Name) else node.attr
+        if name in SWAPPED:
+            end = self.span(node)[1]
+            yield end - len(name.encode()), end, SWAPPED[name]
 
     def between(
         self, left: ast.expr, operator: ast.AST, right: ast.expr, new: str

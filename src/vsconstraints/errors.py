@@ -96,19 +96,17 @@ def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]
     return [*texts[:most], f"… and {more:,} more {what}"] if more > 0 else list(texts)
 
 
-def one_line(text: str) -> str:
+def one_line(text: str, most: int = MAX_REASON_LENGTH) -> str:
     """Return a text as one line that any file and terminal accepts.
 
-    It is cut after :data:`MAX_REASON_LENGTH` characters.
+    Line breaks and characters that cannot be printed become spaces: an escape sequence would
+    otherwise control the terminal. The line is cut after ``most`` characters.
     """
-    line = " ".join(
-        text[: 2 * MAX_REASON_LENGTH].encode("utf-8", "backslashreplace").decode().splitlines()
-    )
-    return (
-        line
-        if len(line) <= MAX_REASON_LENGTH
-        else f"{line[:MAX_REASON_LENGTH]}… ({len(text)} characters)"
-    )
+    # cut twice: the first cut limits the work
+    encodable = text[: 2 * most].encode("utf-8", "backslashreplace").decode()
+    lines = " ".join(encodable.splitlines())
+    line = "".join(letter if letter.isprintable() else " " for letter in lines).strip()
+    return line if len(line) <= most else f"{line[:most]}… ({len(text)} characters)"
 
 
 def described(error: BaseException) -> str:

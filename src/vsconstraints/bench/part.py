@@ -1,4 +1,4 @@
-"""What many drawn scenes add to the core: families, campaigns, tuning, advice, test sets."""
+"""Part ``bench``: families of drawn scenes, campaigns, tuning, advice and test sets."""
 
 from pathlib import Path
 

@@ -37,7 +37,7 @@ class Repetition:
     differ only because rounding decides them. ``changed_files`` are the names of files that custom
     laws have loaded or read and whose content on this machine differs from that in the study.
     ``moved`` are laws that are no longer part of the package, with their files: their runs are not
-    repeated.
+    repeated. ``not_compared`` are columns of results that have no value in the study.
     """
 
     runs: int
@@ -45,6 +45,7 @@ class Repetition:
     by_rounding: tuple[str, ...]
     changed_files: tuple[str, ...] = ()
     moved: Mapping[str, str] = field(default_factory=dict)
+    not_compared: tuple[str, ...] = ()
 
     @property
     def agreeing(self) -> int:
@@ -122,6 +123,7 @@ def repeat(
         _in_order(by_rounding),
         changed_files(study),
         moved_laws(study),
+        tuple(column.name for column in OUTCOME if not any(column.name in line for line in lines)),
     )
 
 

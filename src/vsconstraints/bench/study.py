@@ -128,6 +128,12 @@ class Study:
     frozen: Mapping[str, Table] = field(default_factory=dict)
     files: Files = field(default_factory=dict)
 
+    @property
+    def missing_results(self) -> tuple[str, ...]:
+        """Columns of results without any value, for example since an earlier version wrote none."""
+        names = [column.name for column in (*_SUCCESS, *OUTCOME)]
+        return tuple(name for name in names if self.runs[name].isna().all())
+
     @classmethod
     def load(
         cls,

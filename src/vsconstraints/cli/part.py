@@ -1,4 +1,4 @@
-"""What the core itself has on the command line."""
+"""Commands and listings of the core itself."""
 
 from pathlib import Path
 

@@ -61,7 +61,7 @@ class ReportOptions:
 
 @dataclass(frozen=True)
 class ResultsKind:
-    """What commands do with one kind of stored results, in one folder or in several."""
+    """Commands for one kind of stored results, in one folder or in several."""
 
     #: Write the report of folders, with its options, the folder of a tuning, and a function that
     #: shows progress; return the report's path.

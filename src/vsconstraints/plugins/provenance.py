@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from importlib.util import source_from_cache
+from importlib.util import resolve_name, source_from_cache
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from .regular_files import require_regular
@@ -31,8 +33,10 @@ LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLD
 #: Suffixes of files of compiled code and their checksums, whose source is noted itself.
 COMPILED = (".nbi", ".nbc", ".nbi.sha256", ".nbc.sha256")
 
+#: Modules and packages of custom parts.
+_own_modules: set[str] = set()
 _own_packages: set[str] = set()
-#: Packages of custom parts, and files read during their import, which happens once per process.
+#: Files read during the import of custom parts, which happens once per process.
 read_by_imports: Files = {}
 #: Files that were opened during these imports, without those of modules imported earlier.
 opened_by_imports: set[str] = set()
@@ -104,6 +108,7 @@ def noted_import(module: str) -> Iterator[None]:
     Modules that it imports are included.
     """
     _own_packages.add(module.partition(".")[0])
+    _own_modules.add(module)
     before = sys.dont_write_bytecode
     # bytecode is matched to its source by size and second only: two edits within a second could be
     # confused
@@ -117,12 +122,9 @@ def noted_import(module: str) -> Iterator[None]:
             read_by_imports.setdefault(path, content)
         opened_by_imports.update(files)
     # modules imported earlier, for example by the program that started the comparison
-    for name, loaded in list(sys.modules.items()):
-        file = getattr(loaded, "__dict__", {}).get("__file__")
-        if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
-            path = os.path.realpath(file)
-            if path not in read_by_imports and _own(path):
-                read_by_imports[path] = digest(path)
+    for path in _loaded().values():
+        if path not in read_by_imports and _own(path):
+            read_by_imports[path] = digest(path)
 
 
 def imported() -> Files:
@@ -134,15 +136,55 @@ def imported() -> Files:
 
 
 def modules_of_imports() -> dict[str, str]:
-    """Return the modules that custom modules have imported in this process, by source file."""
+    """Return the modules that custom modules have imported in this process, by source file.
+
+    Included are those that the program had imported before, as far as import statements or global
+    names of the custom modules show them.
+    """
+    files = _loaded()
+    waiting = [
+        name for name, path in files.items() if path in opened_by_imports or name in _own_modules
+    ]
+    found: dict[str, str] = {}
+    seen = set(waiting)
+    while waiting:
+        name = waiting.pop(0)
+        path = files[name]
+        if not _own(path):
+            continue
+        found[path] = name
+        more = _imported_by(sys.modules[name]) & files.keys() - seen
+        seen |= more
+        waiting += sorted(more)
+    return found
+
+
+def _loaded() -> dict[str, str]:
+    """Return the source files of the modules that this process has imported, by module."""
     found = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__dict__", {}).get("__file__")
         if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
-            path = os.path.realpath(file)
-            if path in opened_by_imports:
-                found[path] = name
+            found[name] = os.path.realpath(file)
     return found
+
+
+def _imported_by(module: ModuleType) -> set[str]:
+    """Return the names of modules that a module imports, also inside functions, and of packages."""
+    named = {value.__name__ for value in vars(module).values() if isinstance(value, ModuleType)}
+    try:
+        tree = ast.parse(Path(str(module.__file__)).read_bytes())
+    except (OSError, SyntaxError, ValueError):  # a compiled module, or a file that was removed
+        tree = ast.Module([], [])
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            named |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            relative = "." * node.level + (node.module or "")
+            base = resolve_name(relative, module.__package__) if node.level else relative
+            named |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    parts = [name.split(".") for name in named]
+    return {".".join(part[:end]) for part in parts for end in range(1, len(part) + 1)}
 
 
 @contextmanager

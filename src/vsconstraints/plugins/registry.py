@@ -1,4 +1,4 @@
-"""Registry of parts: what the optional folders, and packages of other people, add to the core.
+"""Registry of parts, by which optional folders and other packages extend the core.
 
 A part is described by one :class:`Part`, which names functions and classes as ``module:name``. They
 are imported when they are needed, so that the core runs without them. The package's own parts are
@@ -42,7 +42,7 @@ class Command(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Group of commands, such as ``testset``: what it is for, and an example of one of them."""
+    """Group of commands, such as ``testset``, with its purpose and an example."""
 
     text: str
     example: str
@@ -61,7 +61,7 @@ class Listing(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """What one part adds; every function and class is given as ``module:name``."""
+    """Extensions by one part; every function and class is given as ``module:name``."""
 
     #: Commands by name; ``testset run`` is the command ``run`` of the group ``testset``.
     commands: Mapping[str, Command] = field(default_factory=dict)

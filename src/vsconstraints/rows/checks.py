@@ -37,6 +37,24 @@ def check(rows: Rows, task: Task) -> None:
 
     The message names the invalid row or entry.
     """
+    _check_types(rows, task)
+    if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
+        raise InvalidInput(
+            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and "
+            f"{task.b.shape}"
+        )
+    n = task.J.shape[1]
+    if n == 0:
+        raise InvalidInput("task.J has no column: there is no joint to command")
+    _check_rows(rows, n)
+    if len(rows.qdd_min) or len(rows.qdd_max):
+        _check_box(rows, n)
+    _check_task(task, n)
+    _check_range(rows)
+
+
+def _check_types(rows: Rows, task: Task) -> None:
+    """Raise InvalidInput unless labels are names, and all other fields arrays of floats."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         raise InvalidInput(
             f"a law needs Rows and a Task, not {format_value(rows)} and {format_value(task)}"
@@ -56,26 +74,19 @@ def check(rows: Rows, task: Task) -> None:
     ):
         if not (type(array) in ARRAYS and array.dtype == np.float64):
             raise InvalidInput(f"{name} must be an array of floats, not {format_value(array)}")
-    if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
-        raise InvalidInput(
-            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and "
-            f"{task.b.shape}"
-        )
+
+
+def _check_rows(rows: Rows, n: int) -> None:
+    """Raise InvalidInput unless the rows of n joints have one shape and finite numbers."""
     m = len(rows.labels)
-    n = task.J.shape[1]
-    if n == 0:
-        raise InvalidInput("task.J has no column: there is no joint to command")
+    given = [name for name in OPTIONAL if getattr(rows, name).shape != (0,)]
     for name, array, shape in (
         ("phi", rows.phi, (m,)),
         ("Lg", rows.Lg, (m, n)),
         ("Lf", rows.Lf, (m,)),
         ("switching_gain", rows.switching_gain, (m,)),
         ("scale", rows.scale, (m,)),
-        *(
-            (name, getattr(rows, name), (m,))
-            for name in OPTIONAL
-            if getattr(rows, name).shape != (0,)
-        ),
+        *((name, getattr(rows, name), (m,)) for name in given),
     ):
         if array.shape != shape:
             raise InvalidInput(
@@ -87,8 +98,10 @@ def check(rows: Rows, task: Task) -> None:
             raise InvalidInput(
                 f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in wrong)}"
             )
-    if len(rows.qdd_min) or len(rows.qdd_max):
-        _check_box(rows, n)
+
+
+def _check_task(task: Task, n: int) -> None:
+    """Raise InvalidInput unless the optional fields of a task fit, and its numbers are finite."""
     k = len(task.b)
     for name, array in (("error", task.error), ("error_rate", task.error_rate)):
         if array.shape not in ((0,), (k,)):
@@ -105,14 +118,18 @@ def check(rows: Rows, task: Task) -> None:
         if not np.isfinite(array).all():
             wrong = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, wrong))}")
-    if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
-        wrong = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
+
+
+def _check_range(rows: Rows) -> None:
+    """Raise InvalidInput unless gains and scales are positive, and φ is in range of its scale."""
+    wrong = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
+    if len(wrong):
         raise InvalidInput(
             "switching gain and scale must be positive; they are not for "
             f"{', '.join(rows.labels[i] for i in wrong)}"
         )
-    if (rows.phi / FARTHEST > rows.scale).any():
-        wrong = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
+    wrong = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
+    if len(wrong):
         far = ", ".join(
             f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in wrong
         )

@@ -19,9 +19,12 @@ Clock = Literal["header", "log"]
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 NANO = 1e-9
+#: Names of columns of times that state no unit, and are in seconds.
+WITHOUT_UNIT = ("t", "time", "timestamp", "stamp")
 #: Names of columns of times, and their unit [s].
 TIMES: Mapping[str, float] = {
-    **dict.fromkeys(("t", "time", "time_s", "timestamp", "stamp"), 1.0),
+    **dict.fromkeys(WITHOUT_UNIT, 1.0),
+    **dict.fromkeys(("t_s", "time_s", "timestamp_s"), 1.0),
     **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms"), 1e-3),
     **dict.fromkeys(("t_us", "time_us", "timestamp_us"), 1e-6),
     **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns"), NANO),
@@ -32,16 +35,21 @@ class Table(NamedTuple):
     """Columns of a file by name: (N,) numbers, and what makes others unreadable."""
 
     numbers: dict[str, Array]
-    #: For each column that is not of numbers, one sentence on its first other value.
+    #: For each other column, one sentence: its first value that is no number, or another column
+    #: of the same name.
     others: Mapping[str, str] = {}
 
 
 class Columns(NamedTuple):
-    """Recorded samples: times t (N,) from the first one [s], and the columns of a table."""
+    """Recorded samples: times t (N,) from the first one [s], and the columns of a table.
+
+    ``unit_stated`` is True if the file states the unit of its times, as the column ``t_s`` does.
+    """
 
     t: Array
     columns: Mapping[str, Array]
     others: Mapping[str, str] = {}
+    unit_stated: bool = False
 
 
 def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Columns:
@@ -76,7 +84,8 @@ def _timed(path: Path, table: Table) -> Columns:
             if not len(t):
                 raise ConfigurationError(f"{path} has no samples")
             # differences first: nanoseconds since 1970 exceed the precision of seconds
-            return Columns(unit * (t - t[0]), columns, table.others)
+            since_first = unit * (t - t[0])
+            return Columns(since_first, columns, table.others, name not in WITHOUT_UNIT)
     for name in TIMES:
         if name in table.others:
             raise ConfigurationError(table.others[name])
@@ -94,21 +103,22 @@ def _csv(path: Path) -> Table:
             raise ConfigurationError(
                 f"{path} has semicolons between its columns: write commas, and decimal points"
             )
-        twice = sorted({name for name in header if header.count(name) > 1})
-        if twice:
-            raise ConfigurationError(f"{path} has two or more columns {', '.join(twice)}")
+        # spreadsheets end lines with separators, of the header or of every line
+        needed = max((i for i, name in enumerate(header, start=1) if name), default=0)
         rows = []
         for number, line in enumerate(lines, start=2):
             if not line:
                 continue
-            if len(line) != len(header):
+            if len(line) < needed or any(value.strip() for value in line[len(header) :]):
                 raise ConfigurationError(
                     f"{path}, line {number}: {len(line)} values for {len(header)} columns"
                 )
             rows.append((number, line))
     numbers: dict[str, Array] = {}
-    others: dict[str, str] = {}
+    others = _repeated_names(path, header)
     for i, name in enumerate(header):
+        if not name or name in others:
+            continue
         try:
             values = [_number(line[i], f"{path}, line {number}") for number, line in rows]
         except ConfigurationError as error:
@@ -116,6 +126,19 @@ def _csv(path: Path) -> Table:
         else:
             numbers[name] = np.array(values, dtype=np.float64)
     return Table(numbers, others)
+
+
+def _repeated_names(path: Path, names: Sequence[str]) -> dict[str, str]:
+    """Return a sentence for each name of two or more columns, of which none can be chosen."""
+    found = {}
+    for name in dict.fromkeys(names):
+        numbers = [str(i) for i, other in enumerate(names, start=1) if other == name]
+        if len(numbers) > 1:
+            found[name] = (
+                f"{path}: columns {' and '.join(numbers)} have the same name, {name}: rename all "
+                "but the one that is meant"
+            )
+    return found
 
 
 def _number(text: str, where: str) -> float:
@@ -127,13 +150,16 @@ def _number(text: str, where: str) -> float:
 
 def _parquet(path: Path) -> Table:
     demand("evidence", "a recording in Parquet")
-    from pyarrow.parquet import read_table
+    from pyarrow.parquet import ParquetFile
 
-    stored = read_table(path)
+    with ParquetFile(path) as file:  # read_table refuses columns of one name
+        stored = file.read()
     numbers: dict[str, Array] = {}
-    others: dict[str, str] = {}
-    for name in stored.column_names:
-        column = stored.column(name)
+    others = _repeated_names(path, stored.column_names)
+    for i, name in enumerate(stored.column_names):
+        if name in others:
+            continue
+        column = stored.column(i)
         values = column.to_numpy(zero_copy_only=False)
         try:
             numbers[name] = np.asarray(values, dtype=np.float64)
@@ -226,7 +252,7 @@ def _bag(path: Path, clock: Clock, topic: str) -> Columns:
     names = list(dict.fromkeys(name for sample in samples for name in sample))
     columns = {name: np.array([sample.get(name, math.nan) for sample in samples]) for name in names}
     since = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.float64)
-    return Columns(NANO * since, columns)
+    return Columns(NANO * since, columns, unit_stated=True)
 
 
 def _joint_values(message: Any) -> Iterator[tuple[str, float]]:

@@ -1,4 +1,4 @@
-"""What scores of recorded runs add to the core."""
+"""Part ``score``: the command that scores recorded runs."""
 
 from pathlib import Path
 

@@ -9,15 +9,19 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..robots.robot import Robot
-from ..rows import Array
-from ..simulation.units import degrees_question
+from ..rows import Array, BoolArray
+from ..simulation.units import IMPLAUSIBLE, degrees_question
 
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
 #: The same, if in addition no joint is faster than the second number [rad/s or m/s].
 SLOW_AND_STILL = 0.05, 5e-3
+AT_REST = 2e-3  #: Range of a joint at rest with the noise of its encoder [rad or m].
+#: Similarity of successive steps from which on motion is steady: 1 for equal ones, and about −0.5
+#: for white noise.
+STEADY = 0.5
 LONGEST_GAP = 3600.0  #: Time [s] between two samples from which on a clock was set.
 #: Sentence on the units of times.
-NAMED_UNITS = "They must be seconds; t_ms, t_us and t_ns name columns in other units"
+NAMED_UNITS = "A column t_s, t_ms, t_us or t_ns states the unit"
 #: Ratio of the motion by the given speeds to that of the positions, or its inverse, from which on
 #: they contradict. Revolutions per minute are 9.55 times radians per second.
 CONTRADICTION = 8.0
@@ -26,9 +30,6 @@ CONTRADICTION = 8.0
 OPPOSITE = -0.8
 MOVED = 1e-6  #: Length of the way of a joint from which on its speeds are checked [rad or m].
 SUSTAINED = 0.1  #: Time over which a sustained speed is measured [s].
-#: Sustained speed of a joint, as a multiple of the robot's own limit, and distance of a position
-#: from the middle of its range, in half ranges, beyond which another unit is suspected.
-IMPLAUSIBLE = 3.0
 
 
 def require_radians(path: Path, robot: Robot, q: Array) -> None:
@@ -39,13 +40,16 @@ def require_radians(path: Path, robot: Robot, q: Array) -> None:
         raise ConfigurationError(f"{question} --degrees converts them")
 
 
-def seconds(path: Path, t: Array) -> Array:
-    """Return increasing times from 0; raise ConfigurationError if they cannot be seconds."""
+def seconds(path: Path, t: Array, unit_stated: bool = False) -> Array:
+    """Return increasing times from 0; raise ConfigurationError if they cannot be seconds.
+
+    Their unit is not questioned if the file states it.
+    """
     if len(t) < 2:
         raise ConfigurationError(f"{path}: all samples have the same time")
     steps = np.diff(t)
     period = float(np.median(steps))
-    if period >= SLOW:
+    if period >= SLOW and not unit_stated:
         raise ConfigurationError(
             f"{path}: samples are {period:.4g} s apart: are the times in milliseconds or "
             f"nanoseconds? {NAMED_UNITS}"
@@ -95,39 +99,36 @@ def sustained_speeds(t: Array, q: Array) -> Array:
     return largest
 
 
-def require_motion(path: Path, t: Array, speeds: Array) -> None:
-    """Raise ConfigurationError if rare samples of a joint that hardly moves seem to be in ms."""
+def time_questions(path: Path, robot: Robot, t: Array, q: Array, speeds: Array) -> Iterator[str]:
+    """Yield the question whether times are milliseconds, for rare samples of slow joints.
+
+    ``speeds`` (n,) are those of :func:`sustained_speeds`. Raises ConfigurationError if that is
+    likely: a joint moves steadily, and a thousand times its speed is a speed of the robot. An arm
+    at rest moves as slowly, but only by the noise of its encoders.
+    """
     period = float(np.median(np.diff(t)))
     rare, still = SLOW_AND_STILL
-    if period >= rare and 0.0 < speeds.max() < still:
-        raise ConfigurationError(
-            f"{path}: samples are {period:.4g} s apart, and no joint is faster than "
-            f"{speeds.max():.3g} rad/s or m/s: are the times in milliseconds? {NAMED_UNITS}"
-        )
+    if period < rare or speeds.max() >= still:
+        return
+    question = (
+        f"samples are {period:.4g} s apart, and no joint is faster than {speeds.max():.3g} rad/s "
+        f"or m/s: are the times in milliseconds? {NAMED_UNITS}"
+    )
+    possible = (1e3 * speeds <= IMPLAUSIBLE * robot.qd_max).all()
+    if possible and moves_steadily(q).any():
+        raise ConfigurationError(f"{path}: {question}")
+    yield question
 
 
-def unit_questions(robot: Robot, q: Array, speeds: Array) -> Iterator[str]:
-    """Yield the question whether positions are in degrees, if their size or speed suggests it.
+def moves_steadily(q: Array) -> BoolArray:
+    """Return (n,) flags of joints that move farther than a joint at rest, and in steady steps.
 
-    Unlike positions that :func:`.in_degrees` finds, a simulated arm may have such ones.
+    Two successive steps of a motion that is sampled often are alike, and those of noise are not.
     """
-    known = np.isfinite(robot.qd_max)
-    fast = known & (speeds > IMPLAUSIBLE * robot.qd_max)
-    bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max) & (robot.q_max > robot.q_min)
-    lower = np.where(bounded, robot.q_min, 0.0)
-    upper = np.where(bounded, robot.q_max, 0.0)
-    away = np.abs(q - 0.5 * (lower + upper))
-    far = bounded & (away.max(axis=0) > 0.5 * IMPLAUSIBLE * (upper - lower))
-    unit = "are positions in degrees, which --degrees converts, or times in another unit?"
-    if fast.any():
-        j = int(np.argmax(np.where(fast, speeds, 0.0)))
-        yield (
-            f"{robot.joint_names[j]} moves at {speeds[j]:.3g} rad/s or m/s, "
-            f"{speeds[j] / robot.qd_max[j]:.2g} times the limit of {robot.name}: {unit}"
-        )
-    elif far.any():
-        j = int(np.argmax(far))
-        yield (
-            f"{robot.joint_names[j]} is far beyond its range, at "
-            f"{q[away[:, j].argmax(), j]:.4g}: {unit}"
-        )
+    steps = np.diff(q, axis=0)
+    first = steps[:-1]
+    second = steps[1:]
+    alike = 2.0 * (first * second).sum(axis=0)
+    sizes = (first * first + second * second).sum(axis=0)
+    far = np.ptp(q, axis=0) > AT_REST
+    return np.asarray(far & (alike > STEADY * sizes))

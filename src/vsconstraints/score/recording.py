@@ -13,14 +13,14 @@ from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 from ..errors import ConfigurationError, listed
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
+from ..simulation.units import motion_questions
 from .files import Clock, Columns, read_columns
 from .plausible import (
-    require_motion,
     require_radians,
     require_speeds,
     seconds,
     sustained_speeds,
-    unit_questions,
+    time_questions,
 )
 
 #: Two samples have a gap between them if they are farther apart than this factor times the median
@@ -103,8 +103,8 @@ def read_recording(
     """
     raw = read_columns(path, clock, topic)
     part = _part(raw.t, start, end)
-    columns = Columns(
-        raw.t[part], {name: values[part] for name, values in raw.columns.items()}, raw.others
+    columns = raw._replace(
+        t=raw.t[part], columns={name: values[part] for name, values in raw.columns.items()}
     )
     found = {
         "t": columns.t,
@@ -128,7 +128,7 @@ def read_recording(
         remarks.append(f"{np.count_nonzero(again)} samples repeat a time and are left out")
     motion = {name: values[~again] for name, values in motion.items()}
     begin = float(motion["t"][0])
-    motion["t"] = seconds(path, motion["t"])
+    motion["t"] = seconds(path, motion["t"], columns.unit_stated)
     for name in ("qd", "qdd"):
         if name in motion and not np.isfinite(motion[name]).all():
             remarks.append(f"incomplete columns of {name} are left out")
@@ -142,8 +142,9 @@ def read_recording(
     if "qd" in motion:
         require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
     speeds = sustained_speeds(motion["t"], motion["q"])
-    require_motion(path, motion["t"], speeds)
-    remarks += [*unit_questions(robot, motion["q"], speeds), *_gaps(motion["t"])]
+    if not columns.unit_stated:
+        remarks += time_questions(path, robot, motion["t"], motion["q"], speeds)
+    remarks += [*motion_questions(robot, motion["q"], speeds), *_gaps(motion["t"])]
     return Recording(**motion, remarks=tuple(remarks), begin=begin)
 
 
@@ -165,7 +166,7 @@ def _names(joint: str, number: int, what: str) -> Iterable[str]:
 def _column_name(columns: Columns, joint: str, number: int, what: str) -> str:
     """Return the name of the column of a joint; empty if there is none.
 
-    Raises ConfigurationError if that column is not of numbers.
+    Raises ConfigurationError if that column is not of numbers, or if two have its name.
     """
     names = list(_names(joint, number, what))
     for name in names:
@@ -223,15 +224,16 @@ def _markers(path: Path, columns: Columns, count: int) -> Array | None:
     """Return pixels (N, count, 2) of the columns u1, v1, …, or u[1], v[1], …; None if none is."""
     pairs = []
     missing = []
+    unreadable = []
     for number in range(1, count + 1):
         for axis in "uv":
             names = (f"{axis}{number}", f"{axis}[{number}]")
             name = next((name for name in names if name in columns.columns), None)
             if name is None:
                 missing.append(names[0])
+                unreadable += [columns.others[name] for name in names if name in columns.others]
             else:
                 pairs.append(columns.columns[name])
-    unreadable = [columns.others[name] for name in missing if name in columns.others]
     if unreadable:
         raise ConfigurationError(unreadable[0])
     if not pairs:

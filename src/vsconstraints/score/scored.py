@@ -11,11 +11,13 @@ import numpy as np
 from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
 from ..comparisons.record import RunRecord, run_file
-from ..constraints import PerformanceFunnel
+from ..constraints import PerformanceFunnel, Trace
+from ..control.control_step import ControlStep
+from ..control.gradients import own_constraints
 from ..controllers import Controller
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError, InvalidInput, listed
 from ..plugins.provenance import digests
-from ..rows import Array, Command, Rows, Task
+from ..rows import Array, BoolArray, Command, Rows, Task
 from ..simulation import Setup, Trajectory
 from ..simulation.measured import follow_measured
 from .recording import Recording
@@ -47,10 +49,13 @@ def recorded_trajectory(
     The robot takes its recorded positions; camera and rows are those of the model there. Where
     pixels are recorded, the clearances of rows in the image are those of the pixels. ``where``
     names the recording. The scenario begins, t = 0, at ``zero`` [s] after the first sample of the
-    file. Raises ConfigurationError if it is shorter than a sampling time, if it
-    begins after the scenario and the scenario depends on time, or if its start is q0 in degrees.
+    file. Raises ConfigurationError if it is shorter than a sampling time, if it begins at another
+    time than the scenario and the scenario depends on time, or if its start is q0 in degrees.
     """
-    _require_beginning(setup, recording.begin - zero)
+    late = recording.begin - zero
+    elsewhere = abs(late) > setup.Ts
+    if elsewhere and (what := _dependence_on_time(setup)):
+        raise _at_another_time(late, what)
     _require_start_in_radians(setup, recording.q[0])
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
@@ -66,6 +71,13 @@ def recorded_trajectory(
         qdd = np.concatenate((change, change[-1:]))
     commanded = motion.qdd is not None
     run = follow_measured(setup, states, qdd, commanded=commanded, limited=commanded)
+    custom = own_constraints(setup.constraints) if elsewhere else []
+    if custom:
+        changed = rows_that_change(setup, run, late)
+        if changed:
+            raise _at_another_time(late, f"rows {', '.join(listed(changed, 'rows'))} have changed")
+        kinds = ", ".join(dict.fromkeys(constraint.kind for constraint in custom))
+        remarks.append(f"custom rows, {kinds}, were found not to depend on time in this motion")
     if motion.pixels is not None:
         run, remark = _with_pixels(setup, run, motion.pixels[: len(run.t)])
         remarks.append(remark)
@@ -78,20 +90,52 @@ def recorded_trajectory(
     )
 
 
-def _require_beginning(setup: Setup, late: float) -> None:
-    """Raise ConfigurationError if a scenario that depends on time begins before its motion.
+def _at_another_time(late: float, what: str) -> ConfigurationError:
+    """Return the error for a motion that begins ``late`` [s] after the scenario, or before it.
 
-    The motion begins at the scenario's time ``late`` [s].
-
-    Runs, and the baseline among them, begin at the scenario's t = 0.
+    Runs, and the baseline among them, begin at the scenario's t = 0. ``what`` has changed by then.
     """
-    depends = _dependence_on_time(setup)
-    if depends and late > setup.Ts:
-        raise ConfigurationError(
-            f"the first scored sample is {late:.6g} s after t = 0 of the scenario, whose {depends} "
-            "by then, and results begin at t = 0: score from there on. If the scenario begins "
-            f"with this sample, add {late:.9g} to --zero"
-        )
+    remedy = (
+        f"score from there on. If the scenario begins with this sample, add {late:.9g} to --zero"
+    )
+    if late < 0.0:
+        remedy = "score from there on with --start"
+    return ConfigurationError(
+        f"the first scored sample is {abs(late):.6g} s {'after' if late > 0.0 else 'before'} t = 0 "
+        f"of the scenario, whose {what} by then, and results begin at t = 0: {remedy}"
+    )
+
+
+def rows_that_change(setup: Setup, run: Trajectory, later: float) -> list[str]:
+    """Return the labels of rows that differ at the same states of a run, ``later`` [s] later.
+
+    Any constraint may depend on time, a custom one in a way that only its values show. They are
+    compared at all samples: where none differs, neither do the scores.
+    """
+    scene = setup.scene
+    size = scene.camera.size
+    motion = (run.q, run.qd, run.features_px, run.points, size, scene)
+    first, second = (setup.constraints.clearance(Trace(t, *motion)) for t in (run.t, run.t + later))
+    changed = _differ(first, second).any(axis=0)
+    step = setup.world()
+    for t, q, qd in zip(run.t, run.q, run.qd, strict=True):
+        changed |= _differ(_rows_at(step, t, q, qd), _rows_at(step, t + later, q, qd)).any(axis=1)
+    return [setup.constraints.labels[i] for i in np.flatnonzero(changed)]
+
+
+def _rows_at(step: ControlStep, t: float, q: Array, qd: Array) -> Array:
+    """Return σ, φ, L_fφ and L_gφ of each row (m, 3 + n); NaN where they cannot be evaluated."""
+    try:
+        evaluation = step.evaluate(t, q, qd)
+        rows = evaluation.rows
+        return np.column_stack((evaluation.sigma, rows.phi, rows.Lf, rows.Lg))
+    except Exception:  # a custom constraint may raise any error, which the run reports
+        return np.full((len(step.constraints.labels), 3 + len(q)), np.nan)
+
+
+def _differ(first: Array, second: Array) -> BoolArray:
+    """Return flags of numbers that differ; NaN differs from every number, but not from NaN."""
+    return np.asarray((first != second) & ~(np.isnan(first) & np.isnan(second)))
 
 
 def _dependence_on_time(setup: Setup) -> str:

@@ -155,7 +155,7 @@ class StackProcess:
         self._received += data
 
     def _read_errors(self) -> None:
-        """Keep the end of what the stack writes to its standard error."""
+        """Read the standard error of the stack, and keep its end."""
         data = os.read(self._err, READ)
         self._errors = (self._errors + data)[-TAIL:]
         if not data:  # it is closed
@@ -231,7 +231,7 @@ class StackProcess:
         return left
 
     def _kill_others(self) -> str:
-        """Kill what is left of the stack in other groups, and wait for its process.
+        """Kill the remaining processes of the stack in other groups, and wait for the stack.
 
         Return as :meth:`end`. A process that waits for a device cannot be killed before it answers.
         """

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, format_value, unknown_name
+from ..errors import ConfigurationError, format_value, one_line, unknown_name
 from ..simulation.programs import COMMANDS, Answer, Observation, program_name
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .description import describe
 from .protocol import (
+    MAX_TEXT,
     StackFailedError,
     checked_declaration,
     encode,
-    one_line,
     read_declaration,
     read_reply,
     require_finite_settings,
@@ -46,7 +46,7 @@ def description(adapter: str) -> str:
 
 
 class ExternalStack(MeasuredProgram):
-    """Program that runs in a process of its own and answers over its standard output.
+    """Program that runs in a separate process and answers over its standard output.
 
     The process starts with each run and ends with it. Limits of time apply to waiting for the
     stack; the time that it computes is what it reports itself.
@@ -102,7 +102,7 @@ class ExternalStack(MeasuredProgram):
             uses, self.output = checked_declaration(declaration.uses, declaration.output)
         except StackFailedError as error:
             raise self._with_messages(error) from error
-        named = one_line(declaration.name) or program_name(self._arguments)
+        named = one_line(declaration.name, MAX_TEXT) or program_name(self._arguments)
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
         )
@@ -134,7 +134,7 @@ class ExternalStack(MeasuredProgram):
             self._process = None
 
     def run_remarks(self) -> list[str]:
-        """Return what the stack declared, how often it had no answer, and what is left of it."""
+        """Return remarks: the stack's declaration, missing answers, and remaining processes."""
         return [text for text in (self._declared, *super().run_remarks(), self._left) if text]
 
     def _with_messages(self, error: StackFailedError) -> StackFailedError:

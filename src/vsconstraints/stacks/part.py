@@ -1,4 +1,4 @@
-"""What the part ``stacks`` adds: programs as controllers, and a list of its adapters."""
+"""Part ``stacks``: external programs as controllers, and a list of the adapters."""
 
 from __future__ import annotations
 

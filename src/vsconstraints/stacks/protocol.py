@@ -13,10 +13,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..errors import ConfigurationError, format_value, unknown_name
+from ..errors import ConfigurationError, format_value, one_line, unknown_name
 from ..simulation.programs import OUTPUTS, Answer, Output
 
 VERSION = 1  #: Version of the protocol.
+MAX_TEXT = 200  #: Characters of a stack's text that results and messages show.
 #: Units of all numbers in messages.
 UNITS = {"length": "m", "angle": "rad", "time": "s", "image": "px"}
 
@@ -50,7 +51,7 @@ class StackFailedError(Exception):
 
 
 class Declaration(msgspec.Struct, forbid_unknown_fields=True):
-    """First line of a stack: what it speaks, uses and commands."""
+    """First line of a stack: version of its protocol, data that it uses, kind of its commands."""
 
     protocol: int
     uses: list[str]
@@ -136,7 +137,7 @@ def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:
             "line answers one period"
         )
     if reply.no_answer is not None:
-        return Answer(None, time, one_line(reply.no_answer) or "it gave no reason")
+        return Answer(None, time, one_line(reply.no_answer, MAX_TEXT) or "it gave no reason")
     return checked_answer(getattr(reply, output), output, n, time)
 
 
@@ -196,13 +197,6 @@ def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[
     return {"protocol": VERSION, "units": UNITS, "settings": dict(settings), **data}
 
 
-def one_line(text: str, most: int = 200) -> str:
-    """Return a text for the results: printable, on one line, and cut if it is long."""
-    # the first cut limits the work, the second one the result
-    line = " ".join("".join(c if c.isprintable() else " " for c in text[: 2 * most]).split())
-    return line if len(line) <= most else f"{line[:most]}…"
-
-
-def _shown(line: bytes, most: int = 200) -> str:
+def _shown(line: bytes) -> str:
     text = line.decode("utf-8", "replace").strip()
-    return repr(text if len(text) <= most else f"{text[:most]}…")
+    return repr(text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]}…")

@@ -1,4 +1,4 @@
-"""What commands do with the folders of a campaign: its report, and whether it is whole."""
+"""Commands for the folders of a campaign: its report, and the check that it is complete."""
 
 from __future__ import annotations
 

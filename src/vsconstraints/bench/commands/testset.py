@@ -188,6 +188,11 @@ def leaderboard(
             errors.print(
                 f"warning: {name}: no run of {law} is repeated, since this law is now {file}"
             )
+        if repetition.not_compared:
+            columns = ", ".join(repetition.not_compared)
+            errors.print(
+                f"warning: {name}: not compared, since the table has no values of them: {columns}"
+            )
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
         counts += f", {len(repetition.by_rounding)} are decided by rounding"
         repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"

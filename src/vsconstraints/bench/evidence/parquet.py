@@ -9,6 +9,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -41,11 +42,18 @@ UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
 
 Kind = Literal["text", "flag", "whole", "number"]
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
+
+
+def _cell(kind: Callable[[Any], Any], value: Any) -> Any:
+    """Return a value of a kind; None for a missing one, which pandas may give as NaN."""
+    return None if value is None or value != value else kind(value)
+
+
 _CELLS: dict[Kind, Callable[[Any], Any]] = {
     # a text may hold characters that UTF-8 cannot encode
     "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),
-    "flag": bool,
-    "whole": int,
+    "flag": partial(_cell, bool),
+    "whole": partial(_cell, int),
     "number": lambda value: float(value) if math.isfinite(value) else None,
 }
 

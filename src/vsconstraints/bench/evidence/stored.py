@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -36,11 +36,12 @@ from .folder import (  # fmt: skip
     files_of,
     require_same_files,
     shard_file,
+    shards,
     stored_files,
     trajectory_file,
 )
 from .parquet import KEYS, TABLES
-from .together import combined_manifest, shards_of
+from .together import combined_manifest, combined_shards, in_order
 
 MAX_ROWS = 1000  # maximum number of constraint rows of a run in a shard
 MAX_NAMED = 5  # maximum number of scene ranges in a message
@@ -65,12 +66,18 @@ class Evidence(StoredResults):
         one campaign, or if a scene is stored twice with different results.
         """
         folders = [folder] if isinstance(folder, Path) else list(dict.fromkeys(folder))
+        if not folders:
+            raise ConfigurationError("no folder of evidence is given: give one or several")
         parts = tuple(super(Evidence, cls).load(each, trust) for each in folders)
         if len(parts) == 1:
             return parts[0]
         remarks = tuple(text for part in parts for text in part.remarks)
-        evidence = cls(folders[0], parts[0].manifest, trust, remarks, parts)
-        return replace(evidence, manifest=combined_manifest(evidence.manifests, evidence.shards))
+        manifests = {part.folder: part.manifest for part in parts}
+        stored = combined_shards(manifests, [shard for part in parts for shard in part.shards])
+        manifest = combined_manifest(manifests, stored)
+        evidence = cls(folders[0], manifest, trust, remarks, parts)
+        vars(evidence)["shards"] = stored  # the cached property, which would compare them again
+        return evidence
 
     @property
     def manifests(self) -> Mapping[Path, Mapping[str, Any]]:
@@ -80,7 +87,7 @@ class Evidence(StoredResults):
     @cached_property
     def shards(self) -> tuple[StoredShard, ...]:
         """Shards of all folders, which have each scene once."""
-        return shards_of(self.manifests)
+        return in_order(shards(self.folder))
 
     def missing_scenes(self, wanted: range) -> str:
         """List the wanted scenes that are not stored, by family; empty if none is missing."""
@@ -186,9 +193,10 @@ class Evidence(StoredResults):
         for shard in self.shards:
             facts = shard.facts
             path = shard.path
-            if any(
-                Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES
-            ):
+            others = [
+                shard_file(self.folder, table, shard.name) for table in TABLES if table != MARK
+            ]
+            if any(Facts.of(other) != facts for other in others):
                 raise ConfigurationError(
                     f"the metadata of {path} contradicts that of its other tables"
                 )

@@ -9,7 +9,7 @@ from typing import Any
 from ...comparisons.runs.identity import differences, in_words
 from ...comparisons.runs.machine import VERSION
 from ...errors import ConfigurationError
-from .folder import MARK, StoredShard, require_same_files, shards
+from .folder import MARK, StoredShard, require_same_files
 from .parquet import TABLES, TIMING
 
 #: Entries of a manifest that may differ between the folders of a campaign.
@@ -33,19 +33,21 @@ COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controller
 Manifests = Mapping[Path, Mapping[str, Any]]  #: Manifests by folder.
 
 
-def shards_of(manifests: Manifests) -> tuple[StoredShard, ...]:
+def combined_shards(manifests: Manifests, stored: Iterable[StoredShard]) -> tuple[StoredShard, ...]:
     """Return the shards of all folders, each with the scenes that no earlier one contains.
 
     Shards are ordered by family and scene, whatever the order of the folders. Raises
     ConfigurationError if the folders are not parts of one campaign, or if two shards hold different
     results of a scene; the message names the difference.
     """
-    stored = [shard for folder in manifests for shard in shards(folder)]
-    stored.sort(key=lambda shard: (shard.facts.family, shard.facts.scenes))
-    if len(manifests) == 1:
-        return tuple(stored)
-    _require_one_campaign(stored, manifests)
-    return _each_once(stored)
+    every = in_order(stored)
+    _require_one_campaign(every, manifests)
+    return _each_once(every)
+
+
+def in_order(stored: Iterable[StoredShard]) -> tuple[StoredShard, ...]:
+    """Return shards in the order of families and scenes."""
+    return tuple(sorted(stored, key=lambda shard: (shard.facts.family, shard.facts.scenes)))
 
 
 def _require_one_campaign(stored: Sequence[StoredShard], manifests: Manifests) -> None:
@@ -116,6 +118,11 @@ def _require_same_results(one: StoredShard, other: StoredShard, scenes: list[int
             raise ConfigurationError(f"{twice}: {why}")
 
 
+def _run_count(shard: StoredShard) -> int:
+    """Return the number of runs of the scenes that are read."""
+    return shard.facts.runs if shard.whole else int(shard.table(MARK, ["scene"]).num_rows)
+
+
 def combined_manifest(manifests: Manifests, stored: Sequence[StoredShard]) -> dict[str, Any]:
     """Return the first manifest, extended by the entries that differ between the folders."""
     every = list(manifests.values())
@@ -134,7 +141,7 @@ def combined_manifest(manifests: Manifests, stored: Sequence[StoredShard]) -> di
         # all scenes were stored before: combining makes no runs
         "finished": finished,
         "stored_before": finished,
-        "runs": sum(shard.table(MARK, ["scene"]).num_rows for shard in stored),
+        "runs": sum(map(_run_count, stored)),
         "trajectories": sum(manifest.get("trajectories", 0) for manifest in every),
         "shard": [1, 1],
     }

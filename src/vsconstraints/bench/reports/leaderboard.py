@@ -79,7 +79,8 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
 
     Laws are ordered by their success in all scenes of all conditions, by the strict standard; a
     further column has the success with disturbances by the tolerant standard. Two laws of one name
-    are distinguished by their authors. Raises ConfigurationError as :func:`require_whole`.
+    are distinguished by their authors. Tables without values of some results are marked by †, and
+    named below the leaderboard. Raises ConfigurationError as :func:`require_whole`.
     """
     parts = []
     of = dict[str, tuple[str, Study, str]]()
@@ -116,5 +117,6 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
         condition_text=condition_text,
         information_text=information_text,
         tolerant=TOLERANT,
+        missing={who: each for who, study in studies.items() if (each := study.missing_results)},
     )
     return text.rstrip("\n")

@@ -7,6 +7,7 @@ continued or combined only if their identities are equal.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from os.path import realpath
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,7 +29,7 @@ IN_WORDS = {
 
 
 class Law(Protocol):
-    """What identities need of a :class:`.ControllerSpec`."""
+    """Properties of a :class:`.ControllerSpec` that identities need."""
 
     @property
     def name(self) -> str:
@@ -65,9 +66,20 @@ def scene_identity(tables: Mapping[str, Any], files: Iterable[Path] = ()) -> Ide
     """
     return {
         "tables": plain(tables),
-        "files": {path.name: digest(path) for path in files},
+        "files": _hashes(files),
         "packages": used_versions(tables),
     }
+
+
+def _hashes(files: Iterable[Path]) -> dict[str, str]:
+    """Return the hashes of files by their names, which are the same on every machine.
+
+    Files of one name in several folders have one entry: their hashes in the given order.
+    """
+    found: dict[str, list[str]] = {}
+    for path in {(path.name, realpath(path)): path for path in files}.values():
+        found.setdefault(path.name, []).append(digest(path))
+    return {name: " ".join(contents) for name, contents in found.items()}
 
 
 def _law_identity(entry: Law, with_files: bool) -> Identity:
@@ -77,7 +89,7 @@ def _law_identity(entry: Law, with_files: bool) -> Identity:
     law: Identity = plain(
         {
             **entry.table,
-            **{f"file {path.name}": digest(path) for path in files},
+            **{f"file {name}": content for name, content in _hashes(files).items()},
             **{f"package {name}": version for name, version in packages.items()},
         }
     )

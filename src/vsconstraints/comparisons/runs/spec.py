@@ -214,7 +214,7 @@ class ControllerSpec:
 
 
 def stack_law() -> str:
-    """Return the controller that runs a program in a process of its own, as ``module:Class``.
+    """Return the controller that runs a program in a separate process, as ``module:Class``.
 
     A table with one of the keys ``command`` and ``adapter``, and no type, is of this type.
     """
