@@ -201,3 +201,15 @@ def test_a_tag_behind_a_solid_is_lost_because_the_image_hides_it(
     assert found.seen.tolist() == [seen, True, True, True]
     # a marker that is hidden is where the other tags have it
     np.testing.assert_allclose(found.pixels, state.pixels.position, atol=0.3)
+
+
+def test_a_lens_with_distortion_shows_no_link_where_there_is_none() -> None:
+    """An intersection of OpenCV 4.14 gave corners at infinity for a link of this arm."""
+    lens = {"model": "brown-conrady", "coefficients": [-0.2, 0.05, 0.001, -0.001, 0.0]}
+    setup = Scenario.load("ur5-images").with_override("camera.distortion", lens).setup()
+    photographer = setup.photographer()
+    image = photographer.image(0, setup.scene.evaluate(0.0, setup.q0, setup.qd0))
+    found = locate_board(
+        image, DETECTORS["apriltag"](), photographer.renderer.board, setup.scene.camera
+    )
+    assert found.seen.all()

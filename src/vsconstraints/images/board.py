@@ -57,16 +57,16 @@ class Board(NamedTuple):
         away = markers - middle
         if M < 3:
             raise ConfigurationError(f"a board of tags needs three markers or more, not {M}")
-        _, s, Vt = svd(away, full_matrices=False)
-        if s[1] < FLAT:
+        _, extent, axes = svd(away, full_matrices=False)
+        if extent[1] < FLAT:
             raise ConfigurationError("a board of tags needs markers that are not on one line")
-        off = np.abs(away @ Vt[2]).max()
-        if off > FLAT:
+        normal = axes[2]
+        distance = np.abs(away @ normal).max()
+        if distance > FLAT:
             raise ConfigurationError(
-                f"a board of tags needs markers in one plane: one is {1e3 * off:.3g} mm away "
+                f"a board of tags needs markers in one plane: one is {1e3 * distance:.3g} mm away "
                 "from that of the others"
             )
-        normal = Vt[2]
         inwards = -np.sign((seen_from - middle) @ normal) * normal
         x = away[1] - away[0]
         x -= inwards * (inwards @ x)
@@ -103,11 +103,11 @@ def _corners(markers: Array, side: float | None) -> Array:
         raise ConfigurationError("a board of tags takes markers away from their mean")
     if side is None:
         side = float(DIAGONAL * distance.min() / np.sqrt(2.0))
-    towards = -markers / distance[:, None]
+    inwards = -markers / distance[:, None]
     # 45° to either side of the direction to the origin
     c = np.sqrt(0.5)
-    x = towards @ np.array([[c, -c], [c, c]])
-    y = towards @ np.array([[c, c], [-c, c]])
+    x = inwards @ np.array([[c, -c], [c, c]])
+    y = inwards @ np.array([[c, c], [-c, c]])
     right = SQUARE[:, :1] * x[:, None]
     down = SQUARE[:, 1:] * y[:, None]
     corners: Array = markers[:, None] + side * (right + down)
@@ -124,8 +124,9 @@ def _corners(markers: Array, side: float | None) -> Array:
 def bordered(corners: Array) -> Array:
     """Return the corners (..., 4, 2) of tags with white borders from those of black squares."""
     middle = corners.mean(axis=-2, keepdims=True)
-    wider: Array = middle + (1.0 + 2.0 * BORDER / CELLS) * (corners - middle)
-    return wider
+    scale = 1.0 + 2.0 * BORDER / CELLS
+    outer: Array = middle + scale * (corners - middle)
+    return outer
 
 
 def _overlap(a: Array, b: Array) -> bool:

@@ -1,4 +1,4 @@
-"""What rendered images add to the core."""
+"""Registration of rendered images as a type of sensor."""
 
 from ..plugins.registry import Part
 

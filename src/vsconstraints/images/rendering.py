@@ -5,6 +5,7 @@ Blur, noise and motion are modelled. The result is deterministic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -38,7 +39,7 @@ KNOT = 8
 ROUNDED = 8
 #: Pose of the camera in the target's frame as a function of time [s], zero in the middle of the
 #: exposure of the image's middle row.
-Where = Callable[[float], Pose]
+CameraMotion = Callable[[float], Pose]
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Renderer:
             raise ConfigurationError(f"images have whole numbers of pixels, not {self.camera.size}")
 
     def render(
-        self, where: Where, random: np.random.Generator, hidden: BoolArray | None = None
+        self, motion: CameraMotion, random: np.random.Generator, hidden: BoolArray | None = None
     ) -> Pixels:
         """Return an image (H, W) of grey levels.
 
@@ -69,7 +70,7 @@ class Renderer:
         import cv2
 
         settings = self.settings
-        image = self._exposed(where)
+        image = self._expose(motion)
         if hidden is not None:
             image[hidden] = OBSTACLE
         if settings.blur_px:
@@ -82,102 +83,112 @@ class Renderer:
             image += np.float32(settings.noise) * noise
         return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
 
-    def _exposed(self, where: Where) -> Array:
+    def _expose(self, motion: CameraMotion) -> Array:
         """Return the mean image (H, W) over the instants of an exposure."""
         import cv2
 
         W, H = map(int, self.camera.size)
         half = 0.5 * self.settings.exposure_s
-        moved = 0.0
+        distance = 0.0  # greatest motion of a corner [px]
         if half:
-            starts = self._normalised(_rounded(where(-half)))
-            ends = self._normalised(_rounded(where(half)))
+            starts = self._outer_corners(_rounded(motion(-half)))
+            ends = self._outer_corners(_rounded(motion(half)))
             if starts is not None and ends is not None:
-                moved = float(np.abs((ends - starts) * np.asarray(self.camera.focal)).max())
-        count = int(np.clip(np.ceil(moved), 1, MAX_EXPOSURES))
-        # midpoints of equal parts of the exposure
-        instants = half * (2.0 * np.arange(count) + 1.0 - count) / count
+                shift = (ends - starts) * np.asarray(self.camera.focal)
+                distance = float(np.abs(shift).max())
+        count = int(np.clip(np.ceil(distance), 1, MAX_EXPOSURES))
         total = np.zeros((H, W), dtype=np.float32)
-        for instant in instants:
+        for k in range(count):
+            # midpoints of equal parts of the exposure
+            instant = half * (2.0 * k + 1.0 - count) / count
             fine = np.full((FINER * H, FINER * W), AROUND, dtype=np.float32)
-            self._draw(fine, where, float(instant))
+            self._draw_tags(fine, motion, instant)
             total += cv2.resize(fine, (W, H), interpolation=cv2.INTER_AREA)
         return total / np.float32(count)
 
-    def _normalised(self, camera: Pose) -> Array | None:
-        """Return normalised coordinates (M · 4, 2) of the tags' outer corners.
+    def _outer_corners(self, camera: Pose) -> Array | None:
+        """Return normalised coordinates (M · 4, 2) of the corners of the tags' white borders.
 
-        Returns None unless all of them are in front of the camera.
+        Return None unless all of them are in front of the camera.
         """
-        seen = self.board.camera_in_board(camera)
-        flat = bordered(self.board.corners).reshape(-1, 2)
-        P = (np.pad(flat, ((0, 0), (0, 1))) - seen.t) @ seen.R
-        return P[:, :2] / P[:, 2:] if (P[:, 2] > 1e-3).all() else None
+        in_board = self.board.camera_in_board(camera)
+        corners = bordered(self.board.corners).reshape(-1, 2)
+        points = np.pad(corners, ((0, 0), (0, 1)))
+        P = (points - in_board.t) @ in_board.R
+        Z = P[:, 2:]
+        return P[:, :2] / Z if (Z > 1e-3).all() else None
 
-    def _draw(self, fine: Array, where: Where, instant: float) -> None:
+    def _draw_tags(self, fine: Array, motion: CameraMotion, instant: float) -> None:
         """Draw all tags at an instant on an image of FINER H × FINER W pixels."""
-        import cv2
-
-        late = 0.5 * self.settings.rolling_s
-        shifts = (-late, 0.0, late) if late else (0.0,)
-        poses = [_rounded(where(instant + shift)) for shift in shifts]
+        poses = [_rounded(motion(instant))]
+        half = 0.5 * self.settings.rolling_s
+        if half:  # at the times of the first, the middle and the last row
+            poses.insert(0, _rounded(motion(instant - half)))
+            poses.append(_rounded(motion(instant + half)))
         outlines = []
         for pose in poses:
-            corners = self._normalised(pose)
+            corners = self._outer_corners(pose)
             if corners is None:
                 return
             pixels = self.camera.distort(self.camera.pixels(corners))
             outlines.append(self.camera.to_corner(pixels).reshape(-1, 4, 2))
-        height, width = fine.shape
-        for i, number in enumerate(self.board.ids.tolist()):
-            outline = np.array([corners[i] for corners in outlines])
-            box = FINER * outline.reshape(-1, 2)
-            low = np.clip(np.floor(box.min(axis=0)) - FINER, 0, (width, height)).astype(int)
-            high = np.clip(np.ceil(box.max(axis=0)) + FINER, 0, (width, height)).astype(int)
-            if (high <= low).any():
-                continue
-            maps = []
+        for i in range(len(self.board.ids)):
+            homographies = []
             for pose in poses:
-                homography = self._to_tag(i, self.board.camera_in_board(pose))
+                homography = self._homography(i, self.board.camera_in_board(pose))
                 if homography is not None:
-                    maps.append(homography)
-            if len(maps) < len(poses):
-                continue
-            columns = slice(low[0], high[0])
-            rows = slice(low[1], high[1])
-            x, y = self._rays(rows, columns)
-            tag_x, tag_y = _looked_up(maps, x, y, _late(rows, height))
-            cell = FINER * float(np.ptp(outline, axis=1).max()) / (CELLS + 2 * BORDER)
-            texels = int(min(2 ** np.ceil(np.log2(max(cell, 2.0))), MAX_TEXELS))
-            # cells from the corner of the black square; OpenCV counts centres
-            scale = np.float32(texels)
-            border = np.float32(BORDER)
-            centre = np.float32(0.5)
-            patch = np.ascontiguousarray(fine[rows, columns])
-            cv2.remap(
-                _picture(number, texels),
-                scale * (tag_x + border) - centre,
-                scale * (tag_y + border) - centre,
-                cv2.INTER_LINEAR,
-                dst=patch,
-                borderMode=cv2.BORDER_TRANSPARENT,
-            )
-            fine[rows, columns] = patch
+                    homographies.append(homography)
+            if len(homographies) == len(poses):
+                outline = np.array([corners[i] for corners in outlines])
+                self._draw_tag(fine, i, outline, homographies)
 
-    def _to_tag(self, i: int, camera: Pose) -> Array | None:
+    def _draw_tag(self, fine: Array, i: int, outline: Array, homographies: Sequence[Array]) -> None:
+        """Draw tag i from its outlines (p, 4, 2) [px] and homographies at p instants."""
+        import cv2
+
+        height, width = fine.shape
+        corners = FINER * outline.reshape(-1, 2)
+        least = np.floor(corners.min(axis=0)) - FINER
+        greatest = np.ceil(corners.max(axis=0)) + FINER
+        left, top = np.clip(least, 0, (width, height)).astype(int)
+        right, bottom = np.clip(greatest, 0, (width, height)).astype(int)
+        if right <= left or bottom <= top:
+            return
+        columns = slice(left, right)
+        rows = slice(top, bottom)
+        x, y = self._rays(rows, columns)
+        tag_x, tag_y = _points_on_tag(homographies, x, y, _row_times(rows, height))
+        cell = FINER * float(np.ptp(outline, axis=1).max()) / (CELLS + 2 * BORDER)
+        texels = int(min(2 ** np.ceil(np.log2(max(cell, 2.0))), MAX_TEXELS))
+        # cells from the corner of the black square; OpenCV counts centres
+        scale = np.float32(texels)
+        border = np.float32(BORDER)
+        centre = np.float32(0.5)
+        patch = np.ascontiguousarray(fine[rows, columns])
+        cv2.remap(
+            _picture(int(self.board.ids[i]), texels),
+            scale * (tag_x + border) - centre,
+            scale * (tag_y + border) - centre,
+            cv2.INTER_LINEAR,
+            dst=patch,
+            borderMode=cv2.BORDER_TRANSPARENT,
+        )
+        fine[rows, columns] = patch
+
+    def _homography(self, i: int, camera: Pose) -> Array | None:
         """Return the homography (3, 3) from normalised image coordinates to cells of a tag.
 
-        Returns None if the tag is seen from behind.
+        ``camera`` is the camera's pose in the board's frame. Return None if the tag is seen from
+        behind.
         """
         corner, right, _, down = self.board.corners[i] / self.board.cell
-        plane = np.zeros((3, 3))
-        plane[:2, 0] = (right - corner) / CELLS
-        plane[:2, 1] = (down - corner) / CELLS
-        plane[:2, 2] = corner
-        # from points in the plane, in cells, to the camera's frame
-        seen: Array = camera.R.T @ plane
-        seen[:, 2] -= camera.R.T @ camera.t / self.board.cell
-        return np.linalg.inv(seen) if np.linalg.det(seen) > 0.0 else None
+        to_board = np.zeros((3, 3))
+        to_board[:2, 0] = (right - corner) / CELLS
+        to_board[:2, 1] = (down - corner) / CELLS
+        to_board[:2, 2] = corner
+        to_camera: Array = camera.R.T @ to_board
+        to_camera[:, 2] -= camera.R.T @ camera.t / self.board.cell
+        return np.linalg.inv(to_camera) if np.linalg.det(to_camera) > 0.0 else None
 
     def _rays(self, rows: slice, columns: slice) -> tuple[Array, Array]:
         """Return ideal normalised coordinates of the points in the rows and columns.
@@ -188,31 +199,38 @@ class Renderer:
         if camera.distortion is not None:
             width, height = map(int, camera.size)
             offset = tuple(camera.offset.tolist())
-            x, y = _bent(camera.focal, offset, (width, height), camera.distortion)
+            x, y = _lens_rays(camera.focal, offset, (width, height), camera.distortion)
             return x[rows, columns], y[rows, columns]
         u = (np.arange(columns.start, columns.stop) + 0.5) / FINER
         v = (np.arange(rows.start, rows.stop) + 0.5) / FINER
-        middle = camera.to_corner(camera.offset)
-        x = (u - middle[0]) / camera.focal[0]
-        y = (v - middle[1]) / camera.focal[1]
-        return x[None, :].astype(np.float32), y[:, None].astype(np.float32)
+        u0, v0 = camera.to_corner(camera.offset)
+        fu, fv = camera.focal
+        x = ((u - u0) / fu).astype(np.float32)
+        y = ((v - v0) / fv).astype(np.float32)
+        return x[None, :], y[:, None]
 
 
-def _late(rows: slice, height: int) -> Array:
+def _row_times(rows: slice, height: int) -> Array:
     """Return the relative time (h, 1) of image rows: from −1 for the first to 1 for the last."""
-    late = (np.arange(rows.start, rows.stop) + 0.5)[:, None] / (0.5 * height) - 1.0
-    return late.astype(np.float32)
+    middles = np.arange(rows.start, rows.stop) + 0.5
+    times = middles / (0.5 * height) - 1.0
+    return times[:, None].astype(np.float32)
 
 
-def _looked_up(maps: Sequence[Array], x: Array, y: Array, late: Array) -> tuple[Array, Array]:
+def _points_on_tag(
+    homographies: Sequence[Array], x: Array, y: Array, times: Array
+) -> tuple[Array, Array]:
     """Return the points where rays meet a tag [cells].
 
-    With three maps, at the relative times −1, 0 and 1, a quadratic in time interpolates them.
+    Three homographies are those at the relative times −1, 0 and 1; a quadratic in time interpolates
+    them.
     """
-    h = maps[0][..., None, None].astype(np.float32)
-    if len(maps) == 3:
-        before, now, after = np.array(maps, dtype=np.float32)[..., None, None]
-        h = now + late * 0.5 * (after - before) + late**2 * (0.5 * (after + before) - now)
+    h = homographies[0][..., None, None].astype(np.float32)
+    if len(homographies) == 3:
+        first, middle, last = np.array(homographies, dtype=np.float32)[..., None, None]
+        slope = last - first
+        curvature = 0.5 * (last + first) - middle
+        h = middle + times * 0.5 * slope + times**2 * curvature
     scale = h[2, 0] * x + h[2, 1] * y + h[2, 2]
     tag_x = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / scale
     tag_y = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / scale
@@ -230,14 +248,14 @@ def _picture(number: int, texels: int) -> Array:
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     bits = cv2.aruco.generateImageMarker(family, number, CELLS)
-    bordered_bits = np.pad(bits, BORDER, constant_values=255)
-    grey: Array = np.where(bordered_bits > 127, np.float32(WHITE), np.float32(BLACK))
+    is_white = np.pad(bits, BORDER, constant_values=255) > 127
+    grey: Array = np.where(is_white, np.float32(WHITE), np.float32(BLACK))
     picture: Array = np.kron(grey, np.ones((texels, texels), dtype=np.float32))
     return picture
 
 
 @lru_cache(maxsize=2)
-def _bent(
+def _lens_rays(
     focal: tuple[float, float],
     offset: tuple[float, float],
     size: tuple[int, int],
@@ -247,22 +265,27 @@ def _bent(
 
     They are NaN where the distortion cannot be inverted.
     """
-    knots = [np.linspace(0.0, side, -(-side // KNOT) + 1) for side in size]
-    fine = [(np.arange(FINER * side) + 0.5) / FINER for side in size]
     # imported here, since it takes longer to load than all other imports of a run
     from scipy.interpolate import RectBivariateSpline
 
-    pinhole = Camera(focal, size, (offset[0] + 0.5 * size[0], offset[1] + 0.5 * size[1]))
-    grid = pinhole.from_corner(np.stack(np.meshgrid(*knots), axis=-1))
-    ideal, certain = distortion.remove(pinhole.normalised(grid))
+    width, height = size
+    knots_u = np.linspace(0.0, width, math.ceil(width / KNOT) + 1)
+    knots_v = np.linspace(0.0, height, math.ceil(height / KNOT) + 1)
+    fine_u = (np.arange(FINER * width) + 0.5) / FINER
+    fine_v = (np.arange(FINER * height) + 0.5) / FINER
+    centre = (offset[0] + 0.5 * width, offset[1] + 0.5 * height)
+    pinhole = Camera(focal, size, centre)
+    grid = np.stack(np.meshgrid(knots_u, knots_v), axis=-1)
+    distorted = pinhole.normalised(pinhole.from_corner(grid))
+    ideal, certain = distortion.remove(distorted)
 
-    def interpolated(values: Array | BoolArray, degree: int) -> Array:
-        spline = RectBivariateSpline(knots[1], knots[0], values, kx=degree, ky=degree)
-        return np.asarray(spline(fine[1], fine[0]))
+    def interpolate(values: Array | BoolArray, degree: int) -> Array:
+        spline = RectBivariateSpline(knots_v, knots_u, values, kx=degree, ky=degree)
+        return np.asarray(spline(fine_v, fine_u))
 
-    x = interpolated(ideal[..., 0], 3)
-    y = interpolated(ideal[..., 1], 3)
-    beyond = interpolated(~certain, 1) > 0.0
-    x[beyond] = np.nan
-    y[beyond] = np.nan
+    x = interpolate(ideal[..., 0], 3)
+    y = interpolate(ideal[..., 1], 3)
+    is_beyond = interpolate(~certain, 1) > 0.0
+    x[is_beyond] = np.nan
+    y[is_beyond] = np.nan
     return x.astype(np.float32), y.astype(np.float32)

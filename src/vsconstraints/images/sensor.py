@@ -55,7 +55,7 @@ class SceneRenderer:
         self._seed = seed
         curves = [curve for curve in constraints if isinstance(curve, Occlusion)]
         self._moving = [curve for curve in curves if curve.motion is not None]
-        self._still = [curve for curve in curves if curve.motion is None]
+        self._fixed = [curve for curve in curves if curve.motion is None]
         self.seen_from = scene.camera_pose(q0).t
         ids = settings.tags if settings.printed is None else settings.printed
         board = Board.of_markers(scene.markers, self.seen_from, settings.tag_side_m, ids)
@@ -63,61 +63,65 @@ class SceneRenderer:
 
     def image(self, number: int, state: State) -> Pixels:
         """Render image ``number`` (H, W); ``state`` is that in the middle of its exposure."""
-        velocity = state.camera_twist[:3]
-        turning = state.camera_twist[3:]
+        linear = state.camera_twist[:3]
+        angular = state.camera_twist[3:]
 
-        def where(after: float) -> Pose:
-            if after == 0.0:
+        def motion(t: float) -> Pose:
+            if t == 0.0:
                 return state.camera
-            return state.camera @ Pose(np.asarray(pin.exp3(after * turning)), after * velocity)
+            turn = np.asarray(pin.exp3(t * angular))
+            return state.camera @ Pose(turn, t * linear)
 
-        masks = [self._before(curve, state.t) for curve in self._moving]
-        if self._still:
-            masks.append(self._always)
-        solids = self._occluders.solids(state.robot.q, state.t)
-        if solids:
-            # solids, and the board's plane, in the camera's frame
-            camera = self.scene.camera
-            eye = camera.fixed or self.scene.robot.pose(state.robot.q) @ camera.mount.inverse
-            seen = self.renderer.board.camera_in_board(state.camera)
-            plane = np.append(seen.R[2], -seen.t[2])
-            in_camera = [(points - eye.t) @ eye.R for points in solids]
-            masks.append(covered(in_camera, plane, camera))
-        hidden = np.logical_or.reduce(masks) if masks else None
+        hidden = self._fixed_curves | self._covered_by_solids(state)
+        for curve in self._moving:
+            hidden |= self._covered_by_curve(curve, state.t)
         random = np.random.default_rng((*self._seed, 3, number))
-        return self.renderer.render(where, random, hidden)
+        return self.renderer.render(motion, random, hidden)
 
     @cached_property
     def _occluders(self) -> Occluders:
         """Occluding solids, created with the first image since it may read meshes."""
         return Occluders(self.scene, self._constraints, self.settings.opaque)
 
-    @cached_property
-    def _always(self) -> BoolArray:
-        """(H, W) mask of the pixels covered by curves that do not move."""
-        masks = [self._before(curve, 0.0) for curve in self._still]
-        always: BoolArray = np.logical_or.reduce(masks)
-        return always
-
-    def _before(self, curve: Occlusion, t: float) -> BoolArray:
-        """Return the mask (H, W) of the pixels covered by a curve."""
-        shape, ideal = self._ideal
-        displaced = curve.displaced(ideal[None], np.array([t]))[0]
-        inside: BoolArray = curve.sigma(displaced) > curve.margin
-        return inside.reshape(shape)
-
-    @cached_property
-    def _ideal(self) -> tuple[tuple[int, int], Array]:
-        """Image size (H, W), and ideal pixels (H · W, 2) of all its pixels, NaN beyond the lens."""
+    def _covered_by_solids(self, state: State) -> BoolArray:
+        """Return the mask (H, W) of the pixels covered by solids."""
+        q = state.robot.q
         camera = self.scene.camera
-        W, H = map(int, camera.size)
-        v, u = np.mgrid[:H, :W]
-        centred = camera.from_corner(np.stack((u, v), axis=-1).reshape(-1, 2), "centres")
+        eye = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
+        in_board = self.renderer.board.camera_in_board(state.camera)
+        board = np.append(in_board.R[2], -in_board.t[2])
+        solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(q, state.t)]
+        return covered(solids, board, camera)
+
+    @cached_property
+    def _fixed_curves(self) -> BoolArray:
+        """(H, W) mask of the pixels covered by curves that do not move."""
+        width, height = map(int, self.scene.camera.size)
+        mask = np.zeros((height, width), dtype=np.bool_)
+        for curve in self._fixed:
+            mask |= self._covered_by_curve(curve, 0.0)
+        return mask
+
+    def _covered_by_curve(self, curve: Occlusion, t: float) -> BoolArray:
+        """Return the mask (H, W) of the pixels covered by a curve."""
+        displaced = curve.displaced(self._ideal_pixels, np.array([t]))[0]
+        width, height = map(int, self.scene.camera.size)
+        inside: BoolArray = curve.sigma(displaced) > curve.margin
+        return inside.reshape(height, width)
+
+    @cached_property
+    def _ideal_pixels(self) -> Array:
+        """Ideal pixels (1, H · W, 2) of all pixels of an image, NaN beyond the lens."""
+        camera = self.scene.camera
+        width, height = map(int, camera.size)
+        v, u = np.mgrid[:height, :width]
+        grid = np.stack((u, v), axis=-1).reshape(1, -1, 2)
+        centred = camera.from_corner(grid, "centres")
         if camera.distortion is None:
-            return (H, W), centred
+            return centred
         ideal, certain = camera.distortion.remove(camera.normalised(centred))
         ideal[~certain] = np.nan
-        return (H, W), camera.pixels(ideal)
+        return camera.pixels(ideal)
 
 
 class Exposure(NamedTuple):
@@ -133,8 +137,8 @@ class Exposure(NamedTuple):
     camera: Pose
 
 
-class _Memory(NamedTuple):
-    """Last usable image.
+class _UsableImage(NamedTuple):
+    """Image with tags from which a pose was measured.
 
     The fields are the time of exposure [s], the camera's pose as measured and according to the
     model, and the measured pixels.
@@ -189,10 +193,11 @@ class ImageSensor(Sensor):
         """Begin a new run with the same noise."""
         super().reset()
         self.exposures = []
-        self._waiting: deque[tuple[float, _Memory | None]] = deque()
-        self._last: _Memory | None = None
-        self._taken = -1
-        self._braked = 0
+        #: Images with the times from which they can be used [s]; None if one is not usable.
+        self._waiting: deque[tuple[float, _UsableImage | None]] = deque()
+        self._last: _UsableImage | None = None
+        self._number = -1  # of the last image
+        self._braked_samples = 0
         self.blind = False
         self._newest: tuple[int, Measurement] | None = None
 
@@ -214,11 +219,12 @@ class ImageSensor(Sensor):
 
     def _measured(self, t: float, q: Array, qd: Array) -> Measurement:
         number = self.settings.number(t)
-        if number > self._taken:
-            self._taken = number
+        if number > self._number:
+            self._number = number
             self._take(number, t, q, qd)
         while self._waiting and self._waiting[0][0] <= t + 1e-9:
-            self._last = self._waiting.popleft()[1] or self._last
+            _, image = self._waiting.popleft()
+            self._last = image or self._last
         last = self._last
         if last is None:
             tags = self.exposures[0].tags
@@ -231,7 +237,7 @@ class ImageSensor(Sensor):
         settings = self.settings
         longest = settings.latency_s + 1.0 / settings.rate_hz + settings.patience_s
         self.blind = t - last.taken > longest
-        self._braked += self.blind
+        self._braked_samples += self.blind
         if settings.depth == "pose":
             Z = self._model.depth(last.camera)
         elif settings.depth == "model":
@@ -245,15 +251,19 @@ class ImageSensor(Sensor):
         """Render an image and evaluate it at once, ahead of its latency."""
         state = self.scene.evaluate(t, q, qd)
         model = self._model.camera_pose(q, t)
-        last = self._last
-        near = None if last is None else last.camera @ (last.model.inverse @ model)
+        expected = None
+        if self._last is not None:
+            motion = self._last.model.inverse @ model
+            expected = self._last.camera @ motion
         image = self._renderer.image(number, state)
-        seen = locate_board(image, self._detector, self._board, self.camera, near)
-        self.exposures.append(Exposure(t, seen, state.pixels.position, state.camera))
-        memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
+        tags = locate_board(image, self._detector, self._board, self.camera, expected)
+        self.exposures.append(Exposure(t, tags, state.pixels.position, state.camera))
+        usable = None
+        if tags.camera is not None:
+            usable = _UsableImage(t, tags.camera, model, tags.pixels)
         # the loop waits for the first image
         latency = self.settings.latency_s if number else 0.0
-        self._waiting.append((t + latency, memory))
+        self._waiting.append((t + latency, usable))
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
         """Return the newest usable image, see :meth:`.Sensor.newest`."""
@@ -279,8 +289,7 @@ class ImageSensor(Sensor):
             remarks.append(
                 f"tags were seen that are not the board's: {', '.join(map(str, foreign))}"
             )
-        if self._braked:
-            remarks.append(
-                f"without a usable image, the arm was braked for {self._braked * self._Ts:.3g} s"
-            )
+        if self._braked_samples:
+            time = self._braked_samples * self._Ts
+            remarks.append(f"without a usable image, the arm was braked for {time:.3g} s")
         return remarks

@@ -91,6 +91,6 @@ class ImageSettings:
         """Return the number of the last image that is due at t [s]."""
         return math.floor(t * self.rate_hz + 1e-6)
 
-    def looked_for(self, markers: int) -> tuple[int, ...]:
+    def expected_tags(self, markers: int) -> tuple[int, ...]:
         """Return the numbers of the tags to detect for a number of markers."""
         return tuple(range(markers)) if self.tags is None else tuple(self.tags)

@@ -20,8 +20,6 @@ BEFORE = 1e-3
 #: largest radius that is drawn.
 PART = 0.02
 WIDEST = 10.0
-#: Square around the invertible disc of a lens, for a unit radius.
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
 SHIFT = 4  #: Fractional bits to which corners are rounded [px].
 
 
@@ -52,18 +50,19 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
 
     seen = clipped(points, np.array([0.0, 0.0, 1.0, NEAR]))
     seen = clipped(seen, np.append(-board[:3], BEFORE - board[3]))
+    if camera.distortion is not None:
+        # the square |x|, |y| ≤ reach around the invertible disc of the lens
+        reach = min(camera.distortion.reach, WIDEST)
+        for normal in ((1, 0, reach), (-1, 0, reach), (0, 1, reach), (0, -1, reach)):
+            seen = clipped(seen, np.array([*normal, 0.0]))
     if len(seen) < 3:
         return None
-    outline = cv2.convexHull((seen[:, :2] / seen[:, 2:]).astype(np.float32))[:, 0]
+    normalised = seen[:, :2] / seen[:, 2:]
+    outline = cv2.convexHull(normalised.astype(np.float32))[:, 0]
     if camera.distortion is not None:
-        reach = np.float32(min(camera.distortion.reach, WIDEST))
-        _, within = cv2.intersectConvexConvex(outline, reach * SQUARE)
-        if within is None:
-            return None
-        outline = _finely(within[:, 0])
-    corners: Array = camera.to_corner(
-        camera.distort(camera.pixels(outline.astype(np.float64))), "centres"
-    )
+        outline = _finely(outline)
+    pixels = camera.distort(camera.pixels(outline.astype(np.float64)))
+    corners: Array = camera.to_corner(pixels, "centres")
     return corners
 
 
@@ -84,18 +83,20 @@ def clipped(points: Array, plane: Array) -> Array:
     """
     import cv2
 
-    inside = points @ plane[:3] - plane[3]
-    kept = inside >= 0.0
-    left: Array = points[kept]
-    if kept.all() or not kept.any():
-        return left
+    height = points @ plane[:3] - plane[3]
+    is_kept = height >= 0.0
+    kept: Array = points[is_kept]
+    if is_kept.all() or not is_kept.any():
+        return kept
     # points where segments from a kept point to a removed one meet the plane
-    begins = left[:, None]
-    ends = points[~kept]
-    height = inside[kept][:, None]
-    share = height / (height - inside[~kept])
-    cut = (begins + share[..., None] * (ends - begins)).reshape(-1, 3)
+    begins = kept[:, None]
+    ends = points[~is_kept]
+    above = height[is_kept][:, None]
+    share = above / (above - height[~is_kept])
+    cut = begins + share[..., None] * (ends - begins)
+    cut = cut.reshape(-1, 3)
     # the new points lie in the plane: the hull of the cut suffices
-    flat = np.delete(cut, np.argmax(np.abs(plane[:3])), axis=1)
+    steepest = np.argmax(np.abs(plane[:3]))
+    flat = np.delete(cut, steepest, axis=1)
     corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False).ravel()
-    return np.concatenate([left, cut[corners]])
+    return np.concatenate([kept, cut[corners]])

@@ -57,34 +57,44 @@ def locate_board(
             f"an image of {width} × {height} px, with a camera calibrated for {W:g} × {H:g} px"
         )
     tags = detector.find(image)
-    M = len(board.ids)
-    marker_of = {int(number): i for i, number in enumerate(board.ids)}
+    ids = board.ids.tolist()
     numbers = tags.ids.tolist()
-    usable = np.array(
-        [number in marker_of and numbers.count(number) == 1 for number in numbers], dtype=np.bool_
+    usable = []  # indices of detected tags
+    markers = []  # their markers
+    foreign = set()
+    for k, number in enumerate(numbers):
+        if number in ids and numbers.count(number) == 1:
+            usable.append(k)
+            markers.append(ids.index(number))
+        else:
+            foreign.add(number)
+    seen = np.zeros(len(ids), dtype=np.bool_)
+    measurement = TagPose(
+        camera=None,
+        pixels=np.full((len(ids), 2), np.nan),
+        seen=seen,
+        foreign=tuple(sorted(foreign)),
     )
-    foreign = tuple(sorted({*tags.ids[~usable].tolist()}))
-    pixels = np.full((M, 2), np.nan)
-    seen = np.zeros(M, dtype=np.bool_)
-    markers = np.array([marker_of[number] for number in tags.ids[usable].tolist()], dtype=np.int64)
-    if len(markers):
-        measured = camera.from_corner(tags.corners[usable], detector.counts)
-        corners, certain = _undistorted(camera, measured)
-        markers = markers[certain]
-        corners = corners[certain]
-    if not len(markers):
-        return TagPose(None, pixels, seen, foreign=foreign)
-    flat = board.corners[markers].reshape(-1, 2)
+    if not markers:
+        return measurement
+    measured = camera.from_corner(tags.corners[usable], detector.counts)
+    corners, certain = _undistorted(camera, measured)
+    corners = corners[certain]
+    located = np.array(markers)[certain]
+    if not len(located):
+        return measurement
+    flat = board.corners[located].reshape(-1, 2)
     expected = None if near is None else board.camera_in_board(near)
     pose, residual = board_pose(flat, camera.normalised(corners.reshape(-1, 2)), expected)
-    residual_px = residual * float(np.mean(camera.focal))
-    if pose is None or residual_px > MAX_RESIDUAL:
-        return TagPose(None, pixels, seen, residual_px, foreign, unfit=True)
-    P = (np.pad(board.corners[:, 0], ((0, 0), (0, 1))) - pose.t) @ pose.R
+    measurement = measurement._replace(residual_px=residual * float(np.mean(camera.focal)))
+    if pose is None or measurement.residual_px > MAX_RESIDUAL:
+        return measurement._replace(unfit=True)
+    points = np.pad(board.corners[:, 0], ((0, 0), (0, 1)))
+    P = (points - pose.t) @ pose.R
     pixels = camera.pixels(P[:, :2] / P[:, 2:])
-    pixels[markers] = corners[:, 0]
-    seen[markers] = True
-    return TagPose(board.pose @ pose, pixels, seen, residual_px, foreign)
+    pixels[located] = corners[:, 0]
+    seen[located] = True
+    return measurement._replace(camera=board.pose @ pose, pixels=pixels)
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
@@ -120,31 +130,34 @@ def board_pose(
     if not found:
         return None, np.nan
     middle = points.mean(axis=0)
-    R = cv2.Rodrigues(turn)[0]
+    R, _ = cv2.Rodrigues(turn)
     sight = R @ middle + shift.ravel()
     mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
-    candidates: list[tuple[float, Pose]] = []
-    for start in (R, mirror @ R @ np.diag((1.0, 1.0, -1.0))):
+    mirrored = mirror @ R @ np.diag((1.0, 1.0, -1.0))
+    candidates: list[tuple[Pose, float]] = []
+    for start in (R, mirrored):
+        start_turn, _ = cv2.Rodrigues(start)
+        start_shift = sight - start @ middle
         turn, shift = cv2.solvePnPRefineLM(
             points,
             normalised,
             intrinsics,
             None,
-            cv2.Rodrigues(start)[0],
-            (sight - start @ middle)[:, None],
+            start_turn,
+            start_shift[:, None],
         )
-        R = cv2.Rodrigues(turn)[0]
+        R, _ = cv2.Rodrigues(turn)
         t = shift.ravel()
         P = points @ R.T + t
         if np.isfinite(P).all() and (P[:, 2] > 0.0).all():
             deviation = P[:, :2] / P[:, 2:] - normalised
             error = float(np.sqrt((deviation**2).sum(axis=1).mean()))
-            candidates.append((error, Pose(R, t).inverse))
+            candidates.append((Pose(R, t).inverse, error))
     if not candidates:
         return None, np.nan
-    least, pose = min(candidates, key=lambda candidate: candidate[0])
+    candidates.sort(key=lambda candidate: candidate[1])
     if near is None:
-        return pose, least
-    plausible = [candidate for candidate in candidates if candidate[0] <= AS_GOOD * least]
-    error, pose = min(plausible, key=lambda candidate: distance(candidate[1], near)[1])
-    return pose, error
+        return candidates[0]
+    least = candidates[0][1]
+    plausible = [(pose, error) for pose, error in candidates if error <= AS_GOOD * least]
+    return min(plausible, key=lambda candidate: distance(candidate[0], near)[1])

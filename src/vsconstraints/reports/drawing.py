@@ -12,8 +12,6 @@ from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
-
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
@@ -81,10 +79,10 @@ class ScenarioJob:
 
     def files(self) -> dict[str, Path]:
         """Return the files of the trajectories, by controller."""
-        return {
-            name: run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN)
-            for name in self.finished
-        }
+        files = {}
+        for name in self.finished:
+            files[name] = run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN)
+        return files
 
 
 @dataclass
@@ -144,16 +142,15 @@ def scenario_jobs(
     stored = results.stored
     jobs = []
     for name in scenarios:
-        finished = tuple(
-            law
-            for law in results.controllers
-            if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, law))
-        )
+        finished = []
+        for law in results.controllers:
+            if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, law)):
+                finished.append(law)
         job = ScenarioJob(
             folder=stored.folder,
             scenario=stored.scenarios[name],
             groups=results.groups,
-            finished=finished,
+            finished=tuple(finished),
             seed=results.seed,
             rows=results.rows_shown(name),
             formats=formats,
@@ -173,11 +170,12 @@ def draw_all(
     Return the text that shows the figure of the comparison, and the drawn figures by scenario.
     Failures are recorded in both.
     """
-    jobs = scenario_jobs(results, scenarios, formats)
+    calls: dict[Any, tuple[Any, ...]] = {}
+    for job in scenario_jobs(results, scenarios, formats):
+        calls[job.scenario.name] = draw_scenario, job
+    here = [*calls, None] if len(calls) <= IN_PROCESS else []
     # The call for the whole comparison has the key None.
-    calls: dict[Any, tuple[Any, ...]] = {job.scenario.name: (draw_scenario, job) for job in jobs}
     calls[None] = draw_overview, results, results.stored.folder / "figures", formats
-    here = calls if len(jobs) <= IN_PROCESS else ()
     drawn: dict[Any, Any] = run_all(_call, calls, here=here, on_progress=on_drawn)
     overview = drawn.pop(None)
     if isinstance(overview, Failure):
@@ -203,17 +201,19 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     try:
         setup = job.scenario.setup(TRIAL_SHOWN, job.seed)
     except Exception as error:  # for example a robot file that has been moved
-        why = f"{type(error).__name__}: {error}"
-        shown = "the figures show no goals and no boundaries"
-        drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
+        drawn.problems.append(
+            f"The scenario cannot be built here ({type(error).__name__}: {error}); "
+            "the figures show no goals and no boundaries."
+        )
     views = {}
     for group in job.groups:
         view = View(setup, runs, group.controllers, job.rows.phi)
         if view.competitors or len(job.groups) == 1:
             lanes = acting_in(job.rows.lanes, [runs[law] for law in view.competitors])
             views[group.suffix] = replace(view, lane_rows=lanes)
-    for figure, (suffix, view) in product((*FIGURES, *figures_of_parts()), views.items()):
-        _draw_figure(job, figure, view, suffix, drawn)
+    for figure in (*FIGURES, *figures_of_parts()):
+        for suffix, view in views.items():
+            _draw_figure(job, figure, view, suffix, drawn)
     return drawn
 
 
@@ -241,8 +241,8 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     for name, path in job.files().items():
         record = RunRecord.load(path, most_samples(job.scenario.tables))
         if record is None:
-            why = "cannot be read" if path.exists() else "is missing"
-            drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
+            defect = "cannot be read" if path.exists() else "is missing"
+            drawn.problems.append(f"The trajectory of {name} {defect}; the figures leave it out.")
         elif len(record.trajectory.t) < 2:
             drawn.problems.append(
                 f"The run of {name} left no trajectory; the figures leave it out."
@@ -260,11 +260,13 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
 
 def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
     """Return the rows that are active in at least one of these runs."""
-    acted = set[str]()
+    active = set[str]()
     for run in runs:
         trajectory = run.trajectory
-        acted.update(trajectory.labels[i] for i in np.flatnonzero(trajectory.active.any(axis=0)))
-    return tuple(label for label in labels if label in acted)
+        for label, is_active in zip(trajectory.labels, trajectory.active.T, strict=True):
+            if is_active.any():
+                active.add(label)
+    return tuple(label for label in labels if label in active)
 
 
 def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
@@ -280,10 +282,16 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
                 f" {left_out} runs that did not converge, or were not limited by any row, "
                 "are left out."
             )
-        needed = results, group.controllers
-        texts.append(
-            picture(OVERVIEW, folder, formats, *needed, suffix=group.suffix, remark=remark)
+        text = picture(
+            OVERVIEW,
+            folder,
+            formats,
+            results,
+            group.controllers,
+            suffix=group.suffix,
+            remark=remark,
         )
+        texts.append(text)
     return "\n\n".join(filter(None, texts))
 
 
@@ -294,13 +302,17 @@ def remove_stale(
 
     Without ``figures`` the figures of scenarios are removed.
     """
+    current = set[str]()
+    for file, kind in product(kept, formats):
+        current.add(PurePath(file).with_suffix(f".{kind}").name)
     starts = [figure.name for figure in figures]
     if not figures:
         starts = [f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())]
-    current = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
+    # A group of controllers has a number after the figure's name.
     for start, end in product(starts, (".*", "--*")):
         for path in list(folder.glob(start + end)):
-            if path.suffix.removeprefix(".") in FORMATS and path.name not in current:
+            is_figure = path.suffix.removeprefix(".") in FORMATS
+            if is_figure and path.name not in current:
                 path.unlink(missing_ok=True)
 
 

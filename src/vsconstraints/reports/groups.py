@@ -40,12 +40,13 @@ def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
     """Return type, options and required information of a controller of a manifest, for a table."""
     options = []
     for key, value in entry.items():
+        if key == "type":
+            continue
         if isinstance(value, float):
             value = number(value)
         elif isinstance(value, Mapping):
             value = toml_text(value)
-        if key != "type":
-            options.append(f"{key} = {value}")
+        options.append(f"{key} = {value}")
     information = information_text(required_information(name, entry))
     return [plain(entry.get("type", name)), plain(", ".join(options)) or "defaults", information]
 
@@ -61,12 +62,13 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     Groups are as few and as even in size as :data:`MAX_LAWS` allows.
     """
     laws = [name for name in entries if name != BASELINE]
-    baseline = [name for name in entries if name == BASELINE]
-    count = max(math.ceil(len(laws) / MAX_LAWS), 1)
+    baseline = [BASELINE] if BASELINE in entries else []
+    if len(laws) <= MAX_LAWS:
+        return (Group((*baseline, *laws)),)
+    count = math.ceil(len(laws) / MAX_LAWS)
     groups = []
     for k in range(count):
         begin = len(laws) * k // count
         end = len(laws) * (k + 1) // count
-        suffix = f"--{k + 1}" if count > 1 else ""
-        groups.append(Group((*baseline, *laws[begin:end]), suffix))
+        groups.append(Group((*baseline, *laws[begin:end]), f"--{k + 1}"))
     return tuple(groups)

@@ -14,25 +14,30 @@ from ..errors import StorageError
 from .page import details_of, parser
 
 FOLDER = "tables"  #: Folder beside the report.
-TEXT = (
-    r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} "
-    r"\ \textbackslash{} < \textless{}"
-)
-TEXT += r" > \textgreater{} | \textbar{} – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}"
-MATHEMATICS = (
-    r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in "
-    r"→ \to ‖ \| √ \surd ² ^2"
-)
-MATHEMATICS += (
-    r" ³ ^3 ⁺ ^+ ₛ _s α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon "
-    r"η \eta κ \kappa λ \lambda"
-)
-MATHEMATICS += r" µ \mu μ \mu π \pi ρ \rho Σ \Sigma σ \sigma τ \tau φ \phi ψ \psi ω \omega"
-#: Characters that LaTeX reads differently or writes differently.
-LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
-    char: rf"\ensuremath{{{name}}}"
-    for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
-}
+#: Characters that LaTeX reads or writes differently in text, each followed by its replacement.
+CHARACTERS = r"""
+    & \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{}
+    \ \textbackslash{} < \textless{} > \textgreater{} | \textbar{}
+    – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}
+"""
+#: Mathematical symbols, each followed by its command.
+SYMBOLS = r"""
+    − - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in
+    → \to ‖ \| √ \surd ² ^2 ³ ^3 ⁺ ^+ ₛ _s
+    α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon η \eta κ \kappa λ \lambda
+    µ \mu μ \mu π \pi ρ \rho Σ \Sigma σ \sigma τ \tau φ \phi ψ \psi ω \omega
+"""
+
+
+def _pairs(text: str) -> dict[str, str]:
+    words = text.split()
+    return dict(zip(words[::2], words[1::2], strict=True))
+
+
+#: LaTeX code of each of these characters.
+LATEX = _pairs(CHARACTERS)
+for _symbol, _command in _pairs(SYMBOLS).items():
+    LATEX[_symbol] = rf"\ensuremath{{{_command}}}"
 #: Derivatives: combining characters after their letter.
 ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}
 MARKS = {
@@ -57,14 +62,13 @@ def write_tables(report: Path) -> Path:
         folder.mkdir(exist_ok=True)
         for old in folder.glob("*.tex"):
             old.unlink()
-        parts = [
-            part.read_text(encoding="utf-8")
-            for part in (report, details_of(report))
-            if part.is_file()
-        ]
+        parts = []
+        for path in (report, details_of(report)):
+            if path.is_file():
+                parts.append(path.read_text(encoding="utf-8"))
         for name, text in latex_tables("\n".join(parts)):
-            with replaced(folder / f"{name}.tex") as part:
-                part.write_text(text, encoding="utf-8")
+            with replaced(folder / f"{name}.tex") as file:
+                file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StorageError(f"the tables cannot be written to {folder}: {error}") from error
     return folder
@@ -72,40 +76,42 @@ def write_tables(report: Path) -> Path:
 
 def latex_tables(markdown: str) -> Iterator[tuple[str, str]]:
     """Yield names and texts of the tables in a Markdown text, in their order."""
-    name = "table"
-    columns = ""
-    cells = list[str]()
+    heading = "table"
     count = Counter[str]()
+    columns = ""
+    cells: list[str] = []
     lines: list[str] = []
     tokens = parser().parse(markdown)
-    for token, following in zip(tokens, [*tokens[1:], None], strict=True):
-        if token.type == "heading_open" and following:
-            name = re.sub(r"[^a-z0-9]+", "-", following.content.lower()).strip("-") or "table"
-        elif token.type in ("th_open", "td_open") and following:
-            columns += (
-                ("r" if "right" in str(token.attrGet("style")) else "l")
-                if token.type == "th_open"
-                else ""
-            )
-            cells.append(_inline(following))
+    for k, token in enumerate(tokens):
+        if token.type == "heading_open":
+            words = re.findall("[a-z0-9]+", tokens[k + 1].content.lower())
+            heading = "-".join(words) or "table"
+        elif token.type in ("th_open", "td_open"):
+            cells.append(_inline(tokens[k + 1]))
+            if token.type == "th_open":
+                columns += "r" if "right" in str(token.attrGet("style")) else "l"
         elif token.type == "tr_close":
             lines.append(" & ".join(cells) + r" \\")
             cells = []
         elif token.type == "table_close":
-            count[name] += 1
-            parts = [
-                rf"\begin{{tabular}}{{{columns}}}",
-                r"\toprule",
-                lines[0],
-                r"\midrule",
-                *lines[1:],
-            ]
-            yield (
-                f"{name}-{count[name]}",
-                "\n".join([*parts, r"\bottomrule", r"\end{tabular}"]) + "\n",
-            )
+            count[heading] += 1
+            yield f"{heading}-{count[heading]}", _tabular(columns, *lines)
             columns = ""
             lines = []
+
+
+def _tabular(columns: str, header: str, *lines: str) -> str:
+    """Return a table with horizontal rules; ``columns`` has one letter for each alignment."""
+    parts = (
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        header,
+        r"\midrule",
+        *lines,
+        r"\bottomrule",
+        r"\end{tabular}",
+    )
+    return "\n".join(parts) + "\n"
 
 
 def latex(text: str) -> str:
@@ -117,20 +123,20 @@ def latex(text: str) -> str:
 
 
 def _inline(token: Token) -> str:
-    parts = []
+    text = ""
     for child in token.children or []:
         if child.type == "code_inline":
-            parts.append(rf"\texttt{{{_escaped(child.content.strip())}}}")
+            text += rf"\texttt{{{_escaped(child.content.strip())}}}"
+        elif child.type == "text":
+            text += _escaped(child.content)
         else:
-            parts.append(
-                MARKS.get(child.type) or (_escaped(child.content) if child.type == "text" else "")
-            )
-    return "".join(parts)
+            text += MARKS.get(child.type, "")
+    return text
 
 
 def _escaped(text: str) -> str:
-    pieces = (
-        (LATEX.get(char, char), accent)
-        for char, accent in re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL)
-    )
-    return "".join(f"{ACCENTS[accent]}{{{char}}}" if accent else char for char, accent in pieces)
+    escaped = ""
+    for char, accent in re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL):
+        letter = LATEX.get(char, char)
+        escaped += f"{ACCENTS[accent]}{{{letter}}}" if accent else letter
+    return escaped

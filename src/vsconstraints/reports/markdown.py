@@ -27,15 +27,18 @@ class Table(str):
     ) -> Table:
         """Return the table of these cells in Markdown."""
         lines = [list(line) for line in lines]
-        columns = list(zip(header, *lines, strict=False))
-        others = len(header) - 1
-        count = max(1, math.ceil(others / (MAX_COLUMNS - 1)))
         blocks = []
-        for k in range(count if lines else 0):
-            chosen = range(1 + others * k // count, 1 + others * (k + 1) // count)
-            block = [_aligned(columns[j], left=j < text_columns) for j in (0, *chosen)]
-            rows = zip(*block, strict=True)
-            blocks.append("\n".join(f"| {' | '.join(row)} |" for row in rows))
+        if lines:
+            columns = []
+            for j, column in enumerate(zip(header, *lines, strict=False)):
+                columns.append(_aligned(column, left=j < text_columns))
+            first, *others = columns
+            count = max(1, math.ceil(len(others) / (MAX_COLUMNS - 1)))
+            for k in range(count):
+                begin = len(others) * k // count
+                end = len(others) * (k + 1) // count
+                rows = zip(first, *others[begin:end], strict=True)
+                blocks.append("\n".join(f"| {' | '.join(row)} |" for row in rows))
         table = super().__new__(cls, "\n\n".join(blocks))
         table.header = header
         table.lines = lines
@@ -44,16 +47,18 @@ class Table(str):
 
 def _aligned(column: Sequence[str], left: bool) -> list[str]:
     """Return the cells of a column with equal widths, and the rule below its header."""
-    # A bar ends a cell even inside code.
-    cells = [re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in column]
+    cells = []
+    for text in column:
+        text = " ".join(text.split())
+        # A bar ends a cell even inside code.
+        cells.append(re.sub(r"(?<!\\)\|", r"\\|", text))
     width = max(3, *map(cell_len, cells))
-    spaces = [" " * (width - cell_len(text)) for text in cells]
-    if left:
-        rule = ":" + "-" * (width - 1)
-        padded = [text + space for text, space in zip(cells, spaces, strict=True)]
-    else:
-        rule = "-" * (width - 1) + ":"
-        padded = [space + text for text, space in zip(cells, spaces, strict=True)]
+    padded = []
+    for text in cells:
+        space = " " * (width - cell_len(text))
+        padded.append(text + space if left else space + text)
+    dashes = "-" * (width - 1)
+    rule = f":{dashes}" if left else f"{dashes}:"
     return [padded[0], rule, *padded[1:]]
 
 
@@ -97,4 +102,7 @@ def first_names(names: Iterable[str], most: int) -> list[str]:
     The list has at most ``most`` entries.
     """
     names = list(dict.fromkeys(names))
-    return names if len(names) <= most else [*names[: most - 1], f"{len(names) - most + 1} more"]
+    if len(names) <= most:
+        return names
+    left_out = len(names) - most + 1
+    return [*names[: most - 1], f"{left_out} more"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -23,8 +23,9 @@ def number(value: float) -> str:
         mantissa, exponent = f"{size:.2e}".split("e")
         text = f"{mantissa}e{int(exponent)}"
     else:
-        text = f"{size:.{max(0, 2 - math.floor(math.log10(size)))}f}"
-    return "−" * (rounded < 0.0) + text
+        decimals = max(0, 2 - math.floor(math.log10(size)))
+        text = f"{size:.{decimals}f}"
+    return f"−{text}" if rounded < 0.0 else text
 
 
 def error(value: float) -> str:
@@ -64,13 +65,18 @@ def of_length(tolerance: float) -> str:
 
 def median(values: Sequence[float]) -> float:
     """Return the median of the finite values, NaN if there is none."""
-    exist = [value for value in values if math.isfinite(value)]
-    return float(np.median(exist)) if exist else math.nan
+    finite = finite_values(values)
+    return float(np.median(finite)) if finite else math.nan
 
 
 def largest(values: Sequence[float]) -> float:
     """Return the greatest of the finite values, NaN if there is none."""
-    return max((value for value in values if math.isfinite(value)), default=math.nan)
+    return max(finite_values(values), default=math.nan)
+
+
+def finite_values(values: Iterable[float]) -> list[float]:
+    """Return the values that are neither NaN nor infinite."""
+    return [value for value in values if math.isfinite(value)]
 
 
 def over_trials(values: Sequence[float], show: Format = number) -> str:
@@ -78,10 +84,10 @@ def over_trials(values: Sequence[float], show: Format = number) -> str:
 
     A dash is returned if no value is finite.
     """
-    exist = [value for value in values if math.isfinite(value)]
-    if not exist:
+    finite = finite_values(values)
+    if not finite:
         return show(math.nan)
-    middle = show(median(exist))
-    least = show(min(exist))
-    greatest = show(max(exist))
+    middle = show(median(finite))
+    least = show(min(finite))
+    greatest = show(max(finite))
     return middle if least == greatest else f"{middle} [{least}–{greatest}]"

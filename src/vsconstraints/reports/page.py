@@ -63,9 +63,11 @@ def render(template: Path, **context: Any) -> str:
 
 def _table(text: str, text_columns: int = 1) -> str:
     """Return lines of cells separated by ¦ as a table, empty if only the header is given."""
-    header, *lines = (
-        [cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip()
-    )
+    rows = []
+    for line in text.splitlines():
+        if line.strip():
+            rows.append([cell.strip() for cell in line.split("¦")])
+    header, *lines = rows
     return f"{Table(header, lines, text_columns)}\n" if lines else ""
 
 
@@ -101,7 +103,9 @@ def write_pages(
         report: DETAILS.sub(link, text),
         page_of(report): html_page(text, interactive, script),
     }
-    details = [f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text)]
+    details = []
+    for summary, content in DETAILS.findall(text):
+        details.append(f"## {summary}\n\n{content}\n")
     if details:
         title = text.partition("\n")[0]
         sections = "\n".join(details).replace("](#", "](report.md#")

@@ -75,7 +75,7 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
     leading = [name for name, count in results.clean.items() if count == most]
     if len(leading) == len(results.competitors) or not results.challenged_scenarios:
         leading = []
-    robots = [scenario.robot_name(each) for each in results.stored.scenarios.values()]
+    robots = map(scenario.robot_name, results.stored.scenarios.values())
     readings = []
     if any(scene.files for scene in drawn.values()):
         readings = [figure.reading for figure in FIGURES]

@@ -39,21 +39,20 @@ class Results:
         self.trials = int(configuration.get("trials", 1))
         self.seed = int(configuration.get("seed", 0))
         self.groups = grouped(configuration["controllers"])
-        shown = [name for group in self.groups for name in group.controllers]
-        self.controllers = tuple(dict.fromkeys(shown))
-        self.competitors = tuple(name for name in self.controllers if name != BASELINE)
+        controllers = dict[str, None]()  # the baseline is in several groups
+        for group in self.groups:
+            controllers |= dict.fromkeys(group.controllers)
+        self.controllers = tuple(controllers)
+        self.competitors = tuple(name for name in controllers if name != BASELINE)
         #: Controllers that are programs in processes of their own.
-        self.external = frozenset(
-            name
-            for name, table in configuration["controllers"].items()
-            if table.get("type") == stack_law()
+        self.external = set[str]()
+        for name, table in configuration["controllers"].items():
+            if table.get("type") == stack_law():
+                self.external.add(name)
+        self._runs = _by_scenario_and_controller(
+            sorted(stored.results, key=lambda line: line["trial"])
         )
-        self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
-        self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)
-        for line in sorted(stored.results, key=lambda line: line["trial"]):
-            self._runs[line["scenario"], line["controller"]].append(line)
-        for line in stored.constraints:
-            self._rows[line["scenario"], line["controller"]].append(line)
+        self._rows = _by_scenario_and_controller(stored.constraints)
         self.planned = len(self.scenarios) * len(self.controllers) * self.trials
         self.finished = sum(len(self.all_runs(name)) for name in self.controllers)
 
@@ -81,15 +80,18 @@ class Results:
     @cached_property
     def clean(self) -> dict[str, int]:
         """Number of runs that converged without violation by the strict standard, by competitor."""
-        return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
+        return self._clean_counts("violated")
 
     @cached_property
     def clean_tolerant(self) -> dict[str, int]:
         """Number of runs that converged without violation by the tolerant standard."""
-        return {
-            name: sum(clean(run, "violated_tolerant") for run in self.all_runs(name))
-            for name in self.competitors
-        }
+        return self._clean_counts("violated_tolerant")
+
+    def _clean_counts(self, standard: str) -> dict[str, int]:
+        counts = {}
+        for name in self.competitors:
+            counts[name] = sum(clean(run, standard) for run in self.all_runs(name))
+        return counts
 
     @cached_property
     def challenged_scenarios(self) -> list[str]:
@@ -128,8 +130,8 @@ class Results:
 
     def challenged(self, scenario: str) -> tuple[str, ...]:
         """Return the labels of the rows that a scenario challenges in any trial."""
-        hit = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
-        return tuple(label for label in self.labels(scenario) if label in hit)
+        challenged = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
+        return tuple(label for label in self.labels(scenario) if label in challenged)
 
     def rows_shown(self, scenario: str) -> RowsShown:
         """Return the rows that figures of a scenario show."""
@@ -141,11 +143,16 @@ class Results:
         If it violates none, no controller is marked as the best.
         """
         baseline = self.runs(scenario, BASELINE)
-        return (
-            bool(self.challenged(scenario))
-            or not baseline
-            or any(violated(line) for line in baseline)
-        )
+        if not baseline or self.challenged(scenario):
+            return True
+        return any(violated(line) for line in baseline)
+
+
+def _by_scenario_and_controller(lines: Iterable[Line]) -> dict[tuple[str, str], list[Line]]:
+    groups: dict[tuple[str, str], list[Line]] = defaultdict(list)
+    for line in lines:
+        groups[line["scenario"], line["controller"]].append(line)
+    return groups
 
 
 class RowsShown(NamedTuple):
@@ -165,26 +172,29 @@ class RowsShown(NamedTuple):
         φ is shown of rows that are challenged or violated by a competitor; without any of these, of
         rows that were active.
         """
-        relevant = defaultdict[str, bool](bool)
-        seconds = defaultdict[str, float](float)
+        is_relevant: dict[str, bool] = {}
+        active_time = defaultdict[str, float](float)  # of all competitors [s]
         for line in lines:
             label = line["constraint"]
-            relevant[label] |= bool(line["challenged"])
+            is_challenged = bool(line["challenged"])
+            is_violated = False
             if line.get("controller") != BASELINE:
-                relevant[label] |= line["violation_depth"] > 0.0
-                seconds[label] += line["active_time_s"]
-        acting = [label for label in relevant if seconds[label] > 0.0]
-        plotted = [label for label in relevant if relevant[label]] or acting
+                is_violated = line["violation_depth"] > 0.0
+                active_time[label] += line["active_time_s"]
+            is_relevant[label] = is_relevant.get(label, False) or is_challenged or is_violated
+        relevant = [label for label in is_relevant if is_relevant[label]]
+        active = [label for label in is_relevant if active_time[label] > 0.0]
 
         def importance(label: str) -> tuple[bool, float]:
-            return relevant[label], seconds[label]
+            return is_relevant[label], active_time[label]
 
         def most_important(labels: Sequence[str], count: int) -> tuple[str, ...]:
-            kept = sorted(labels, key=importance, reverse=True)[:count]
-            return tuple(label for label in labels if label in kept)
+            chosen = sorted(labels, key=importance, reverse=True)[:count]
+            return tuple(label for label in labels if label in chosen)
 
-        lanes = most_important(acting, MAX_LANES)
-        return cls(most_important(plotted, MAX_PHI), lanes, len(acting) - len(lanes))
+        phi = most_important(relevant or active, MAX_PHI)
+        lanes = most_important(active, MAX_LANES)
+        return cls(phi, lanes, hidden=len(active) - len(lanes))
 
 
 def _was_timed(line: Line) -> bool:
@@ -220,7 +230,9 @@ def shown(metric: Metric, line: Line) -> float:
     value = float(line[metric.column])
     if metric.over:
         divisor = float(line[metric.over])
-        value = value / divisor if math.isfinite(divisor) and divisor > 0.0 else math.nan
+        if not (math.isfinite(divisor) and divisor > 0.0):
+            return math.nan
+        value /= divisor
     return metric.factor * value
 
 
@@ -256,10 +268,14 @@ def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> l
     compared = better is not None and len(cells) > 1
     texts = []
     for cell, is_eligible in zip(cells, eligible, strict=True):
-        text = bold(cell.text) if is_eligible and cell.shown == best else cell.text
+        text = cell.text
+        if is_eligible and cell.shown == best:
+            text = bold(text)
         text = cell.before + text
         excluded = not is_eligible and math.isfinite(cell.value)
-        texts.append(f"({text})" if compared and excluded else text)
+        if compared and excluded:
+            text = f"({text})"
+        texts.append(text)
     return texts
 
 

@@ -32,8 +32,6 @@ from .results import (
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
 #: A row that was active within this time before the end counts as active at the end [s].
 AT_THE_END = 0.5
-
-
 UNUSUAL = 100.0  #: Largest acceleration below which none is out of proportion [rad/s²].
 OUT_OF_PROPORTION = 10.0  #: Least ratio to the largest acceleration of any other controller.
 
@@ -42,7 +40,8 @@ def robot_name(scenario: Scenario) -> str:
     """Return the name of a scenario's robot."""
     robot = scenario.tables.get("robot")
     if isinstance(robot, dict):
-        robot = robot.get("name") or PurePath(str(robot.get("urdf") or "own robot")).stem
+        file = PurePath(str(robot.get("urdf") or "own robot"))
+        robot = robot.get("name") or file.stem
     return plain(robot) if robot else ""
 
 
@@ -73,7 +72,8 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
             numbers[metric.header] = marked(cells, eligible, better)
     if group != "outcome" and not numbers:
         return Table(["controller"], [])
-    return columns_table("controller", names, texts | numbers, 1 + len(texts))
+    text_columns = 1 + len(texts)
+    return columns_table("controller", names, texts | numbers, text_columns)
 
 
 def acceleration_remarks(results: Results, scenario: str) -> list[str]:
@@ -122,24 +122,22 @@ def challenge_table(results: Results, scenario: str) -> Table:
             rows = results.rows(scenario, name, label)
             cell = Cell(DASH)
             if rows:
-                margin = Cell.of(_scaled(rows, "mean_unused_margin", factor), error)
-                cell = margin._replace(before=f"{_least_clearance(rows, factor)} / ")
+                margins = [factor * row["mean_unused_margin"] for row in rows]
+                clearance = _least_clearance(rows, factor)
+                cell = Cell.of(margins, error)._replace(before=f"{clearance} / ")
             cells.append(cell)
             eligible.append(is_comparable and never_outside(rows))
         # The baseline has no margin while it violates the row.
-        column = [
-            _least_clearance(results.rows(scenario, name, label), factor) for name in baseline
-        ]
+        column = []
+        for name in baseline:
+            column.append(_least_clearance(results.rows(scenario, name, label), factor))
         columns[f"{code(label)} [{unit}]"] = column + marked(cells, eligible, "less")
-    return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
+    controllers = [*baseline, *names] if columns else []
+    return columns_table("challenged rows", controllers, columns)
 
 
 def _least_clearance(rows: Sequence[Line], factor: float) -> str:
-    return over_trials(_scaled(rows, "clearance_min", factor), error)
-
-
-def _scaled(rows: Sequence[Line], column: str, factor: float) -> list[float]:
-    return [factor * row[column] for row in rows]
+    return over_trials([factor * row["clearance_min"] for row in rows], error)
 
 
 def failure_table(
@@ -174,23 +172,25 @@ def failure_table(
                 reason += _rows_at_the_end(first, rows)
             trials = _trials_text(alike, first, len(runs))
             lines.append([name, status, reason, DASH, DASH, trials])
-        outside = defaultdict[str, list[Line]](list)
+        violations = defaultdict[str, list[Line]](list)
         for row in rows:
             if row["violation_depth"] > 0.0:
-                outside[row["constraint"]].append(row)
-        for label, alike in outside.items():
+                violations[row["constraint"]].append(row)
+        for label, alike in violations.items():
             worst = max(alike, key=lambda row: float(row["violation_depth"]))
             unit, factor = finer_unit(worst["unit"])
-            depth = f"{number(factor * worst['violation_depth'])} {unit}"
+            depth = number(factor * worst["violation_depth"])
             seconds = "between samples"
             if worst["violation_time_s"] > 0.0:
                 seconds = number(worst["violation_time_s"])
             if len(runs) == 1 and (name, label) in first_violations:
                 seconds += f", from {first_violations[name, label]:.3f}"
             trials = _trials_text(alike, worst, len(runs))
-            lines.append([name, "violates", code(label), depth, seconds, trials])
-    count = len(header) if results.trials > 1 else len(header) - 1
-    return Table(header[:count], [line[:count] for line in lines], count)
+            lines.append([name, "violates", code(label), f"{depth} {unit}", seconds, trials])
+    if results.trials == 1:
+        header = header[:-1]
+        lines = [line[:-1] for line in lines]
+    return Table(header, lines, text_columns=len(header))
 
 
 def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:
@@ -200,8 +200,8 @@ def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:
     return f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}" if late else ""
 
 
-def _trials_text(alike: Sequence[Line], example: Line, of: int) -> str:
-    return f"{len(alike)} of {of} ({example['trial']:.0f})"
+def _trials_text(alike: Sequence[Line], example: Line, trials: int) -> str:
+    return f"{len(alike)} of {trials} ({example['trial']:.0f})"
 
 
 def finer_unit(unit: str) -> tuple[str, float]:
@@ -226,13 +226,16 @@ def violated_text(runs: Sequence[Line]) -> str:
     """Format the rows that runs violated; those violated only by the strict standard come last."""
     if all(not math.isfinite(run["violation_depth"]) for run in runs):
         return DASH
-    beyond = Counter(label for run in runs for label in violated(run, "violated_tolerant"))
-    slight = Counter(label for run in runs for label in violated(run)) - beyond
+    strict = Counter[str]()
+    tolerant = Counter[str]()
+    for run in runs:
+        strict.update(violated(run))
+        tolerant.update(violated(run, "violated_tolerant"))
     texts = []
-    for counts, mark in ((beyond, ""), (slight, " ‡")):
-        for label, times in counts.items():
+    for counts, mark in ((tolerant, ""), (strict - tolerant, " ‡")):
+        for label, count in counts.items():
             text = code(label)
             if len(runs) > 1:
-                text += f" ({times} of {len(runs)})"
+                text += f" ({count} of {len(runs)})"
             texts.append(text + mark)
     return ", ".join(texts) or "none"

@@ -52,11 +52,16 @@ def law_table(results: Results) -> Table:
     strict = []
     tolerant = []
     for name in names:
-        of = len(results.all_runs(name))
+        run_count = len(results.all_runs(name))
         count = results.clean[name]
-        strict.append(Cell(_rate_text(results, count, of), count if of else math.nan, str(count)))
-        count = results.clean_tolerant[name]
-        tolerant.append(Cell(str(count), count if of else math.nan, str(count)))
+        cell = Cell(_rate_text(results, count, run_count), count, str(count))
+        tolerant_count = results.clean_tolerant[name]
+        tolerant_cell = Cell(str(tolerant_count), tolerant_count, str(tolerant_count))
+        if not run_count:
+            cell = cell._replace(value=math.nan)
+            tolerant_cell = tolerant_cell._replace(value=math.nan)
+        strict.append(cell)
+        tolerant.append(tolerant_cell)
     eligible = [True] * len(names)
     better = _better(results, "more")
     columns = {
@@ -68,35 +73,35 @@ def law_table(results: Results) -> Table:
     return columns_table("controller", names, columns)
 
 
-def _rate_text(results: Results, count: int, of: int) -> str:
+def _rate_text(results: Results, count: int, run_count: int) -> str:
     if results.trials == 1:
-        return f"{count} of {of}"
+        return f"{count} of {run_count}"
     # The import takes longer than all other imports of a report.
     from ..comparisons.rates import rate_of, rate_text
 
-    return rate_text(rate_of(count, of))
+    return rate_text(rate_of(count, run_count))
 
 
 def score_table(results: Results) -> Table:
     """Return violations, and the scores that are not in the first table."""
     names = results.competitors
 
-    def counts(condition: Callable[[Line], object]) -> list[int]:
-        return [sum(map(bool, map(condition, results.all_runs(name)))) for name in names]
-
-    def ranked_counts(column: str) -> list[str]:
+    def violation_counts(column: str) -> list[str]:
         cells = []
-        for count in counts(lambda run: violated(run, column)):
+        for name in names:
+            count = sum(bool(violated(run, column)) for run in results.all_runs(name))
             cells.append(Cell(str(count), count, str(count)))
         return marked(cells, _complete(results, names), _better(results, "less"))
 
-    def within_band(run: Line) -> bool:
-        return bool(violated(run)) and violated(run) == violated(run, "within_band")
-
+    within_band = []
+    for name in names:
+        runs = [run for run in results.all_runs(name) if violated(run)]
+        count = sum(violated(run) == violated(run, "within_band") for run in runs)
+        within_band.append(str(count))
     columns = {
-        "runs with a violated row": ranked_counts("violated"),
-        f"beyond {of_length(TOLERANT)}": ranked_counts("violated_tolerant"),
-        "within the sampling band": list(map(str, counts(within_band))),
+        "runs with a violated row": violation_counts("violated"),
+        f"beyond {of_length(TOLERANT)}": violation_counts("violated_tolerant"),
+        "within the sampling band": within_band,
     }
     columns |= _overall(results, names, lambda metric: metric.column not in FIRST)
     return columns_table("controller", names, columns)
@@ -111,18 +116,17 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
     if not runs:
         return [], {}, DASH
     worst = max(runs, key=lambda run: float(run["violation_depth"]))
-    rows = [
-        row
-        for row in results.rows(worst["scenario"], controller)
-        if row["trial"] == worst["trial"] and row["violation_depth"] > 0.0
-    ]
+    rows = []
+    for row in results.rows(worst["scenario"], controller):
+        if row["trial"] == worst["trial"] and row["violation_depth"] > 0.0:
+            rows.append(row)
     if not rows:
         return runs, worst, DASH
     deepest = max(rows, key=lambda row: float(row["usage_max"]))
     return runs, worst, code(deepest["constraint"])
 
 
-def won(results: Results, metric: Metric) -> dict[str, list[str]]:
+def scenarios_won(results: Results, metric: Metric) -> dict[str, list[str]]:
     """Return the scenarios that each controller wins, with its value.
 
     A scenario has no winner if all values are equal as printed.
@@ -132,16 +136,18 @@ def won(results: Results, metric: Metric) -> dict[str, list[str]]:
     won = defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
         values = {}
+        texts = {}
         for name in results.solvers(scenario):
             value = median([shown(metric, run) for run in results.runs(scenario, name)])
             if math.isfinite(value):
                 values[name] = value
-        texts = {name: show(value) for name, value in values.items()}
-        if len(set(texts.values())) > 1:
-            best = show(choose(values.values()))
-            for name, text in texts.items():
-                if text == best:
-                    won[name].append(f"{scenario} ({best})")
+                texts[name] = show(value)
+        if len(set(texts.values())) < 2:
+            continue
+        best = show(choose(values.values()))
+        for name, text in texts.items():
+            if text == best:
+                won[name].append(f"{scenario} ({best})")
     return won
 
 
@@ -149,15 +155,19 @@ def unsolved(results: Results) -> dict[str, str]:
     """Return the scenarios that no controller solved, with the reason if it is known."""
     reasons = {}
     for scenario in results.scenarios:
-        runs = [run for name in results.competitors for run in results.runs(scenario, name)]
-        if not runs or results.solvers(scenario):
+        run_reasons = []
+        for name in results.competitors:
+            run_reasons += [run["reason"] for run in results.runs(scenario, name)]
+        if not run_reasons or results.solvers(scenario):
             continue
         warnings = results.stored.warnings.get(scenario, ())
-        all_report = all(UNSOLVABLE in run["reason"] for run in runs)
-        if all_report or any(UNSOLVABLE in text for text in warnings):
+        all_report = all(UNSOLVABLE in reason for reason in run_reasons)
+        if all_report or any(UNSOLVABLE in warning for warning in warnings):
             reasons[scenario] = "constraints close off a marker from its goal"
+        elif obstacles(results, scenario):
+            reasons[scenario] = PERHAPS
         else:
-            reasons[scenario] = PERHAPS if obstacles(results, scenario) else ""
+            reasons[scenario] = ""
     return reasons
 
 
@@ -166,20 +176,17 @@ def obstacles(results: Results, scenario: str) -> list[str]:
 
     Questions about units and goals that could not be checked are left out.
     """
-    return [
-        text
-        for text in results.stored.warnings.get(scenario, ())
-        if OF_A_GOAL.match(text) or UNSOLVABLE in text
-    ]
+    warnings = results.stored.warnings.get(scenario, ())
+    return [text for text in warnings if OF_A_GOAL.match(text) or UNSOLVABLE in text]
 
 
-def warned(results: Results) -> dict[str, int]:
+def warning_counts(results: Results) -> dict[str, int]:
     """Return the number of warnings of each scenario that has any."""
-    return {
-        name: len(warnings)
-        for name, warnings in results.stored.warnings.items()
-        if warnings and name in results.scenarios
-    }
+    counts = {}
+    for name, warnings in results.stored.warnings.items():
+        if warnings and name in results.scenarios:
+            counts[name] = len(warnings)
+    return counts
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
@@ -188,7 +195,11 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
     With ``scored`` a single run also has its utilization [%], or its violation depth [% of L].
     """
     runs = results.runs(scenario, controller)
-    text = tally([f"{run['status'] or 'unknown'}{_mark(run)}" for run in runs])
+    endings = []
+    for run in runs:
+        status = run["status"] or "unknown"
+        endings.append(status + _mark(run))
+    text = tally(endings)
     if not scored or len(runs) != 1 or controller == BASELINE:
         return text
     column = "violation_depth" if violated(runs[0]) else "utilization"
@@ -213,16 +224,18 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
 
     All are False if there is only one competitor.
     """
-    if sum(bool(results.all_runs(name)) for name in results.competitors) < 2:
-        return [False] * len(names)
-    converged = {}
+    converged: dict[str, set[tuple[str, int]]] = {}
     for name in results.competitors:
         runs = results.all_runs(name)
-        converged[name] = {
-            (run["scenario"], run["trial"]) for run in runs if run["status"] == "converged"
-        }
+        if runs:
+            converged[name] = set()
+        for run in runs:
+            if run["status"] == "converged":
+                converged[name].add((run["scenario"], run["trial"]))
     by_anyone = set().union(*converged.values())
-    return [bool(by_anyone) and converged[name] == by_anyone for name in names]
+    if len(converged) < 2 or not by_anyone:
+        return [False] * len(names)
+    return [converged.get(name) == by_anyone for name in names]
 
 
 def _overall(
@@ -245,13 +258,13 @@ def _overall(
             if metric.condensed != "worst" and metric.kind != "time":
                 runs = [run for run in runs if run["status"] == "converged"]
             values = [shown(metric, run) for run in runs]
-            value = condense(values)
-            digits = FORMATS[metric.style](value)
-            known = sum(not math.isnan(each) for each in values)
+            overall = condense(values)
+            digits = FORMATS[metric.style](overall)
+            known = sum(not math.isnan(value) for value in values)
             text = digits
             if digits != DASH and known < len(runs):
                 text += f", {known} of {len(runs)}"
-            cells.append(Cell(text, value, digits))
+            cells.append(Cell(text, overall, digits))
             eligible.append(is_complete and judged_by(metric, runs))
         columns[metric.overall] = marked(cells, eligible, _better(results, metric.better))
     return columns

@@ -38,15 +38,17 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
     if the control of this setup uses no images.
     """
     photographer = setup.photographer()
-    last = -1
     settings = photographer.settings
     detector = DETECTORS[settings.detector]()
+    last = -1
     for t, q, qd in zip(run.t.tolist(), run.q, run.qd, strict=True):
         number = settings.number(t)
-        if number > last:
-            last = number
-            image = photographer.image(number, setup.scene.evaluate(t, q, qd))
-            yield Frame(number, t, image, detector.find(image))
+        if number == last:
+            continue
+        last = number
+        state = setup.scene.evaluate(t, q, qd)
+        image = photographer.image(number, state)
+        yield Frame(number, t, image, detector.find(image))
 
 
 def kind_of(path: Path) -> str:
@@ -69,15 +71,16 @@ def write_frames(
     """
     kind = kind_of(path)
     settings = setup.photographer().settings
-    every = frames(setup, run)
-    count = 0
+    images = frames(setup, run)
     pictures = []
     if not kind:
         path.mkdir(parents=True, exist_ok=True)
         for old in path.glob("[0-9]" * 5 + ".png"):
             old.unlink()
-    tags = {*settings.looked_for(len(setup.scene.markers))}
-    for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
+    tags = {*settings.expected_tags(len(setup.scene.markers))}
+    count = 0
+    for frame in images:
+        count += 1
         if kind:
             pictures.append(with_tags(frame, tags))
         else:
@@ -104,9 +107,12 @@ def with_tags(frame: Frame, expected: set[int]) -> Picture:
     for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
         colour = EXPECTED if number in expected else FOREIGN
         outline = corners.round().astype(np.int32)
+        first_corner = outline[0].tolist()
         cv2.polylines(picture, [outline], True, colour, 2, smooth)
-        cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, smooth)
-        centre = corners.mean(axis=0).round().astype(int) - (8, -8)
-        cv2.putText(picture, str(number), centre.tolist(), font, 0.8, colour, 2, smooth)
-    cv2.putText(picture, f"{frame.taken:.3f} s", (8, 20), font, 0.6, WHITE, 1, smooth)
+        cv2.circle(picture, first_corner, 5, colour, cv2.FILLED, smooth)
+        centre = corners.mean(axis=0).round().astype(int)
+        left, bottom = (centre - (8, -8)).tolist()
+        cv2.putText(picture, str(number), (left, bottom), font, 0.8, colour, 2, smooth)
+    time = f"{frame.taken:.3f} s"
+    cv2.putText(picture, time, (8, 20), font, 0.6, WHITE, 1, smooth)
     return picture

@@ -1,4 +1,4 @@
-"""What pictures of a scene or of a run add to the core."""
+"""Registration of previews, replays and films: their commands, and a section of reports."""
 
 from pathlib import Path
 

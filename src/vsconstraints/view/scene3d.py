@@ -104,13 +104,14 @@ class Scene3D:
             steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)[:, None, None]
             wedges = []
             edges = []
-            for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-                side = np.linspace(a, b, PLATE_CELLS + 1)
+            for corner, following in pairwise([*corners, corners[0]]):
+                side = np.linspace(corner, following, PLATE_CELLS + 1)
                 wedges.append(_grid(centre + steps * (side - centre)))
-                edges.append(tube(np.array([a, b]), edge, 6))
+                edges.append(tube(np.array([corner, following]), edge, 6))
             self.add(joined(wedges), PLATE, frame, shaded=False)
             self.add(joined(edges), INK, frame)
-        self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame)
+        balls = [ball(place, marker, 10) for place in markers]
+        self.add(joined(balls), INK, frame)
 
     def draw(
         self,
@@ -158,23 +159,32 @@ class Scene3D:
 
 def _shaded(corners: Array, part: Part) -> Array:
     """Return colours (F, 4) of triangles (F, 3, 3), shaded by their angle to the light."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    facing = np.divide(
-        np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0
-    )
-    shade = 0.55 + 0.45 * np.minimum(facing, 1.0) if part.shaded else np.ones(len(corners))
+    count = len(corners)
+    shade = np.ones(count)
+    if part.shaded:
+        first, second, third = corners.transpose(1, 0, 2)
+        normals = np.cross(second - first, third - first)
+        lengths = np.linalg.norm(normals, axis=1)
+        facing = np.ones(count)
+        np.divide(np.abs(normals @ LIGHT), lengths, out=facing, where=lengths > 0.0)
+        shade = 0.55 + 0.45 * np.minimum(facing, 1.0)
     colours = shade[:, None] * np.array(rgb(part.colour)) / 255.0
-    return np.column_stack((colours, np.full(len(corners), part.opacity)))
+    opacity = np.full(count, part.opacity)
+    return np.column_stack((colours, opacity))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return several meshes as one."""
     if not meshes:
         return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
-    first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
-    triangles = [mesh.triangles + start for mesh, start in zip(meshes, first, strict=False)]
-    return Mesh(np.concatenate([mesh.points for mesh in meshes]), np.concatenate(triangles))
+    points = []
+    triangles = []
+    count = 0
+    for mesh in meshes:
+        points.append(mesh.points)
+        triangles.append(mesh.triangles + count)
+        count += len(mesh.points)
+    return Mesh(np.concatenate(points), np.concatenate(triangles))
 
 
 def _grid(points: Array) -> Mesh:
@@ -183,39 +193,51 @@ def _grid(points: Array) -> Mesh:
     k = np.arange(a * b).reshape(a, b)
     # Each cell is two triangles, on both sides of its diagonal.
     begin = k[:-1, :-1].ravel()
+    right = k[:-1, 1:].ravel()
+    left = k[1:, :-1].ravel()
     end = k[1:, 1:].ravel()
-    above = np.stack((begin, k[:-1, 1:].ravel(), end), axis=1)
-    below = np.stack((begin, end, k[1:, :-1].ravel()), axis=1)
+    above = np.stack((begin, right, end), axis=1)
+    below = np.stack((begin, end, left), axis=1)
     return Mesh(points.reshape(-1, 3), np.concatenate((above, below)))
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
     """Return a sphere with ``count`` meridians."""
-    theta = np.linspace(0.0, np.pi, count // 2 + 1)
-    phi = np.linspace(0.0, 2.0 * np.pi, count + 1)
-    theta, phi = np.meshgrid(theta, phi, indexing="ij")
+    polar = np.linspace(0.0, np.pi, count // 2 + 1)
+    azimuth = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    theta, phi = np.meshgrid(polar, azimuth, indexing="ij")
     x = np.sin(theta) * np.cos(phi)
     y = np.sin(theta) * np.sin(phi)
     z = np.cos(theta)
-    return _grid(centre + radius * np.stack((x, y, z), axis=-1))
+    directions = np.stack((x, y, z), axis=-1)
+    return _grid(centre + radius * directions)
 
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
     """Return a round bar along a polyline (p, 3)."""
-    along = np.gradient(np.asarray(points, dtype=np.float64), axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    points = np.asarray(points, dtype=np.float64)
+    along = _unit(np.gradient(points, axis=0))
     # All sections are oriented by the direction in which the line extends least.
-    across = np.cross(along, np.linalg.svd(along)[2][2])
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    angles = (2.0 * np.pi * np.arange(sides + 1) / sides)[:, None]
-    third = np.cross(along, across)
-    sections = np.cos(angles) * across[:, None] + np.sin(angles) * third[:, None]
-    surface = np.asarray(points)[:, None] + radius * sections
+    _, _, directions = np.linalg.svd(along)
+    x = _unit(np.cross(along, directions[2]))
+    y = np.cross(along, x)
+    angles = 2.0 * np.pi * np.arange(sides + 1) / sides
+    cos = np.cos(angles)[:, None]
+    sin = np.sin(angles)[:, None]
+    sections = cos * x[:, None] + sin * y[:, None]
+    surface = points[:, None] + radius * sections
     if caps:
         first = np.broadcast_to(points[0], surface[:1].shape)
         last = np.broadcast_to(points[-1], surface[:1].shape)
         surface = np.concatenate((first, surface, last))
     return _grid(surface)
+
+
+def _unit(vectors: Array) -> Array:
+    """Return vectors (p, 3) scaled to length 1."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: Array = vectors / np.maximum(lengths, 1e-12)
+    return unit
 
 
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
@@ -236,13 +258,15 @@ def bars_of(robot: Robot, q: Array) -> list[Array]:
     A bar follows the joint's axis, then the common normal to the next one.
     """
     poses, axes = joint_poses(robot, q)
-    places = [*(pose.t for pose in poses[1:]), robot.pose(q).t]
+    places = [pose.t for pose in poses[1:]]
+    places.append(robot.pose(q).t)
     bars = []
-    for (before, after), axis in zip(pairwise(places), axes, strict=True):
-        elbow = before + float(axis @ (after - before)) * axis
-        corners = [before]
-        for point in (elbow, after):
-            if np.linalg.norm(point - before) > 1e-6:
+    for (begin, end), axis in zip(pairwise(places), axes, strict=True):
+        along_axis = float(axis @ (end - begin))
+        elbow = begin + along_axis * axis
+        corners = [begin]
+        for point in (elbow, end):
+            if np.linalg.norm(point - begin) > 1e-6:
                 corners.append(point)
         bars.append(np.array(corners))
     return bars
@@ -267,18 +291,18 @@ def bars(robot: Robot, size: float) -> list[Part]:
             parts.append(Part(column, LINK, "joint 0"))
     for i, corners in enumerate(bars_of(robot, zero), start=1):
         radius = radii[i - 1]
-        slides = robot.prismatic[i - 1]
+        is_prismatic = robot.prismatic[i - 1]
         to_joint = poses[i].inverse
         frame = f"joint {i}"
-        thickness = (RAIL if slides else 0.8) * radius
+        thickness = (RAIL if is_prismatic else 0.8) * radius
         pieces = []
-        for a, b in pairwise(corners):
-            steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
-            pieces.append(tube(np.linspace(a, b, steps), thickness))
-            pieces.append(ball(b, thickness, 12))
+        for begin, end in pairwise(corners):
+            steps = max(2, int(np.linalg.norm(end - begin) / (0.05 * size)))
+            pieces.append(tube(np.linspace(begin, end, steps), thickness))
+            pieces.append(ball(end, thickness, 12))
         if pieces:
             parts.append(Part(joined(pieces).moved(to_joint), LINK, frame))
-        if slides:
+        if is_prismatic:
             rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
             parts.append(Part(rail, LINK, f"slide {i}"))
         else:
@@ -319,8 +343,10 @@ def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
     poses, axes = joint_poses(robot, q)
     frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)}
     frames["tip"] = Placement(robot.pose(q))
-    for i, (axis, slides) in enumerate(zip(axes, robot.prismatic, strict=True), start=1):
-        if slides:  # the rail ends at the joint's zero position
-            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()
-            frames[f"slide {i}"] = Placement(Pose(turn, poses[i].t), float(q[i - 1]) or 1e-6)
+    z = np.array([0.0, 0.0, 1.0])
+    for i in range(robot.n):
+        if robot.prismatic[i]:  # the rail ends at the joint's zero position
+            turn = pin.Quaternion.FromTwoVectors(z, -axes[i]).matrix()
+            pose = Pose(turn, poses[i + 1].t)
+            frames[f"slide {i + 1}"] = Placement(pose, float(q[i]) or 1e-6)
     return frames

@@ -50,13 +50,17 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
 
     These are the arm's frames, ``camera``, ``target`` and ``obstacle k``.
     """
-    world = setup.scene
-    frames = arm_frames(world.robot, q)
-    fixed = world.camera.fixed
+    scene = setup.scene
+    camera = scene.camera
+    frames = arm_frames(scene.robot, q)
     tip = frames["tip"].pose
-    frames["camera"] = Placement(fixed or tip @ world.camera.mount.inverse)
-    target = Pose.identity() if world.motion is None else world.motion.pose(t)
-    frames["target"] = Placement(target if fixed is None else tip)
+    if camera.fixed is None:
+        frames["camera"] = Placement(tip @ camera.mount.inverse)
+        target = Pose.identity() if scene.motion is None else scene.motion.pose(t)
+        frames["target"] = Placement(target)
+    else:
+        frames["camera"] = Placement(camera.fixed)
+        frames["target"] = Placement(tip)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
         shift = np.zeros(3)
@@ -71,12 +75,12 @@ def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
 
     ``size`` is half the side of the shown cube [m].
     """
-    found = {}
+    obstacles = {}
     for k, constraint in enumerate(setup.constraints.constraints):
         meshes = constraint.meshes(0.0, 0.8 * size)
         if meshes:
-            found[k] = joined(meshes)
-    return found
+            obstacles[k] = joined(meshes)
+    return obstacles
 
 
 def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
@@ -99,9 +103,12 @@ def add_robot(
     This object is a camera, drawn in ``colour`` if that is not empty, or the target. The names of
     frames begin with ``prefix``.
     """
-    scene.parts += [part._replace(frame=prefix + part.frame) for part in arm]
+    for part in arm:
+        scene.parts.append(part._replace(frame=prefix + part.frame))
     camera = setup.scene.camera
-    carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
+    carried = setup.scene.markers.mean(axis=0)
+    if camera.fixed is None:
+        carried = camera.mount.inverse.t
     if np.linalg.norm(carried) > 1e-6:
         bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
         scene.add(bar, JOINT, f"{prefix}tip")
@@ -112,10 +119,10 @@ def add_robot(
 def image_corners(camera: Camera) -> Array:
     """Return the corners (4, 3) of the image at depth 1, in the camera's frame."""
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    corners = 0.5 * np.asarray(camera.size) * signs
+    pixels = 0.5 * np.asarray(camera.size) * signs
     with suppress(InvalidInput):  # where the lens cannot be inverted, corners of a pinhole camera
-        corners = camera.undistort(corners)
-    return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)
+        pixels = camera.undistort(pixels)
+    return np.column_stack((camera.normalised(pixels), np.ones(4)))
 
 
 def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
@@ -138,8 +145,8 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     corners = view_corners(setup, camera, q, t)
     for corner, following in pairwise([*corners, corners[0]]):
         for begin, end in ((camera.t, corner), (corner, following)):
-            edge = tube(np.linspace(begin, end, 12), 0.0022 * scale, 4, caps=False)
-            scene.add(edge, CAMERA)
+            points = np.linspace(begin, end, 12)
+            scene.add(tube(points, 0.0022 * scale, 4, caps=False), CAMERA)
     scene.draw(ax, view, frames)
 
 
@@ -147,8 +154,12 @@ def points_in_view(setup: Setup, q: Array, t: float) -> Array:
     """Return corners (k, 3) of arm, camera, markers and camera's view, in the base frame."""
     robot = setup.scene.robot
     camera = setup_frames(setup, q, t)["camera"].pose
-    points = [*bars_of(robot, q), camera.t[None]]
-    points += [setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)]
+    points = [
+        *bars_of(robot, q),
+        camera.t[None],
+        setup.scene.markers_at(q, t),
+        view_corners(setup, camera, q, t),
+    ]
     if not robot.prismatic[0]:
         points.insert(0, np.zeros((1, 3)))
     return np.concatenate(points)
@@ -161,20 +172,23 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
     ``aspect`` is the width of the views over their height, at least 1.
     """
     points = np.concatenate([points_in_view(setup, q, t) for q, t in instants])
-    flat = np.ptp(points[:, 2]) < 0.25 * np.ptp(points, axis=0).max()
-    elevation = ELEVATION_FLAT if flat else ELEVATION
+    extent = np.ptp(points, axis=0)
+    is_flat = extent[2] < 0.25 * extent.max()
+    elevation = ELEVATION_FLAT if is_flat else ELEVATION
 
-    def covered(azimuth: float) -> float:
-        seen = points @ view_axes(elevation, azimuth)
-        return float(np.linalg.det(np.cov(seen[:, :2].T)))
+    def covered_area(azimuth: float) -> float:
+        across, up, _ = (points @ view_axes(elevation, azimuth)).T
+        return float(np.linalg.det(np.cov((across, up))))
 
-    azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered))
+    azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered_area))
     axes = view_axes(elevation, azimuth)
-    low = (points @ axes).min(axis=0)
-    high = (points @ axes).max(axis=0)
+    seen = points @ axes
+    low = seen.min(axis=0)
+    high = seen.max(axis=0)
     across, up, _ = 0.5 * (high - low)
     half = MARGIN * max(up, across / aspect) / IN_VIEW
-    return Viewpoint(axes @ (0.5 * (low + high)), half, elevation, azimuth)
+    centre = axes @ (0.5 * (low + high))
+    return Viewpoint(centre, half, elevation, azimuth)
 
 
 def view_axes(elevation: float, azimuth: float) -> Array:

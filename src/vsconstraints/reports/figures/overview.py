@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 from ...comparisons.suite import BASELINE
-from ..numbers import median
+from ..numbers import finite_values, median
 from ..plots import Look, Sheet, darker, decades, line, logarithmic, looks, shortened, symbol
 from ..plots.sheet import POINTS, WIDTH
 from ..results import Line, Results
@@ -28,10 +29,7 @@ TEXT_HEIGHT = 11.0
 #: Offsets of a name from its marker in steps of its size, by preference: right, left, above, …
 NEAR = ((1, 0), (-1, 0), (0, 1), (0, -1))
 #: Offsets at which a line leads from the name to its marker.
-FAR = (
-    *((across, up) for up in (1, -1, 2, -2, 3, -3) for across in (1, -1)),
-    *((0, up) for up in (2, -2, 3, -3)),
-)
+FAR = (*product((1, -1, 2, -2, 3, -3), (1, -1)), *product((2, -2, 3, -3), (0,)))
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
 
 
@@ -40,15 +38,15 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
 
     The other runs have no place in the figure.
     """
-
-    def drawn(run: Line) -> bool:
-        return math.isfinite(run["utilization"]) and run["acceleration_variation"] > 0.0
-
-    return {
-        name: [run for run in results.all_runs(name) if drawn(run)]
-        for name in controllers
-        if name != BASELINE
-    }
+    shown: dict[str, list[Line]] = {}
+    for name in controllers:
+        if name == BASELINE:
+            continue
+        shown[name] = []
+        for run in results.all_runs(name):
+            if math.isfinite(run["utilization"]) and run["acceleration_variation"] > 0.0:
+                shown[name].append(run)
+    return shown
 
 
 class Centre(NamedTuple):
@@ -62,8 +60,9 @@ class Centre(NamedTuple):
     @classmethod
     def of(cls, runs: Sequence[Line]) -> Centre:
         """Compute medians and ranges from lines of results.csv."""
-        used = _finite_values(runs, "utilization")
-        variation = _finite_values(runs, "acceleration_variation")
+        converged = [run for run in runs if run["status"] == "converged"]
+        used = finite_values(run["utilization"] for run in converged)
+        variation = finite_values(run["acceleration_variation"] for run in converged)
         if not used or not variation:
             return cls(math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
         return cls(
@@ -74,20 +73,13 @@ class Centre(NamedTuple):
         )
 
 
-def _finite_values(runs: Sequence[Line], column: str) -> list[float]:
-    """Return the finite values of a column in the runs that converged."""
-    values = [float(run[column]) for run in runs if run["status"] == "converged"]
-    return [value for value in values if math.isfinite(value)]
-
-
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
     """Draw each run as a small marker, and the medians of each controller as a large one.
 
     Large markers have the controller's name and ranges.
     """
-    # Axes are those of all controllers, so that the figures of several groups can be compared.
-    every = shown_runs(results, results.competitors)
-    drawn = {name: runs for name, runs in every.items() if runs and name in controllers}
+    runs_of_all = shown_runs(results, results.competitors)
+    drawn = {name: runs for name, runs in runs_of_all.items() if runs and name in controllers}
     if not drawn:
         return None
     look = looks(controllers)
@@ -102,9 +94,10 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
             centres[name] = centre
     for name, centre in centres.items():
         _mark_centre(ax, centre, look[name])
-    _scale_axes(ax, [run for runs in every.values() for run in runs])
-    size = (POINTS * (WIDTH - sheet.left - sheet.right), POINTS * HEIGHT)
-    name_centres(ax, centres, look, size)
+    # Axes are those of all controllers, so that the figures of several groups can be compared.
+    _scale_axes(ax, [*chain(*runs_of_all.values())])
+    width = WIDTH - sheet.left - sheet.right
+    name_centres(ax, centres, look, (POINTS * width, POINTS * HEIGHT))
     entries = []
     for name in drawn:
         if name not in centres:
@@ -145,7 +138,8 @@ def _mark_run(ax: Any, run: Line, look: Look) -> None:
     else:
         mark = symbol(look.marker, "white", look.colour, SMALL, markeredgewidth=1.5)
     x = _unused_share(run["utilization"])
-    ax.plot([x], [run["acceleration_variation"]], **mark, clip_on=False, alpha=0.6, zorder=3)
+    y = run["acceleration_variation"]
+    ax.plot([x], [y], **mark, clip_on=False, alpha=0.6, zorder=3)
 
 
 def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
@@ -167,8 +161,6 @@ def name_centres(
     Names cover neither each other nor large markers. A name farther from its marker has a line to
     it. ``size`` is the size of the panel [pt].
     """
-    from matplotlib.transforms import Bbox
-
     width, height = size
     to_axes = ax.transScale + ax.transLimits
     places: dict[str, tuple[float, float]] = {}
@@ -176,10 +168,8 @@ def name_centres(
         x, y = to_axes.transform((_unused_share(centre.used), centre.variation))
         places[name] = (float(x) * width, float(y) * height)
     marker = 1.2 * LARGE
-    taken = [
-        Bbox.from_bounds(x - 0.5 * marker, y - 0.5 * marker, marker, marker)
-        for x, y in places.values()
-    ]
+    taken = [_box(x, y, marker, marker) for x, y in places.values()]
+    # Names are placed from the highest marker to the lowest.
     for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
         text = shortened(name)
         text_width = LETTER * len(text)
@@ -187,25 +177,31 @@ def name_centres(
         step_y = 0.5 * TEXT_HEIGHT + 0.7 * LARGE
         chosen = NEAR[0]
         for offset in (*NEAR, *FAR):
-            box = _name_box(x + offset[0] * step_x, y + offset[1] * step_y, text_width)
+            across, up = offset
+            box = _box(x + across * step_x, y + up * step_y, text_width, TEXT_HEIGHT)
             is_inside = box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= width and box.y1 <= height
             if is_inside and not box.count_overlaps(taken):
                 chosen = offset
                 break
-        shift = (chosen[0] * step_x, chosen[1] * step_y)
-        taken.append(_name_box(x + shift[0], y + shift[1], text_width))
+        shift_x = chosen[0] * step_x
+        shift_y = chosen[1] * step_y
+        taken.append(_box(x + shift_x, y + shift_y, text_width, TEXT_HEIGHT))
+        colour = look[name].colour
+        leader = None
+        if chosen in FAR:
+            leader = LEADER | {"color": colour}
         ax.annotate(
             text,
             (x / width, y / height),
-            shift,
+            (shift_x, shift_y),
             xycoords="axes fraction",
             textcoords="offset points",
             ha="center",
             va="center",
             fontsize=8.0,
             fontweight="bold",
-            color=darker(look[name].colour),
-            arrowprops=None if chosen in NEAR else LEADER | {"color": look[name].colour},
+            color=darker(colour),
+            arrowprops=leader,
             bbox={
                 "boxstyle": "square,pad=0.05",
                 "facecolor": "white",
@@ -216,11 +212,11 @@ def name_centres(
         )
 
 
-def _name_box(x: float, y: float, width: float) -> Any:
-    """Return the box of a name with its centre at a place [pt]."""
+def _box(x: float, y: float, width: float, height: float) -> Any:
+    """Return a box with its centre at a place [pt]."""
     from matplotlib.transforms import Bbox
 
-    return Bbox.from_bounds(x - 0.5 * width, y - 0.5 * TEXT_HEIGHT, width, TEXT_HEIGHT)
+    return Bbox.from_bounds(x - 0.5 * width, y - 0.5 * height, width, height)
 
 
 def _unused_share(utilization: float) -> float:

@@ -49,12 +49,12 @@ def draw_phi(view: View) -> Sheet | None:
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
     for ax, label in zip(panels, view.phi_rows, strict=False):
         _draw_row(ax, view, label)
-        head, bracket, rest = label.partition("[")
-        sheet.name(ax, f"{head}\n{bracket}{rest}" if len(label) > 14 else label)
+        sheet.name(ax, label.replace("[", "\n[", 1) if len(label) > 14 else label)
     if view.lane_rows:
-        _lanes(panels[-1], view, lane)
+        _draw_activity(panels[-1], view, lane)
         for i, label in enumerate(view.lane_rows):
-            sheet.name(panels[-1], label, 1.0 - (i + 0.5) / len(view.lane_rows), fontsize=8)
+            place = 1.0 - (i + 0.5) / len(view.lane_rows)
+            sheet.name(panels[-1], label, place, fontsize=8)
     for ax in panels:
         view.time_axis(ax, view.rows_end)
     return sheet
@@ -71,15 +71,24 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
         if label not in trajectory.labels:
             continue
         i = trajectory.labels.index(label)
-        relative = trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
+        step = run.Ts * run.switching_gain[i]
+        relative = trajectory.phi[:, i] / step
         low = min(low, float(np.nanmin(relative, initial=low)))
         shown = trajectory.t <= view.rows_end
         t, least, greatest, _ = extremes(trajectory.t[shown], relative[shown], BINS)
         ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
         if name != BASELINE:
             high = max(high, float(np.nanmax(relative, initial=high)))
-            shade = {"color": look["color"], "alpha": 0.15, "linewidth": 0.0, "zorder": 3}
-            area(ax, t, least, greatest, **shade)
+            area(
+                ax,
+                t,
+                least,
+                greatest,
+                color=look["color"],
+                alpha=0.15,
+                linewidth=0.0,
+                zorder=3,
+            )
     low = 1.3 * max(low, -MAX_PHI)
     high = 1.5 * min(high, MAX_PHI)
     ax.set_ylim(low, high)
@@ -87,24 +96,34 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
     ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
 
 
-def _lanes(ax: Any, view: View, height: float) -> None:
+def _draw_activity(ax: Any, view: View, height: float) -> None:
     """Draw one thin lane of bars per controller in the band of each row."""
     ax.set_title("when each constraint is active", loc="left", fontsize=8, color=FAINT, pad=2)
     ax.set(ylim=(height * len(view.lane_rows), 0.0), yticks=[])
     ax.grid(False)
     for i, label in enumerate(view.lane_rows):
+        top = i * height
         if i % 2 == 0:
-            band(ax, i * height, (i + 1) * height, "#F6F6F6", zorder=0.2)
+            band(ax, top, top + height, "#F6F6F6", zorder=0.2)
         for k, name in enumerate(view.competitors):
             run = view.runs[name]
-            if label not in run.trajectory.labels:
+            trajectory = run.trajectory
+            if label not in trajectory.labels:
                 continue
-            active = run.trajectory.active[:, run.trajectory.labels.index(label)]
+            active = trajectory.active[:, trajectory.labels.index(label)]
             least_gap = max(10.0 * run.Ts, view.rows_end / 200.0)
-            spans = intervals(run.trajectory.t, active, least_gap)
-            bars = [(begin, max(end - begin, view.rows_end / 500.0)) for begin, end in spans]
-            place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
-            ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
+            bars = []
+            for begin, end in intervals(trajectory.t, active, least_gap):
+                length = max(end - begin, view.rows_end / 500.0)
+                bars.append((begin, length))
+            lane_top = top + 0.5 * LANE_GAP + k * LANE
+            ax.broken_barh(
+                bars,
+                (lane_top, 0.8 * LANE),
+                color=view.looks[name].colour,
+                linewidth=0.0,
+                zorder=2,
+            )
 
 
 def draw_errors(view: View) -> Sheet:
@@ -116,17 +135,24 @@ def draw_errors(view: View) -> Sheet:
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
     panels = sheet.panels(
-        len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", "")
+        len(quantities),
+        3,
+        height=2.0,
+        gap=0.62,
+        above=0.04,
+        labels=("time [s]", ""),
     )
     for ax, quantity in zip(panels, quantities, strict=True):
         tolerance = quantity.tolerance
         floor = ERROR_FLOOR * tolerance
-        greatest = [float(np.nanmax(error, initial=0.0)) for error in quantity.errors.values()]
-        top = 2.0 * max(10.0 * floor, *greatest)
+        greatest = 10.0 * floor
+        for error in quantity.errors.values():
+            greatest = float(np.nanmax(error, initial=greatest))
+        top = 2.0 * greatest
         for name, run, look in view.lines():
             t = run.trajectory.t
-            drawn = np.maximum(quantity.errors[name], 1e-3 * floor)
-            signal(ax, t, drawn, **look, **view.marks(name, t, view.end))
+            error = np.maximum(quantity.errors[name], 1e-3 * floor)
+            signal(ax, t, error, **look, **view.marks(name, t, view.end))
         if quantity.decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
             note(ax, "tolerance", tolerance, above=False)
@@ -160,10 +186,18 @@ def _error_quantities(view: View) -> list[ErrorQuantity]:
     setup = view.setup
     accepted = Tolerances() if setup is None else setup.tolerances
     decided_by_pose = setup is not None and setup.task.feature.reached_by == "pose"
-    trajectories = {name: run.trajectory for name, run in view.runs.items()}
-    position = {name: 1e3 * run.camera_error[:, 0] for name, run in trajectories.items()}
-    angle = {name: 1e3 * run.camera_error[:, 1] for name, run in trajectories.items()}
-    quantities = [
+    image = {}
+    position = {}
+    angle = {}
+    for name, run in view.runs.items():
+        trajectory = run.trajectory
+        image[name] = trajectory.feature_error_px
+        position[name] = 1e3 * trajectory.camera_error[:, 0]
+        angle[name] = 1e3 * trajectory.camera_error[:, 1]
+    quantities = []
+    if setup is not None and not decided_by_pose:
+        quantities.append(ErrorQuantity("image error [px]", accepted.feature_px, True, image))
+    quantities += [
         ErrorQuantity(
             "position error [mm]", 1e3 * accepted.translation_m, decided_by_pose, position
         ),
@@ -171,9 +205,6 @@ def _error_quantities(view: View) -> list[ErrorQuantity]:
             "orientation error [mrad]", 1e3 * accepted.rotation_rad, decided_by_pose, angle
         ),
     ]
-    if setup is not None and not decided_by_pose:
-        image = {name: run.feature_error_px for name, run in trajectories.items()}
-        quantities.insert(0, ErrorQuantity("image error [px]", accepted.feature_px, True, image))
     return quantities
 
 
@@ -193,9 +224,9 @@ def draw_acceleration(view: View) -> Sheet:
     scale = (1.0, 1.3 * largest)
     sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
     for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
-        middle, _, _, mean = extremes(t, qdd, MEAN_BINS)
-        for k in range(qdd.shape[1]):
-            ax.plot(middle, mean[:, k], color=colours[k], linewidth=1.1, zorder=3)
+        middle, _, _, means = extremes(t, qdd, MEAN_BINS)
+        for mean, colour in zip(means.T, colours, strict=False):
+            ax.plot(middle, mean, color=colour, linewidth=1.1, zorder=3)
         view.title(ax, name)
     return sheet
 
@@ -216,11 +247,22 @@ def joint_panels(
 
     linear, limit = scale
     n = max(joints.shape[1] for _, joints in values.values())
-    colours = [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
+    colours = []
+    entries = []
+    for k in range(n):
+        colour = colormaps["viridis"](0.92 * k / max(n - 1, 1))
+        colours.append(colour)
+        entries.append(line(f"joint {k + 1}", colour))
     sheet = Sheet(left=0.62, right=0.2)
-    sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
+    sheet.legend(entries, min(n, 8))
     panels = sheet.panels(
-        len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True
+        len(values),
+        3,
+        height=1.25,
+        gap=0.3,
+        above=above,
+        labels=("time [s]", label),
+        same_y=True,
     )
     for ax, (t, joints) in zip(panels, values.values(), strict=True):
         middle, least, greatest, _ = extremes(t, joints, BINS)

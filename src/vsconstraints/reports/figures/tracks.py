@@ -14,7 +14,7 @@ from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...rows import Array
-from ..plots.image import OUTSIDE, START, Plane, numbered, square, tracks
+from ..plots.image import OUTSIDE, START, Plane, numbered, passes_through, square, tracks
 from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK, line, patch, symbol
 from .view import View
@@ -51,10 +51,12 @@ def draw_tracks(view: View) -> Sheet | None:
     names = view.competitors or view.shown
     plane = _plane_of(view)
     detail = close_up(view, plane)
+    # With its close-up a panel takes half as much room again.
     columns = COLUMNS if detail is None else COLUMNS - 1
     room = (WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns
-    # With its close-up a panel takes half as much room again.
-    width = room if detail is None else (room - APART) / (1.0 + BESIDE)
+    width = room
+    if detail is not None:
+        width = (room - APART) / (1.0 + BESIDE)
     height = width * plane.half[1] / plane.half[0]
     above = TITLE + TITLE_LINE * (view.title_lines(names) - 1)
     sheet = Sheet(left=LEFT)
@@ -96,8 +98,8 @@ def _plane_of(view: View) -> Plane:
     """Return the image plane of a view's setup, or one around all tracks without a setup."""
     if view.setup is not None:
         return Plane.of(view.setup)
-    seen = [run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()]
-    reach = np.nanmax(np.abs(np.concatenate(seen)), axis=0)
+    pixels = [run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()]
+    reach = np.nanmax(np.abs(np.concatenate(pixels)), axis=0)
     return Plane(tuple(2.0 * reach))
 
 
@@ -107,25 +109,42 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     look = view.looks[name]
     pixels = run.trajectory.features_px
     if view.baseline is not None and name != BASELINE:
-        baseline = view.baseline.trajectory.features_px
-        tracks(ax, baseline, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
-    tracks(ax, pixels, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
+        tracks(
+            ax,
+            view.baseline.trajectory.features_px,
+            color=view.looks[BASELINE].colour,
+            linewidth=0.9,
+            zorder=2.2,
+        )
+    tracks(
+        ax,
+        pixels,
+        color=look.colour,
+        linestyle=look.line,
+        linewidth=width,
+        zorder=4,
+    )
     for track in _violations(run):
         ax.plot(*track.T, **VIOLATED, zorder=5)
-    ax.plot(*pixels[-1].T, **symbol("o", look.colour, "white", 5.5), zorder=6)
+    end = symbol("o", look.colour, "white", 5.5)
+    ax.plot(*pixels[-1].T, **end, zorder=6)
     goals = view.setup.task.goals if view.setup is not None else ()
     for goal in goals:
-        ax.plot(*goal.pixels.T, **(LAST if goal is goals[-1] else EARLIER), zorder=6.2)
+        star = LAST if goal is goals[-1] else EARLIER
+        ax.plot(*goal.pixels.T, **star, zorder=6.2)
     numbered(ax, pixels[0])
 
 
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
     """Yield the index of each row on a marker's place in the image, and that place (N, 2) [px]."""
     pixels = run.trajectory.features_px
-    for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
-        digits = label.rpartition("marker ")[2].rstrip("]")
-        if unit == "px" and digits.isdecimal() and int(digits) <= pixels.shape[1]:
-            yield i, pixels[:, int(digits) - 1]
+    for i, label in enumerate(run.trajectory.labels):
+        number = label.rpartition("marker ")[2].rstrip("]")
+        if run.units[i] != "px" or not number.isdecimal():
+            continue
+        marker = int(number) - 1
+        if marker < pixels.shape[1]:
+            yield i, pixels[:, marker]
 
 
 def _entries(
@@ -144,7 +163,7 @@ def _entries(
         entries.append(line("row in the image violated", **VIOLATED))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
-        side = f"{2.0 * detail.half:.0f}"
+        side = round(2.0 * detail.half)
         text = f"close-up, {side} × {side} px"
         entries.append(patch(text, "none", edgecolor=INK, linewidth=0.8))
     return entries
@@ -173,15 +192,15 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
         for i, pixels in _rows_in_image(run):
             if run.trajectory.labels[i] not in view.phi_rows:
                 continue
-            seen = (np.abs(pixels) <= plane.half).all(axis=1)
-            clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
+            is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
+            clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
             k = int(np.argmin(clearance))
             least = float(clearance[k])
             is_active = run.trajectory.active[:, i].any()
             is_violated = least < -NEGLIGIBLE * run.length[i]
             if least > -MAX_DEPTH * size and (is_active or is_violated):
-                detail = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
-                candidates.append((least / run.length[i], detail))
+                half = max(SHARE * size, -1.6 * least)
+                candidates.append((least / run.length[i], CloseUp(pixels[k], half)))
     candidates.sort(key=lambda candidate: candidate[0])
     for _, detail in candidates:
         if _has_boundary(plane, detail):
@@ -193,7 +212,7 @@ def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
     """Return True if a fixed or moving boundary passes through a close-up."""
     for _, lines in plane.moving:
         for points in lines:
-            if (np.abs(points - detail.centre) < detail.half).all(axis=1).any():
+            if passes_through(points - detail.centre, detail.half):
                 return True
     offsets = np.linspace(-detail.half, detail.half, GRID)
     depth = plane.depth(detail.centre[0] + offsets, detail.centre[1] + offsets)

@@ -127,8 +127,8 @@ class View:
             return {}
         share = (self.competitors.index(name) + 0.5) / len(self.competitors)
         times = end * (np.arange(MARKS) + share) / MARKS
-        places = np.searchsorted(t, times[times <= t[-1]])
-        return mark_of(self.looks[name]) | {"markevery": places.tolist()}
+        samples = np.searchsorted(t, times[times <= t[-1]])
+        return mark_of(self.looks[name]) | {"markevery": samples.tolist()}
 
     def time_axis(self, ax: Any, end: float = 0.0) -> None:
         """Draw the time axis up to ``end``, by default that of the view, with the goal changes."""
@@ -137,7 +137,7 @@ class View:
             changes.update(goal.from_time for goal in self.setup.task.goals[1:])
         else:
             for run in self.runs.values():
-                changes.update(float(begin) for begin in run.goal_begins if begin > 0.0)
+                changes.update(run.goal_begins[run.goal_begins > 0.0].tolist())
         time_axis(ax, end or self.end, sorted(changes))
 
     def title_lines(self, names: Iterable[str]) -> int:

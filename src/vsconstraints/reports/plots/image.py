@@ -55,34 +55,39 @@ class Plane:
         """
         width, height = map(float, setup.scene.camera.size)
         instants = np.linspace(0.0, setup.duration, INSTANTS)
-        still = []
+        fixed = []
         drifting = []
         for constraint in setup.constraints.constraints:
             if not isinstance(constraint, ImageConstraint):
                 continue
             if constraint.motion is None:
-                still.append(constraint)
+                fixed.append(constraint)
             else:
                 lines = constraint.boundary((width, height), instants)
                 drifting.append((constraint, constraint.motion, lines))
-        outline = _outline(setup.scene.camera)
-        plane = cls((width, height), tuple(still), tuple(drifting), (), outline)
+        plane = cls(
+            size=(width, height),
+            constraints=tuple(fixed),
+            drifting=tuple(drifting),
+            outline=_outline(setup.scene.camera),
+        )
         half = 0.5 * np.array(plane.size)
-
-        def is_seen(t: float) -> bool:
-            return any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t))
-
-        seen = np.flatnonzero([is_seen(t) for t in instants])
-        if len(seen):
-            moments = np.linspace(seen[0], seen[-1], MOMENTS)
-            plane.times = tuple(instants[np.unique(np.round(moments).astype(int))])
+        seen = []
+        for k, t in enumerate(instants):
+            if any(passes_through(line, half) for line in plane.moved(t)):
+                seen.append(k)
+        if seen:
+            moments = np.linspace(seen[0], seen[-1], MOMENTS).round()
+            plane.times = tuple(instants[np.unique(moments.astype(int))])
         return plane
 
     def moved(self, t: float) -> list[Array]:
         """Return polylines (p, 2) of the moving boundaries at a time [px]."""
-        return [
-            line + motion.displacement(t) for _, motion, lines in self.drifting for line in lines
-        ]
+        moved: list[Array] = []
+        for _, motion, lines in self.drifting:
+            displacement = motion.displacement(t)
+            moved += [line + displacement for line in lines]
+        return moved
 
     @property
     def moving(self) -> tuple[tuple[float, list[Array]], ...]:
@@ -94,7 +99,10 @@ class Plane:
     @cached_property
     def lines(self) -> list[Array]:
         """Polylines (p, 2) along the fixed boundaries [px]."""
-        return [points for c in self.constraints for points in c.boundary(self.size)]
+        lines = []
+        for constraint in self.constraints:
+            lines += constraint.boundary(self.size)
+        return lines
 
     @property
     def edge(self) -> Array:
@@ -102,8 +110,11 @@ class Plane:
 
         It is the rectangle of the image's size if there is no distortion.
         """
-        corners = 0.5 * np.asarray(self.size) * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
-        return corners if self.outline is None else self.outline
+        if self.outline is not None:
+            return self.outline
+        signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+        corners: Array = 0.5 * np.asarray(self.size) * signs
+        return corners
 
     @property
     def half(self) -> Array:
@@ -124,9 +135,11 @@ class Plane:
         count = int(np.clip(2.0 * half.max() / GRID_STEP, 80, 600))
         u, v = np.linspace(centre - half, centre + half, count, axis=1)
         contours = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset")
+        areas, offsets = contours.filled(0.0, 1.0)
         outlines = []
-        for points, offsets in zip(*contours.filled(0.0, 1.0), strict=True):
-            outlines += np.split(points, offsets[1:-1].astype(int))
+        for points, area_offsets in zip(areas, offsets, strict=True):
+            begins = area_offsets[1:-1].astype(int)  # of the holes
+            outlines += np.split(points, begins)
         return outlines
 
     def depth(self, u: Array, v: Array) -> Array:
@@ -149,18 +162,19 @@ class Plane:
         for t, lines in self.moving:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-                if (np.abs(middle) <= LABELLED * self.half).all():  # a time beyond would be cut off
-                    ax.annotate(
-                        f"{t:.1f} s",
-                        middle,
-                        ha="center",
-                        va="center",
-                        clip_on=True,
-                        annotation_clip=True,
-                        fontsize=7.5,
-                        color=FAINT,
-                        zorder=2.2,
-                    )
+                if (np.abs(middle) > LABELLED * self.half).any():
+                    continue  # the label would be cut off
+                ax.annotate(
+                    f"{t:.1f} s",
+                    middle,
+                    ha="center",
+                    va="center",
+                    clip_on=True,
+                    annotation_clip=True,
+                    fontsize=7.5,
+                    color=FAINT,
+                    zorder=2.2,
+                )
         ax.plot(*self.edge.T, **FRAME, zorder=2.5)
         if upwards:
             ax.invert_yaxis()
@@ -189,28 +203,39 @@ class Plane:
         for points in self.lines:
             ax.plot(*points.T, **BOUNDARY, zorder=3)
         for k, (_, lines) in enumerate(self.moving):
+            style = _moving_style(k, len(self.times))
             for points in lines:
-                ax.plot(*points.T, **_moving(k, len(self.times)), zorder=2.1)
-        ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
-        ax.set_ylim(centre[1] + half[1], centre[1] - half[1])
+                ax.plot(*points.T, **style, zorder=2.1)
+        left, top = centre - half
+        right, bottom = centre + half
+        ax.set_xlim(left, right)
+        ax.set_ylim(bottom, top)
         ax.grid(False)
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Return legend entries of the image and its contents; of the boundary if it has a name."""
-        entries = [patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])]
+        frame = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
+        entries = [frame]
         if boundary:
             entries.append(line(boundary, **BOUNDARY))
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
-            when = "these times" if len(self.times) > 1 else "that time"
-            entries.append(line(f"boundary at {when}", **_moving(2, MOMENTS)))
+            times = "these times" if len(self.times) > 1 else "that time"
+            entries.append(line(f"boundary at {times}", **_moving_style(2, MOMENTS)))
         return entries
 
 
-def _moving(moment: int, of: int) -> dict[str, Any]:
-    """Return the style of a moving boundary at one of its moments; later ones are darker."""
-    alpha = 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0
+def passes_through(points: Array, half: Array | float) -> bool:
+    """Return True if a polyline (p, 2) has a point with |u| and |v| below ``half``."""
+    return bool((np.abs(points) < half).all(axis=1).any())
+
+
+def _moving_style(moment: int, count: int) -> dict[str, Any]:
+    """Return the style of a moving boundary at one of ``count`` moments; later ones are darker."""
+    alpha = 1.0
+    if count > 1:
+        alpha = 0.3 + 0.7 * moment / (count - 1)
     return BOUNDARY | {"linestyle": "--", "alpha": alpha}
 
 
@@ -245,8 +270,11 @@ def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
     for i, marker in enumerate(pixels):
         if not np.isfinite(marker).all():
             continue
-        u, v = marker if within is None else np.clip(marker, -within, within)
-        colour = INK if (u, v) == tuple(marker) else OUTSIDE
+        u, v = marker
+        colour = INK
+        if within is not None and (np.abs(marker) > within).any():
+            u, v = np.clip(marker, -within, within)
+            colour = OUTSIDE
         order = 6.4 + 0.01 * i
         ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
         ax.text(
@@ -269,10 +297,10 @@ def _outline(camera: Camera) -> Array | None:
     """
     if camera.distortion is None:
         return None
-    along = np.linspace(-0.5, 0.5, 41)
-    end = np.full(41, 0.5)
-    u = np.concatenate((along, end, -along, -end))
-    v = np.concatenate((-end, along, end, -along))
+    rising = np.linspace(-0.5, 0.5, 41)
+    constant = np.full(41, 0.5)
+    u = np.concatenate((rising, constant, -rising, -constant))
+    v = np.concatenate((-constant, rising, constant, -rising))
     edge = np.stack((u, v), axis=1)
     try:
         return camera.undistort(edge * np.asarray(camera.size))

@@ -84,8 +84,9 @@ class Sheet:
         columns = max(min(columns, count), 1)
         room = WIDTH - self.left - self.right - gap * (columns - 1)
         width = width or room / columns
-        made: list[Any] = []
-        top = row_height = 0.0
+        panels: list[Any] = []
+        top = 0.0
+        row_height = 0.0
         for i in range(count):
             row, column = divmod(i, columns)
             is_first = column == 0
@@ -93,14 +94,15 @@ class Sheet:
             if is_first:
                 top = self.bottom + above
                 row_height = height if isinstance(height, float) else height[row]
-            ax = self.axes(self.left + column * (width + gap), top, width, row_height)
+            left = self.left + column * (width + gap)
+            ax = self.axes(left, top, width, row_height)
             ax.tick_params(labelbottom=is_lowest, labelleft=is_first or not same_y)
             ax.set_xlabel(labels[0] if is_lowest else "", labelpad=2)
             ax.set_ylabel(labels[1] if is_first else "", labelpad=2)
-            made.append(ax)
-        if made:
+            panels.append(ax)
+        if panels:
             self.bottom += FOOT
-        return made
+        return panels
 
     def views(self, *sizes: tuple[float, float], gap: float = 0.62) -> list[Any]:
         """Add axes of given sizes (width, height) side by side [in].
@@ -109,13 +111,13 @@ class Sheet:
         """
         left = self.left
         top = self.bottom
-        made = []
+        views = []
         for width, height in sizes:
-            made.append(self.axes(left, top, width, height))
+            views.append(self.axes(left, top, width, height))
             left += width + gap
         self.beside = (left - gap + 0.3, top)
         self.bottom += FOOT
-        return made
+        return views
 
     def beside_panel(self, panel: Any, gap: float, side: float) -> Any:
         """Add square axes without numbers right of a panel, aligned with its upper edge [in]."""
@@ -197,16 +199,15 @@ class Sheet:
 
     def _place(self, margin: float = 0.0) -> None:
         """Place all axes, with an additional margin at the left that makes all narrower [in]."""
-        narrower = 1.0 - margin / WIDTH
+        scale = 1.0 - margin / WIDTH
         for ax, (left, top, width, height) in self._places.items():
-            ax.set_position(
-                (
-                    (margin + narrower * left) / WIDTH,
-                    (self.bottom - top - height) / self.bottom,
-                    narrower * width / WIDTH,
-                    height / self.bottom,
-                )
+            position = (
+                (margin + scale * left) / WIDTH,
+                (self.bottom - top - height) / self.bottom,
+                scale * width / WIDTH,
+                height / self.bottom,
             )
+            ax.set_position(position)
 
     def save(self, *paths: Path) -> None:
         """Write files atomically; their suffixes are in :data:`FORMATS`."""

@@ -57,6 +57,7 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     """
     result = {name: LOOKS[name] for name in controllers if name in LOOKS}
     others = [name for name in dict.fromkeys(controllers) if name not in LOOKS]
+    # Tuned laws come last, when the looks of their originals are known.
     for name in sorted(others, key=lambda name: name.endswith(TUNED)):
         original = name.removesuffix(TUNED)
         taken = list(result.values())
@@ -69,16 +70,20 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
 
 
 def _free_look(name: str, taken: Sequence[Look]) -> Look:
-    """Return the preferred look of a name, as far as no other law has it."""
+    """Return the preferred look of a name, as far as no other law has it.
+
+    A colour that no other law has is more important than a solid line.
+    """
     number = crc32(name.encode())
-    colours = {look.colour for look in taken}
-    pairs = {(look.line, look.colour) for look in taken}
     k = number % len(FREE_COLOURS)
-    ordered = dict.fromkeys([*FREE_COLOURS[k:], *FREE_COLOURS[:k], *list(COLOURS.values())[1:]])
-    preferred = list(product(LINES, ordered))
-    unused = [pair for pair in preferred if pair not in pairs] or preferred
-    new_colours = [pair for pair in unused if pair[1] not in colours]
-    line, colour = (new_colours or unused)[0]
+    _, *coloured = COLOURS.values()  # without the baseline's grey
+    colours = dict.fromkeys([*FREE_COLOURS[k:], *FREE_COLOURS[:k], *coloured])
+    taken_colours = {look.colour for look in taken}
+    taken_pairs = {(look.line, look.colour) for look in taken}
+    pairs = list(product(LINES, colours))
+    unused = [pair for pair in pairs if pair not in taken_pairs] or pairs
+    of_new_colour = [pair for pair in unused if pair[1] not in taken_colours]
+    line, colour = (of_new_colour or unused)[0]
     return Look(colour, _free_marker(number, taken), line)
 
 
@@ -87,8 +92,10 @@ def _free_marker(start: int, taken: Sequence[Look]) -> str:
     k = start % len(MARKERS)
     used = {look.marker for look in taken}
     ordered = MARKERS[k:] + MARKERS[:k]
-    free = [marker for marker in ordered if marker not in used]
-    return (free or ordered)[0]
+    for marker in ordered:
+        if marker not in used:
+            return marker
+    return ordered[0]
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -98,26 +105,33 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 def darker(colour: str, share: float = 0.8) -> str:
     """Return a shade of a colour ``#RRGGBB`` that is dark enough for text on white."""
-    return "#" + "".join(f"{int(share * part):02X}" for part in rgb(colour))
+    parts = [int(share * part) for part in rgb(colour)]
+    return "#{:02X}{:02X}{:02X}".format(*parts)
 
 
 def paler(colour: str, white: float = 0.45) -> str:
     """Return a colour ``#RRGGBB`` mixed with white."""
-    return "#" + "".join(f"{int((1.0 - white) * part + white * 255):02X}" for part in rgb(colour))
+    parts = [int((1.0 - white) * part + white * 255) for part in rgb(colour)]
+    return "#{:02X}{:02X}{:02X}".format(*parts)
 
 
 def shortened(name: str, most: int = 40) -> str:
     """Shorten a long name in its middle so that it fits into a title or legend."""
+    if len(name) <= most:
+        return name
     half = (most - 1) // 2
-    return name if len(name) <= most else f"{name[:half]}…{name[-half:]}"
+    return f"{name[:half]}…{name[-half:]}"
 
 
 def folded(name: str, most: int) -> str:
     """Fold a long name after a hyphen into two lines, or shorten it in its middle."""
     if len(name) <= most:
         return name
-    after_hyphens = [match.end() for match in re.finditer("-", name)]
-    breaks = [k for k in after_hyphens if max(k, len(name) - k) <= most]
+    breaks = []
+    for hyphen in re.finditer("-", name):
+        k = hyphen.end()
+        if max(k, len(name) - k) <= most:
+            breaks.append(k)
     if not breaks:
         return shortened(name, most)
     middle = min(breaks, key=lambda k: abs(2 * k - len(name)))
@@ -141,13 +155,16 @@ def symbol(
     marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any
 ) -> dict[str, Any]:
     """Return the style of a symbol, as a mark or, with ``label``, as a legend entry."""
-    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
-    colours = {
+    factor = {"*": 1.5, "x": 0.95}.get(marker, 1.0)
+    return {
+        "linestyle": "none",
+        "marker": marker,
+        "markersize": factor * size,
         "markerfacecolor": face,
         "markeredgecolor": edge,
         "markeredgewidth": 2.0 if marker == "x" else 0.9,
+        **look,
     }
-    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
 
 
 def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
@@ -160,9 +177,15 @@ def time_axis(
 ) -> None:
     """Set the time axis from zero to the end [s], with dashed lines at events and a label."""
     ax.set_xlim(0.0, end)
-    dashed = {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5}
+    dashed = {
+        "color": INK,
+        "linestyle": (0, (4, 3)),
+        "linewidth": 0.9,
+        "zorder": 1.5,
+        **look,
+    }
     for time in events:
-        ax.axvline(time, **dashed | look)
+        ax.axvline(time, **dashed)
     if label:
         ax.set_ylabel(label, labelpad=3)
 
@@ -187,7 +210,10 @@ def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[st
     Markers of different laws stand at different places.
     """
     share = (list(laws).index(law) + 0.5) / len(laws)
-    places = {min(int(count * (k + share) / most), count - 1) for k in range(most)}
+    places = set()
+    for k in range(most):
+        place = int(count * (k + share) / most)
+        places.add(min(place, count - 1))
     return mark_of(looks(laws)[law]) | {"markevery": sorted(places)}
 
 
@@ -204,7 +230,8 @@ def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any)
 def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
     """Fill the area between two signals (N,) over time (N,) without changing the axes' limits."""
     limits = ax.dataLim.frozen()
-    ax.fill_between(t, low, high, where=np.isfinite(low) & np.isfinite(high), **look)
+    is_known = np.isfinite(low) & np.isfinite(high)
+    ax.fill_between(t, low, high, where=is_known, **look)
     ax.dataLim.set(limits)
 
 
@@ -258,13 +285,17 @@ def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[
     are left out evenly if there would be more than ``most``, and next to zero, where numbers
     overlap.
     """
-    is_positive = low > 0.0
-    first = math.ceil(math.log10(low if is_positive else least))
     last = math.floor(math.log10(max(-low, high)))
-    count = last - first + 1
-    step = max(math.ceil((count if is_positive else 2 * count) / most), 1)
-    begin = first if is_positive else first + step - 1
-    powers = [10.0**k for k in range(begin, last + 1, step)]
+    if low > 0.0:
+        first = math.ceil(math.log10(low))
+        count = last - first + 1
+    else:
+        first = math.ceil(math.log10(least))
+        count = 2 * (last - first + 1)
+    step = max(math.ceil(count / most), 1)
+    if low <= 0.0:
+        first += step - 1
+    powers = [10.0**k for k in range(first, last + 1, step)]
     negative = [-power for power in reversed(powers)]
     return [tick for tick in (*negative, 0.0, *powers) if low <= tick <= high]
 
@@ -299,8 +330,13 @@ def plain(value: float) -> str:
     if value == 0.0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:g}".replace("-", "−")
     mantissa, exponent = f"{value:.0e}".split("e")
-    factor = {"1": "", "-1": "−"}.get(mantissa, f"{mantissa.replace('-', '−')}·")
-    return f"{factor}10{str(int(exponent)).translate(RAISED)}"
+    factor = mantissa.replace("-", "−")
+    if factor in ("1", "−1"):
+        factor = factor.removesuffix("1")
+    else:
+        factor += "·"
+    raised = str(int(exponent)).translate(RAISED)
+    return f"{factor}10{raised}"
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
@@ -314,12 +350,16 @@ def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]
 
     There are at most ``bins`` windows. Values are NaN in a window without finite ones.
     """
-    starts = np.unique(np.linspace(0, len(t), min(bins, len(t)), endpoint=False).astype(np.int64))
-    middle = 0.5 * (t[starts] + t[np.append(starts[1:], len(t)) - 1])
-    known = np.isfinite(y)
-    count = np.add.reduceat(known.astype(np.int64), starts, axis=0)
-    total = np.add.reduceat(np.where(known, y, 0.0), starts, axis=0)
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    N = len(t)
+    begins = np.linspace(0, N, min(bins, N), endpoint=False)
+    starts = np.unique(begins.astype(np.int64))
+    ends = np.append(starts[1:], N) - 1
+    middle = 0.5 * (t[starts] + t[ends])
     least = np.fmin.reduceat(y, starts, axis=0)
     greatest = np.fmax.reduceat(y, starts, axis=0)
+    is_known = np.isfinite(y)
+    count = np.add.reduceat(is_known.astype(np.int64), starts, axis=0)
+    total = np.add.reduceat(np.where(is_known, y, 0.0), starts, axis=0)
+    mean = np.full(total.shape, np.nan)
+    np.divide(total, count, out=mean, where=count > 0)
     return middle, least, greatest, mean

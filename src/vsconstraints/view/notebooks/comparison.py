@@ -70,21 +70,18 @@ def compare(
     run.
     """
     specs, notes = specs_of(laws)
-    suite = Suite(
-        NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed
-    ).checked()
+    title = "Comparison from a session"
+    suite = Suite(NAME, title, scenarios_of(scenarios), specs, trials, seed).checked()
     setups = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
     for name, setup in setups.items():
         notes += (f"{name} runs in this process: {setup.why_here}",)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
+    run_count = len(suite.with_baseline().runs())
+    shown = progress_shown(run_count) if progress else nullcontext(lambda: None)
     try:
-        with (
-            progress_shown(len(suite.with_baseline().runs()))
-            if progress
-            else nullcontext(lambda: None) as advance
-        ):
+        with shown as advance:
             finished = compare_suite(
                 suite,
                 folder,
@@ -227,13 +224,15 @@ class Comparison:
     @in_one_line
     def __repr__(self) -> str:
         results = self._lines
-        runs = sum(len(results.all_runs(name)) for name in results.competitors)
-        what = (
-            f"{counted(len(results.competitors), 'law')} on "
-            f"{counted(len(self.scenarios), 'scenario')}"
+        run_count = sum(len(results.all_runs(name)) for name in results.competitors)
+        clean = sum(results.clean.values())
+        laws = counted(len(results.competitors), "law")
+        scenarios = counted(len(self.scenarios), "scenario")
+        trials = counted(results.trials, "trial")
+        runs = counted(run_count, "run")
+        return (
+            f"<Comparison of {laws} on {scenarios}, {trials}: {clean} of {runs} converged inside>"
         )
-        clean = f"{sum(results.clean.values())} of {counted(runs, 'run')} converged inside"
-        return f"<Comparison of {what}, {counted(results.trials, 'trial')}: {clean}>"
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: outcomes of laws on scenarios, and main scores."""
@@ -275,14 +274,18 @@ def progress_shown(total: int) -> Iterator[Callable[[], None]]:
         def show(text: str, end: str = "") -> None:
             line.update({"text/plain": text}, raw=True)
 
-    def advance(by: int = 1, end: str = "\r") -> None:
-        nonlocal done, due
-        done = done + by
-        now = time.monotonic()
-        if not by or now >= due:
-            due = now + UPDATE
-            show(f"comparing: {done} of {total} runs, {now - begun:.0f} s", end)
+    def report(end: str = "\r") -> None:
+        elapsed = time.monotonic() - begun
+        show(f"comparing: {done} of {total} runs, {elapsed:.0f} s", end)
 
-    advance(0)
+    def advance() -> None:
+        nonlocal done, due
+        done += 1
+        now = time.monotonic()
+        if now >= due:
+            due = now + UPDATE
+            report()
+
+    report()
     yield advance
-    advance(0, "\n")
+    report("\n")

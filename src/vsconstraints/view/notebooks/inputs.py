@@ -172,9 +172,10 @@ def _options(law: Controller) -> dict[str, Any] | None:
         if value != parameter.default:
             options[parameter.name] = value
     for wrapper in wrappers:
-        options |= {
-            key: getattr(wrapper, key) for key in WRAPPERS[type(wrapper)] if getattr(wrapper, key)
-        }
+        for key in WRAPPERS[type(wrapper)]:
+            value = getattr(wrapper, key)
+            if value:
+                options[key] = value
     try:
         json.dumps(options)
         return options if repr(make_controller(kind.name, options)) == repr(law) else None

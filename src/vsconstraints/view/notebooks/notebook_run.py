@@ -62,9 +62,9 @@ class Plots:
         By default the rows that are challenged or violated are drawn. Raises ConfigurationError for
         unknown labels.
         """
-        known = dict.fromkeys(
-            label for run in self.view.runs.values() for label in run.trajectory.labels
-        )
+        known: dict[str, None] = {}
+        for run in self.view.runs.values():
+            known |= dict.fromkeys(run.trajectory.labels)
         for label in labels:
             if label not in known:
                 raise unknown_name("row", label, known)
@@ -134,10 +134,11 @@ class NotebookRun(Run):
 
     def scores(self) -> dict[str, Any]:
         """Return its line of results.csv by column name; see the documentation of metrics."""
-        values = self.score.result.items()
-        return {
-            name: value.item() if isinstance(value, np.generic) else value for name, value in values
-        }
+        values = dict(self.score.result)
+        for name, value in values.items():
+            if isinstance(value, np.generic):
+                values[name] = value.item()
+        return values
 
     def row_scores(self) -> pd.DataFrame:
         """Return the lines of its rows in constraints.csv, indexed by label; needs pandas."""

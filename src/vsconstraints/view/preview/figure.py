@@ -141,7 +141,8 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
 def _rows(sheet: Sheet, preview: Preview) -> None:
     """Draw the usage of the nearest rows in each moment, with distances and φ in their units."""
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
-    shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
+    shown = known[:MIN_ROWS]
+    shown += [row for row in known[MIN_ROWS:MAX_ROWS] if row.greatest > 0.0]
     if not shown:
         sheet.text(LEFT, sheet.bottom + 0.1, "No rows and no joint limits.")
         sheet.bottom += 0.3
@@ -152,10 +153,11 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         marks.append(GOAL)
     # Many moments have no room beside each other: only the nearest of each row is written.
     every_moment = len(names) <= COLUMNS
-    cells = CELL * len(names) if every_moment else NEAREST
+    cells_width = CELL * len(names) if every_moment else NEAREST
+    cells_left = WIDTH - cells_width - 0.1
     top = sheet.bottom + 0.38
-    cells_left = WIDTH - cells - 0.1
-    _usage(sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown)), shown, marks)
+    ax = sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown))
+    _usage(ax, shown, marks)
     if every_moment:
         for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
             left = cells_left + k * CELL
@@ -209,9 +211,9 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
         ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
         extent = [np.nanmin(usage), np.nanmax(usage)]
         ax.plot(extent, [y, y], color="#909090", linewidth=1.4, zorder=2.0)
-        for u, mark in zip(usage, marks, strict=True):
-            if np.isfinite(u):
-                ax.plot(u, y, **mark, zorder=4.0, clip_on=False)
+        for value, mark in zip(usage, marks, strict=True):
+            if np.isfinite(value):
+                ax.plot(value, y, **mark, zorder=4.0, clip_on=False)
 
 
 #: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.

@@ -132,14 +132,12 @@ class Preview:
     @property
     def warnings(self) -> tuple[str, ...]:
         """All warnings, with the moments to which they apply."""
-        problems = [
-            f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems
-        ]
-        return (
-            *self.doubts,
-            *problems,
-            *([f"no run would start: {self.refusal}"] if self.refusal else []),
-        )
+        warnings = [*self.doubts]
+        for moment in self.moments:
+            warnings += [f"{moment.name}: {problem}" for problem in moment.problems]
+        if self.refusal:
+            warnings.append(f"no run would start: {self.refusal}")
+        return tuple(warnings)
 
 
 def _without(refusal: str, doubts: Sequence[str]) -> str:
@@ -155,22 +153,28 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
     Return None if this cannot be built either.
     """
     tables = scenario.tables
-    task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
+    task = tables.get("task", {})
+    target = tables.get("target", {})
+    constraints = tables.get("constraints", [])
     if not isinstance(task, dict) or not isinstance(target, dict):
         return None
-    every = constraints if isinstance(constraints, list) else []
-    kept = [
-        table for table in every if not (isinstance(table, dict) and table.get("type") == OF_GOALS)
-    ]
-    centre = [[0.0, 0.0]] * (4 if "square" in target else len(target.get("markers", [])))
-    for other in (
-        {**task, "goals": [{"camera_at_q": tables.get("q0")}]},
-        {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": centre}]},
-    ):
+    if not isinstance(constraints, list):
+        constraints = []
+    kept = []
+    for table in constraints:
+        if not (isinstance(table, dict) and table.get("type") == OF_GOALS):
+            kept.append(table)
+    marker_count = 4 if "square" in target else len(target.get("markers", []))
+    at_start = {**task, "goals": [{"camera_at_q": tables.get("q0")}]}
+    in_centre = {
+        "feature": "image-points",
+        "Kp0": 1.0,
+        "goals": [{"markers_px": [[0.0, 0.0]] * marker_count}],
+    }
+    for other_task in (at_start, in_centre):
+        changed = {**tables, "task": other_task, "constraints": kept}
         with suppress(VsconstraintsError):
-            return replace(scenario, tables={**tables, "task": other, "constraints": kept}).setup(
-                trial, seed
-            )
+            return replace(scenario, tables=changed).setup(trial, seed)
     return None
 
 
@@ -184,7 +188,6 @@ def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
             q = setup.scene.robot.configuration(goal["camera_at_q"])
             moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
         except (VsconstraintsError, KeyError, TypeError):
-            moments.append(
-                nowhere(setup, name, 0.0, nothing, "the robot's configuration there is unknown")
-            )
+            problem = "the robot's configuration there is unknown"
+            moments.append(nowhere(setup, name, 0.0, nothing, problem))
     return tuple(moments)

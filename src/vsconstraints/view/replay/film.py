@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...errors import ConfigurationError
 from ...reports.plots.image import Plane, tracks
 from ...reports.plots.sheet import WIDTH, Sheet
 from ...reports.plots.style import INK, darker, shortened, symbol
-from ...rows import Array
+from ...rows import Array, IntArray
 from ..setup_scene import draw_setup
 from .runs import (
     ACTIVE,
@@ -23,6 +23,7 @@ from .runs import (
     VIOLATED,
     Frames,
     ReplayRun,
+    States,
     Thing,
     check_same_scene,
     colours_of,
@@ -55,8 +56,10 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
     film_kind(path := Path(path))
     check_same_scene(runs)
     frames = Frames.of(runs, RATE, int(RATE * MAX_TIME))
-    write_pictures(list(pictures(runs, frames, title or runs[0].title)), path, RATE, REST)
-    return [text for text in [frames.remark(runs)] if text]
+    film = list(pictures(runs, frames, title or runs[0].title))
+    write_pictures(film, path, RATE, REST)
+    remark = frames.remark(runs)
+    return [remark] if remark else []
 
 
 def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[Array]:
@@ -66,61 +69,79 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
     """
     plane = Plane.of(runs[0].setup)
     viewpoint = common_viewpoint(runs)
-    several = len(runs) > 1
+    has_columns = len(runs) > 1
     width = (WIDTH - 0.1) / max(len(runs), 2) - 0.1
-    tall = width * plane.half[1] / plane.half[0]
-    arm = 0.78 * width
+    image_height = width * plane.half[1] / plane.half[0]
+    arm_height = 0.78 * width if has_columns else 0.0
     sheet = Sheet(left=0.1)
     speed = frames.period * RATE
-    faster = f"   ({speed:.1f} times as fast)" if speed > 1.05 else ""
-    sheet.text(0.1, 0.2, title + faster, fontsize=10.5, fontweight="bold", va="center")
+    if speed > 1.05:
+        title += f"   ({speed:.1f} times as fast)"
+    sheet.text(0.1, 0.2, title, fontsize=10.5, fontweight="bold", va="center")
     clock = sheet.figure.text(
         WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
     )
-    drawn = []
+    columns = []
     for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
         left = 0.1 + k * (width + 0.1)
-        image = sheet.axes(left, 0.7, width, tall)
-        place = (left, 1.0 + tall, width, arm)
-        if not several:
-            place = (left + width + 0.1, 0.7, width, tall + 0.3)
+        image = sheet.axes(left, 0.7, width, image_height)
+        place = (left, 1.0 + image_height, width, arm_height)
+        if not has_columns:
+            place = (left + width + 0.1, 0.7, width, image_height + 0.3)
         space = sheet.axes(*place, projection="3d", computed_zorder=False)
-        things = things_of(run)
-        drawn.append((run, colour, image, space, frames.samples(run), frames.states(run), things))
+        column = _Column(
+            run,
+            colour,
+            image,
+            space,
+            frames.samples(run),
+            frames.states(run),
+            things_of(run),
+        )
+        columns.append(column)
     # Films need even numbers of pixels.
-    sheet.bottom = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
+    sheet.bottom = 2.0 * round(0.5 * DPI * (1.05 + image_height + arm_height)) / DPI
     sheet.figure.set_dpi(DPI)
     sheet.placed()
     for k, t in enumerate(frames.t.tolist()):
         clock.set_text(f"{t:.2f} s")
         plane.times = (t,)
-        for run, colour, image, space, samples, states, things in drawn:
-            trajectory = run.trajectory
-            sample = int(samples[k])
-            image.clear()
-            plane.draw(image, labels=False)
-            _draw_run(image, run, colour, sample, states[k].tolist(), things)
-            over = t > trajectory.t[-1] + 1e-9 or k == len(samples) - 1
-            image.set_title(trajectory.status if over else "", loc="right", fontsize=9, pad=4)
-            for old in list(space.collections):
+        for column in columns:
+            trajectory = column.run.trajectory
+            sample = int(column.samples[k])
+            column.image.clear()
+            plane.draw(column.image, labels=False)
+            _draw_run(column, sample, column.states[k].tolist())
+            is_over = t > trajectory.t[-1] + 1e-9 or k == len(frames.t) - 1
+            status = trajectory.status if is_over else ""
+            column.image.set_title(status, loc="right", fontsize=9, pad=4)
+            for old in list(column.space.collections):
                 old.remove()
-            draw_setup(space, run.setup, trajectory.q[sample], t, viewpoint)
+            draw_setup(column.space, column.run.setup, trajectory.q[sample], t, viewpoint)
         sheet.canvas.draw()
         yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
 
 
-def _draw_run(
-    ax: Any,
-    run: ReplayRun,
-    colour: str,
-    sample: int,
-    states: Sequence[int],
-    things: Sequence[Thing],
-) -> None:
-    """Draw a run in the image plane up to a sample.
+class _Column(NamedTuple):
+    """Run with its axes, the sample (F,) and the states (F, m) of rows in each frame.
 
-    ``states`` (m,) are those of its rows, ``things`` (m,) the objects to which the rows apply.
+    ``objects`` (m,) are the objects to which the rows apply.
     """
+
+    run: ReplayRun
+    colour: str
+    image: Any
+    space: Any
+    samples: IntArray
+    states: States
+    objects: Sequence[Thing]
+
+
+def _draw_run(column: _Column, sample: int, states: Sequence[int]) -> None:
+    """Draw a run in the image plane up to a sample, with the states (m,) of its rows."""
+    ax = column.image
+    run = column.run
+    colour = column.colour
     pixels = run.trajectory.features_px
     t = float(run.trajectory.t[sample])
     ax.set_xticks([])
@@ -135,12 +156,13 @@ def _draw_run(
     tracks(ax, pixels[: sample + 1 : step], color=colour, linewidth=2.0, zorder=4.5)
     for i, marker in enumerate(pixels[sample], start=1):
         state = INACTIVE
-        for row_state, thing in zip(states, things, strict=True):
+        for row_state, thing in zip(states, column.objects, strict=True):
             if thing == ("marker", i):
                 state = max(state, row_state)
         edge = HIGHLIGHTS.get(state, "white")
         width = 2.5 if state else 0.9
-        ax.plot(*marker, **symbol("o", colour, edge, 8.5, zorder=6, markeredgewidth=width))
+        disc = symbol("o", colour, edge, 8.5, zorder=6, markeredgewidth=width)
+        ax.plot(*marker, **disc)
     worst = max(states, default=INACTIVE)
     text = ""
     if worst:
@@ -193,13 +215,16 @@ def write_pictures(
             first, *others = (
                 image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
             )
-            step = round(100.0 / rate) * 10
-            look: dict[str, Any] = {
-                "duration": [step] * len(others) + [step + int(1000.0 * rest)],
-                "loop": 0,
-            }
+            step = round(100.0 / rate) * 10  # [ms]
+            last = step + int(1000.0 * rest)
             first.save(
-                part, format="GIF", save_all=True, append_images=others, optimize=True, **look
+                part,
+                format="GIF",
+                save_all=True,
+                append_images=others,
+                optimize=True,
+                duration=[*[step] * len(others), last],
+                loop=0,
             )
             return
         import imageio_ffmpeg
@@ -230,27 +255,35 @@ def common_palette(frames: Sequence[Array], colours: int) -> Any:
     from PIL import Image
 
     levels = 1 << BITS
-    largest = np.zeros(levels**3)
-    pixel_count = np.zeros(levels**3)
-    sums = np.zeros((3, levels**3))
+    cells = levels**3
+    largest = np.zeros(cells)  # greatest number of pixels in any one frame
+    pixel_count = np.zeros(cells)
+    sums = np.zeros((3, cells))
     for frame in frames:
         channels = np.asarray(frame, dtype=np.int64).reshape(-1, 3).T
-        coarse = channels >> (8 - BITS)
-        cell = (coarse[0] * levels + coarse[1]) * levels + coarse[2]
-        count = np.bincount(cell, minlength=levels**3)
+        red, green, blue = channels >> (8 - BITS)
+        cell = (red * levels + green) * levels + blue
+        count = np.bincount(cell, minlength=cells)
         largest = np.maximum(largest, count)
         pixel_count += count
         for total, channel in zip(sums, channels, strict=True):
-            total += np.bincount(cell, weights=channel, minlength=levels**3)
+            total += np.bincount(cell, weights=channel, minlength=cells)
     present = np.flatnonzero(pixel_count)
     means = (sums[:, present] / pixel_count[present]).T
-    covered = np.sqrt(largest[present])
-    chosen = np.argsort(-covered, kind="stable")[: colours // 4].tolist()
-    distance = np.min([((means - means[k]) ** 2).sum(axis=1) for k in chosen], axis=0)
+    weight = np.sqrt(largest[present])
+    chosen: list[int] = []
+    distance = np.full(len(means), np.inf)
+
+    def choose(k: int) -> None:
+        chosen.append(k)
+        to_colour = ((means - means[k]) ** 2).sum(axis=1)
+        np.minimum(distance, to_colour, out=distance)
+
+    for k in np.argsort(-weight, kind="stable")[: colours // 4].tolist():
+        choose(k)
     for _ in range(min(colours, len(means)) - len(chosen)):
-        worst = int(np.argmax(distance * covered))
-        chosen.append(worst)
-        distance = np.minimum(distance, ((means - means[worst]) ** 2).sum(axis=1))
+        choose(int(np.argmax(distance * weight)))
     palette = Image.new("P", (1, 1))
-    palette.putpalette(np.rint(means[chosen]).astype(np.uint8).ravel().tolist())
+    channels = np.rint(means[chosen]).astype(np.uint8)
+    palette.putpalette(channels.ravel().tolist())
     return palette

@@ -53,12 +53,11 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     frames = Frames.of(runs)
     space, bars = space_of(runs, frames)
     data = image_data(runs, frames)
-    ends = [
-        f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}."
-        for run in runs
-        if run.trajectory.reason
-    ]
-    remarks = [text for text in (*ends, bars, frames.remark(runs)) if text]
+    remarks = []
+    for run in runs:
+        if run.trajectory.reason:
+            remarks.append(f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}.")
+    remarks += filter(None, (bars, frames.remark(runs)))
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     pages = jinja2.Environment(
         loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
@@ -102,8 +101,9 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
         lines = constraint.boundary(plane.size, frames.t)
         if not lines:
             continue
-        low = np.concatenate(lines).min(axis=0) - 1.0
-        high = np.concatenate(lines).max(axis=0) + 1.0
+        points = np.concatenate(lines)
+        low = points.min(axis=0) - 1.0
+        high = points.max(axis=0) + 1.0
         alone = Plane(plane.size, (constraint,))
         area = alone.forbidden_within(0.5 * (low + high), 0.5 * (high - low))
         moving.append(

@@ -118,10 +118,10 @@ class Frames:
         A single sample is enough to show a state. After a run has ended, rows are inactive: from
         the frame after the one that first shows its last sample.
         """
-        every = states(run)
+        sample_states = states(run)
         first = self.samples(run)
-        shown = np.maximum.reduceat(every, first, axis=0)
-        has_ended = first[:-1] == len(every) - 1
+        shown = np.maximum.reduceat(sample_states, first, axis=0)
+        has_ended = first[:-1] == len(sample_states) - 1
         shown[1:][has_ended] = INACTIVE
         return shown
 
@@ -176,16 +176,16 @@ def things_of(run: ReplayRun) -> list[Thing]:
     scene = run.setup.scene
     counts = {"marker": len(scene.markers), "joint": scene.robot.n}
     things = list[Thing]()
-    for k, (constraint, (_, count, _)) in enumerate(
-        zip(constraints.constraints, constraints.blocks(), strict=True)
-    ):
-        solid = bool(constraint.meshes(0.0, 1.0))
-        for label in constraints.labels[len(things) : len(things) + count]:
-            named = None if solid else re.search(r"(marker|joint) (\d+)\]", label)
-            known = named is not None and int(named[2]) <= counts[named[1]]
-            things.append(
-                ("obstacle", k) if solid else (named[1], int(named[2])) if named and known else None
-            )
+    for k, (_, row_count, _) in enumerate(constraints.blocks()):
+        if constraints.constraints[k].meshes(0.0, 1.0):
+            things += [("obstacle", k)] * row_count
+            continue
+        for label in constraints.labels[len(things) : len(things) + row_count]:
+            thing: Thing = None
+            named = re.search(r"(marker|joint) (\d+)\]", label)
+            if named and int(named[2]) <= counts[named[1]]:
+                thing = (named[1], int(named[2]))
+            things.append(thing)
     return things
 
 
@@ -245,16 +245,17 @@ def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) ->
         raise ConfigurationError(
             f"the stored run of {law} on {scenario} has other rows than its scenario"
         )
-    return ReplayRun(
-        f"{law}, trial {trial}" if trial else law, setup, record.trajectory, loaded.title
-    )
+    return ReplayRun(_shown_name(law, trial), setup, record.trajectory, loaded.title)
 
 
 def _simulated(run: str, seed: int) -> ReplayRun:
-    scenario, separator, rest = run.partition(":")
-    law, _, last = rest.rpartition(":")
-    law, trial = (law, int(last)) if law and last.isdecimal() else (rest, 0)
-    if not (scenario and separator and law):
+    scenario, _, law = run.partition(":")
+    trial = 0
+    name, _, last = law.rpartition(":")
+    if name and last.isdecimal():
+        law = name
+        trial = int(last)
+    if not (scenario and law):
         raise ConfigurationError(f"{run!r} is not a run: give {HOW}")
     shipped, behind, _ = law.partition(":")
     if behind and shipped in CONTROLLERS:
@@ -262,12 +263,13 @@ def _simulated(run: str, seed: int) -> ReplayRun:
             f"{run!r} is not a run: a trial is a number from 0 on, not {last!r}"
         )
     loaded = Scenario.load(scenario)
-    done = perform(
-        RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed)
-    )
-    return ReplayRun(
-        f"{law}, trial {trial}" if trial else law, done.setup, done.trajectory, loaded.title
-    )
+    spec = RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed)
+    done = perform(spec)
+    return ReplayRun(_shown_name(law, trial), done.setup, done.trajectory, loaded.title)
+
+
+def _shown_name(law: str, trial: int) -> str:
+    return f"{law}, trial {trial}" if trial else law
 
 
 def campaign_run(run: str) -> list[str]:

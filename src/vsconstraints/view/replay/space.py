@@ -114,21 +114,25 @@ def _recorded(
     for part in scene.parts:
         nodes.add(part)
     covers = []
-    for (what, number, run_number), states in highlights_of(runs, frames).items():
-        mesh, frame = _cover(what, number, runs, run_number, half)
+    for (kind, number, run_number), states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(kind, number, runs, run_number, half)
+        opacity = 0.85 if kind == "marker" else 0.6
         for state, colour in HIGHLIGHTS.items():
-            handle = nodes.add(Part(mesh, colour, frame, 0.85 if what == "marker" else 0.6))
+            handle = nodes.add(Part(mesh, colour, frame, opacity))
             covers.append((states == state, handle))
     for k, (run, shown, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
-        places = []
+        path = []
         for i in np.unique(shown):
             placement = setup_frames(run.setup, run.trajectory.q[i], 0.0)[name]
-            places.append(placement.pose.t)
-        if len(places) > 1:
-            pieces = np.stack((places[:-1], places[1:]), axis=1)
+            path.append(placement.pose.t)
+        if len(path) > 1:
             server.scene.add_line_segments(
-                f"/{k} path", pieces, rgb(colour), thickness=2.0, thickness_units="screen"
+                f"/{k} path",
+                np.stack((path[:-1], path[1:]), axis=1),
+                rgb(colour),
+                thickness=2.0,
+                thickness_units="screen",
             )
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
@@ -156,11 +160,17 @@ class Nodes:
             self.frames[part.frame] = self.scene.add_frame(f"/{part.frame}", show_axes=False)
         # Rounding to a quarter of a millimetre is invisible and makes the file much smaller.
         points = np.round(part.mesh.points * 4096.0) / 4096.0
-        look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
-        shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
         self.count += 1
-        name = f"/{part.frame}/{self.count}"
-        handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
+        handle = self.scene.add_mesh_simple(
+            f"/{part.frame}/{self.count}",
+            points,
+            part.mesh.triangles,
+            color=rgb(part.colour),
+            opacity=None if part.opacity == 1.0 else part.opacity,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
         if "slide" in part.frame:
             self.rails[part.frame] = handle
         return handle
@@ -177,20 +187,21 @@ class Nodes:
 
 
 def _cover(
-    what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float
+    kind: str, number: int, runs: Sequence[ReplayRun], run_number: int, half: float
 ) -> tuple[Mesh, str]:
     """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
-    setup = runs[run].setup
+    setup = runs[run_number].setup
     scale = half / REACH
-    if what == "marker":
+    if kind == "marker":
         mesh = ball(setup.scene.markers[number - 1], 0.021 * scale, 12)
-        return mesh, f"{run} target" if run else "target"
-    if what == "obstacle":
+        return mesh, f"{run_number} target" if run_number else "target"
+    if kind == "obstacle":
         return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
     poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
     axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
-    mesh = tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20)
-    return mesh, f"{run} joint {number}"
+    radius = (0.062 - 0.002 * run_number) * scale
+    mesh = tube(np.array([-axis, axis]), radius, 20)
+    return mesh, f"{run_number} joint {number}"
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
