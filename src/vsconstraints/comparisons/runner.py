@@ -28,7 +28,7 @@ from .runs.files import (
 )
 from .runs.folder import MANIFEST, locked
 from .runs.law_process import LawFailedError, LawProcessLostError
-from .runs.machine import loaded_versions, new_manifest, run_limit
+from .runs.machine import loaded_versions, new_manifest
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
 from .stored import TABLES, require_arm_kept, require_nothing_lost, stored_files
@@ -147,7 +147,9 @@ def compare(
             {key: calls[key] for key in runs if (key[1] == BASELINE) == first}
             for first in (True, False)
         )
-        limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+        limits = {
+            key: limit or run.controller.run_limit(run.load().tables) for key, run in runs.items()
+        }
         try:
             run_all(
                 run_stored, *batches, workers=workers, limits=limits, here=in_main, on_answer=done
