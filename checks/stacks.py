@@ -33,7 +33,7 @@ from vsconstraints.comparisons.runs.folder import locked
 from vsconstraints.comparisons.runs.identity import Identity, identity, scene_identity
 from vsconstraints.comparisons.runs.pool import Failure, Workers, processes
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, prepare_laws
-from vsconstraints.errors import ConfigurationError, VsconstraintsError, described
+from vsconstraints.errors import ConfigurationError, VsconstraintsError, described, unknown_name
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.stacks.environments import interpreter
 
@@ -343,15 +343,14 @@ class Plan(NamedTuple):
         Raises ConfigurationError if an entry, family or condition is unknown.
         """
         campaign = Campaign.load(SUITE)
-        chosen = campaign.select(asked.family or (), asked.entry or ())
-        chosen = replace(chosen, conditions=tuple(asked.condition or campaign.conditions)).checked()
         envs = asked.envs.absolute()
-        entries = tuple(
-            installed(each, envs) for each in chosen.controllers if each.name != BASELINE
-        )
-        families = [family.name for family in chosen.families]
+        known = {each.name: each for each in campaign.controllers if each.name != BASELINE}
+        names = _selected("entry", asked.entry, known)
+        entries = tuple(installed(known[name], envs) for name in names)
+        families = _selected("family", asked.family, [each.name for each in campaign.families])
+        conditions = _selected("condition", asked.condition, campaign.conditions)
         groups = tuple(
-            Group(family, condition) for condition, family in product(chosen.conditions, families)
+            Group(family, condition) for condition, family in product(conditions, families)
         )
         return cls(entries, groups, asked.training, asked.test)
 
@@ -379,6 +378,14 @@ class Plan(NamedTuple):
             for scene in scenes_of(group.family, "held-out", self.test)
             for entry in entries
         ]
+
+
+def _selected(what: str, asked: Sequence[str] | None, known: Iterable[str]) -> list[str]:
+    """Return the names that are asked for, all if none is; raise ConfigurationError if unknown."""
+    for name in asked or ():
+        if name not in known:
+            raise unknown_name(what, name, known)
+    return list(asked or known)
 
 
 def make_runs(plan: Plan, folder: Path, workers: int | None, minutes: float) -> bool:

@@ -141,7 +141,10 @@ def keep(folder: Path) -> list[str]:
             kept += counted(own)
     if not kept:
         raise ConfigurationError(f"{folder} has no complete group. {'. '.join(left_out)}")
-    table = [{**line, "success": score_of(line)[0]} for line in kept]
+    table = [
+        {**line, "view_gain": line["view_gain"] or np.nan, "success": score_of(line)[0]}
+        for line in kept
+    ]
     facts = {"made of": manifest["tuning"]}
     parquet.write(TABLE, parquet.table(COLUMNS, table), facts)
     return left_out
