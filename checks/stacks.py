@@ -3,22 +3,21 @@
 Draws the scenes of ``comparisons/stacks.toml``, tunes two gains of each entry on training scenes,
 and runs it with the chosen gains in held-out scenes. ENVS contains the environments of the adapters
 (``python -m vsconstraints.stacks.environments ENVS``) and, as ``visp_stack``, the program of
-``controllers/visp``. Finished runs are in FOLDER, and the same command continues.
+``controllers/visp``. One group after the other is completed: an arm that servoes by one feature
+within one limit of accelerations. Finished runs are in FOLDER, and the same command continues.
 ``checks.stacks_page`` makes the kept table and the page from them.
 """
 
 from __future__ import annotations
 
-import json
 import re
 import sys
+import time
 from argparse import ArgumentParser
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,28 +25,27 @@ import numpy as np
 
 from vsconstraints.bench.evidence import Campaign
 from vsconstraints.bench.families import Drawn
+from vsconstraints.bench.tuning import JournalFile, claim
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
-from vsconstraints.comparisons.runs.identity import (
-    Identity,
-    differences,
-    identity,
-    in_words,
-    scene_identity,
-)
-from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
-from vsconstraints.errors import ConfigurationError, described
+from vsconstraints.comparisons.runs.files import plain
+from vsconstraints.comparisons.runs.folder import locked
+from vsconstraints.comparisons.runs.identity import Identity, identity, scene_identity
+from vsconstraints.comparisons.runs.pool import Failure, Workers, processes
+from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, prepare_laws
+from vsconstraints.errors import ConfigurationError, VsconstraintsError, described, unknown_name
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.stacks.environments import interpreter
 
 ROOT = Path(__file__).parents[1]
 SUITE = ROOT / "comparisons" / "stacks.toml"
-IDENTITY = "identity.json"  #: File of what the runs in a folder depend on.
+RUNS = "runs.jsonl"  #: File of the lines of finished runs.
 
 GAINS = (0.75, 1.5, 3.0)  #: λ of the task [1/s].
 VIEW_GAINS = (2.0, 8.0)  #: α of the field of view [1/s].
-TRAINING = 2  #: Training scenes per family.
-TEST = 8  #: Held-out scenes per family.
+TRAINING = 4  #: Training scenes per family.
+TEST = 20  #: Held-out scenes per family.
+MOST_DRAWN = 200  #: Scenes that are drawn at most to find those that count.
 TIME_LIMIT = 10.0  #: Time in which a run must settle [s].
 SHORTEST = 1.0  #: Shortest duration of a run [s]; a run that has settled ends.
 
@@ -73,10 +71,10 @@ INFLUENCE = 0.3  #: Influence distance of the velocity damper [scales].
 
 
 class Gains(NamedTuple):
-    """Gains of the task and of the field of view [1/s]; ``view`` is NaN without one."""
+    """Gains of the task and of the field of view [1/s]; ``view`` is None without one."""
 
     task: float
-    view: float
+    view: float | None
 
 
 def kind_of(entry: ControllerSpec) -> str:
@@ -91,7 +89,12 @@ def grid(entry: ControllerSpec) -> list[Gains]:
     kind = kind_of(entry)
     stack = ":" in entry.law
     has_view = kind in VIEW_OPTIONS if stack else kind not in WITHOUT_VIEW
-    return [Gains(*pair) for pair in product(GAINS, VIEW_GAINS if has_view else (np.nan,))]
+    return [Gains(*pair) for pair in product(GAINS, VIEW_GAINS if has_view else (None,))]
+
+
+def feature_of(family: str) -> str:
+    """Return the feature by which the arm of a family servoes."""
+    return "image-points" if family.endswith("-image") else "camera-pose"
 
 
 def applies(entry: ControllerSpec, feature: str) -> bool:
@@ -109,12 +112,13 @@ def with_gains(entry: ControllerSpec, gains: Gains) -> tuple[ControllerSpec, dic
     stiffness = float(ROOT_OF_STIFFNESS * gains.task) ** 2
     own: dict[str, Any] = {}
     scene: dict[str, float] = {}
+    view = np.nan if gains.view is None else gains.view
     if kind == "tsid":
         own = {"stiffness": stiffness, "damping": 3.0 * stiffness**0.5}
     elif ":" in entry.law:
         own = {"gain": gains.task}
         if kind in VIEW_OPTIONS:
-            own[VIEW_OPTIONS[kind]] = gains.view
+            own[VIEW_OPTIONS[kind]] = view
     else:
         if kind.startswith(("velocity-", "resolved-rate")):
             own = {"gain": gains.task}
@@ -122,12 +126,12 @@ def with_gains(entry: ControllerSpec, gains: Gains) -> tuple[ControllerSpec, dic
             scene = {"task.Kp0": stiffness}
         if kind == "velocity-damper":
             # ξ / d_i is the rate at which the distance falls
-            own |= {"influence": INFLUENCE, "speed": INFLUENCE * gains.view}
+            own |= {"influence": INFLUENCE, "speed": INFLUENCE * view}
         elif kind == "resolved-rate-avoidance":
             # a zone in place of a rate: the slower the approach, the earlier it begins
-            own["zone"] = 0.6 / gains.view
+            own["zone"] = 0.6 / view
         elif kind not in WITHOUT_VIEW:
-            own["K"] = {"fov": 1.0 / (SCENE_K * gains.view)}
+            own["K"] = {"fov": 1.0 / (SCENE_K * view)}
     return replace(entry, options={**entry.options, **own}), scene
 
 
@@ -143,6 +147,9 @@ def installed(entry: ControllerSpec, folder: Path) -> ControllerSpec:
 
 # --- Runs ---
 
+Line = dict[str, Any]  #: Keys, gains and results of a run.
+Key = tuple[Any, ...]
+
 
 @dataclass(frozen=True)
 class Task:
@@ -154,10 +161,30 @@ class Task:
     gains: Gains
 
     @property
-    def key(self) -> tuple[str, ...]:
-        """Everything that distinguishes the run, as texts."""
-        where = self.scene.family, self.condition, self.scene.half, str(self.scene.number)
-        return (*where, self.entry.name, *(f"{gain:g}" for gain in self.gains))
+    def keys(self) -> Line:
+        """Everything that distinguishes the run, by column."""
+        return {
+            "family": self.scene.family,
+            "condition": self.condition,
+            "half": self.scene.half,
+            "scene": self.scene.number,
+            "controller": self.entry.name,
+            "gain": self.gains.task,
+            "view_gain": self.gains.view,
+        }
+
+    @property
+    def limit(self) -> float:
+        """Time after which the process of the run is ended [s]; a late run is made twice."""
+        return 2.0 * self.entry.run_limit(self.scene.tables[self.condition])
+
+
+KEYS = ("family", "condition", "half", "scene", "controller", "gain", "view_gain")
+
+
+def key_of(line: Line) -> Key:
+    """Return everything that distinguishes the run of a line."""
+    return tuple(line[name] for name in KEYS)
 
 
 def setup_of(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setup:
@@ -169,15 +196,30 @@ def setup_of(scene: Drawn, condition: str, changes: Mapping[str, float]) -> Setu
     return replace(setup, duration=SHORTEST, time_limit=TIME_LIMIT)
 
 
-def run(task: Task) -> dict[str, Any]:
-    """Run a task, and return its line of the table."""
+def run(task: Task) -> Line:
+    """Run a task, and return its line; a run whose stack is late is made once more.
+
+    Stacks are late on a busy machine.
+    """
     entry, changes = with_gains(task.entry, task.gains)
     setup = setup_of(task.scene, task.condition, changes)
+    record = _run(entry, setup)
+    if re.search(TOO_LATE, record.trajectory.reason):
+        record = _run(entry, setup)
+    return {**task.keys, **measured(setup, record)}
+
+
+def _run(entry: ControllerSpec, setup: Setup) -> RunRecord:
     try:
-        record = RunRecord.of(setup, simulate(setup, entry.make()), "")
+        return RunRecord.of(setup, simulate(setup, entry.make()), "")
     except Exception as error:  # a run that cannot begin is a line of the table, too
-        record = RunRecord.failed(described(error), "")
-    return {"key": task.key, **measured(setup, record)}
+        return RunRecord.failed(described(error), "")
+
+
+def without_answer(task: Task, failure: Failure) -> Line:
+    """Return the line of a run whose process died or was ended."""
+    setup = setup_of(task.scene, task.condition, {})
+    return {**task.keys, **measured(setup, RunRecord.failed(failure.reason, ""))}
 
 
 def measured(setup: Setup, record: RunRecord) -> dict[str, Any]:
@@ -204,172 +246,192 @@ def depends_on() -> Identity:
     """Return what the runs depend on: code, packages, entries and families."""
     campaign = Campaign.load(SUITE)
     families = {family.name: scene_identity(family.tables) for family in campaign.families}
-    return identity(campaign.controllers, families=families)
+    made_of: Identity = plain(identity(campaign.controllers, families=families))
+    return made_of
 
 
-class Journal:
-    """Lines of finished runs in a file, by key.
+class Journal(dict[Key, Line]):
+    """Lines of finished runs in a folder, by key; each is stored as soon as it is known."""
 
-    With ``made_of``, what the runs depend on, it is kept beside them. Raises ConfigurationError if
-    earlier runs in the folder depend on something else.
-    """
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._file = JournalFile(folder / RUNS, "runs", self._take)
 
-    def __init__(self, folder: Path, made_of: Identity | None = None) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        kept = folder / IDENTITY
-        if made_of is not None and kept.exists():
-            earlier = json.loads(kept.read_text(encoding="utf-8"))
-            changes = list(differences(earlier, made_of))
-            if changes:
-                raise ConfigurationError(
-                    f"{folder} has runs of something else: {in_words(changes)}. Give another "
-                    "folder with --out"
-                )
-        elif made_of is not None:
-            kept.write_text(json.dumps(made_of), encoding="utf-8")
-        self._path = folder / "runs.jsonl"
-        self.lines: dict[tuple[str, ...], dict[str, Any]] = {}
-        text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
-        whole, _, rest = text.rpartition("\n")
-        if rest:  # the last line of an interrupted command
-            self._path.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
-        for text in whole.splitlines():
-            line = json.loads(text)
-            self.lines[tuple(line["key"])] = line
+    def _take(self, line: Line) -> None:
+        self[key_of(line)] = line
 
-    def add(self, line: dict[str, Any]) -> None:
-        """Store a line."""
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
-        self.lines[tuple(line["key"])] = line
+    def add(self, line: Line) -> None:
+        """Store a line. Raises StorageError if it cannot be written."""
+        self._file.add(line)
+        self._take(line)
 
 
-def score_of(line: dict[str, Any]) -> tuple[bool, float, float]:
+def score_of(line: Line) -> tuple[bool, float, float]:
     """Return whether a run is a success, its settling time and its margin."""
     success = line["status"] == "converged" and line["margin_px"] >= 0.0
     return success, line["settling_time_s"], line["margin_px"]
 
 
-def chosen(lines: Iterable[dict[str, Any]]) -> Gains:
+def chosen(lines: Iterable[Line]) -> Gains:
     """Return the gains with the most successes, of these those that settle first.
 
     Without a success they are those with the largest median margin in the image.
     """
-    by_gains: dict[tuple[str, str], list[tuple[bool, float, float]]] = {}
+    by_gains: dict[Gains, list[tuple[bool, float, float]]] = {}
     for line in lines:
-        by_gains.setdefault((line["key"][-2], line["key"][-1]), []).append(score_of(line))
+        gains = Gains(line["gain"], line["view_gain"])
+        by_gains.setdefault(gains, []).append(score_of(line))
 
-    def rank(gains: tuple[str, str]) -> tuple[float, ...]:
+    def rank(gains: Gains) -> tuple[float, ...]:
         scores = by_gains[gains]
         times = [time for success, time, _ in scores if success]
         margins = [margin if np.isfinite(margin) else -np.inf for *_, margin in scores]
         middle = float(np.median(times)) if times else np.inf
-        return -len(times), middle, -float(np.median(margins)), *map(float, gains)
+        return -len(times), middle, -float(np.median(margins)), gains.task, gains.view or 0.0
 
-    best = min(by_gains, key=rank)
-    return Gains(float(best[0]), float(best[1]))
+    return min(by_gains, key=rank)
 
 
 @cache
 def scenes_of(family_name: str, half: str, count: int) -> list[Drawn]:
-    """Return the first scenes in which tracking, on the fastest arm, takes a marker out of view."""
+    """Return the first scenes in which tracking, on the fastest arm, takes a marker out of view.
+
+    Raises ConfigurationError if there are too few among the first scenes.
+    """
     campaign = Campaign.load(SUITE)
     family = next(each for each in campaign.families if each.name == family_name)
     found: list[Drawn] = []
-    number = 0
-    while len(found) < count:
+    for number in range(MOST_DRAWN):
         scene = family.scene(number, half, campaign.seed)
         if scene.found and any(label.startswith("fov") for label in scene.challenged):
             found.append(scene)
-        number += 1
-    return found
+        if len(found) >= count:
+            return found
+    raise ConfigurationError(
+        f"family {family_name}: tracking takes a marker out of view in only {len(found)} of its "
+        f"first {MOST_DRAWN} {half} scenes, and {count} are asked for: ask for fewer, or let the "
+        f"family draw larger motions"
+    )
+
+
+class Group(NamedTuple):
+    """An arm that servoes by one feature, and its limit of accelerations."""
+
+    family: str
+    condition: str
+
+    def __str__(self) -> str:
+        return f"{self.family}, {self.condition}"
+
+    def includes(self, line: Line) -> bool:
+        """True if a line is of this group."""
+        return self == (line["family"], line["condition"])
 
 
 class Plan(NamedTuple):
-    """Entries, families and conditions of the comparison, and its numbers of scenes."""
+    """Entries and groups of the comparison, and its numbers of scenes."""
 
     entries: tuple[ControllerSpec, ...]
-    families: tuple[str, ...]
-    conditions: tuple[str, ...]
+    groups: tuple[Group, ...]
     training: int = TRAINING
     test: int = TEST
 
     @classmethod
-    def of(cls, envs: Path, asked: Any) -> Plan:
-        """Return the plan of a command line."""
+    def of(cls, asked: Any) -> Plan:
+        """Return the plan of a command line.
+
+        Raises ConfigurationError if an entry, family or condition is unknown.
+        """
         campaign = Campaign.load(SUITE)
-        own = [installed(each, envs) for each in campaign.controllers if each.name != BASELINE]
-        entries = tuple(each for each in own if not asked.entry or each.name in asked.entry)
-        families = tuple(asked.family or (each.name for each in campaign.families))
-        conditions = tuple(asked.condition or campaign.conditions)
-        return cls(entries, families, conditions, asked.training, asked.test)
+        envs = asked.envs.absolute()
+        known = {each.name: each for each in campaign.controllers if each.name != BASELINE}
+        names = _selected("entry", asked.entry, known)
+        entries = tuple(installed(known[name], envs) for name in names)
+        families = _selected("family", asked.family, [each.name for each in campaign.families])
+        conditions = _selected("condition", asked.condition, campaign.conditions)
+        groups = tuple(
+            Group(family, condition) for condition, family in product(conditions, families)
+        )
+        return cls(entries, groups, asked.training, asked.test)
 
-    def cells(self, condition: str) -> Iterator[tuple[str, ControllerSpec]]:
-        """Yield families and the entries that apply to them."""
-        for family, entry in product(self.families, self.entries):
-            feature = "image-points" if family.endswith("-image") else "camera-pose"
-            if applies(entry, feature):
-                yield family, entry
+    def stages(self, group: Group, journal: Mapping[Key, Line]) -> Iterator[list[Task]]:
+        """Yield the runs of the tuning, and when they are in the journal, the held-out runs.
 
-    def tuning(self, condition: str) -> Iterator[Task]:
-        """Yield the runs with all gains on the training scenes."""
-        for family, entry in self.cells(condition):
-            for scene in scenes_of(family, "training", self.training):
-                for gains in grid(entry):
-                    yield Task(scene, condition, entry, gains)
-
-    def testing(self, condition: str, journal: Journal) -> Iterator[Task]:
-        """Yield the runs with the chosen gains on the held-out scenes."""
-        for family, entry in self.cells(condition):
-            begin = family, condition, "training"
-            lines = [
-                line
-                for key, line in journal.lines.items()
-                if key[:3] == begin and key[4] == entry.name
-            ]
-            if not lines:
-                continue
-            gains = chosen(lines)
-            for scene in scenes_of(family, "held-out", self.test):
-                yield Task(scene, condition, entry, gains)
-
-
-def make_runs(plan: Plan, folder: Path, processes: int) -> None:
-    """Make the runs of a plan that are not in the folder yet."""
-    journal = Journal(folder, depends_on())
-    with ProcessPoolExecutor(processes, get_context("spawn")) as workers:
-        for condition in plan.conditions:
-            finish(plan.tuning(condition), journal, workers, condition)
-            finish(plan.testing(condition, journal), journal, workers, condition)
+        Scenes come one after the other.
+        """
+        entries = [entry for entry in self.entries if applies(entry, feature_of(group.family))]
+        yield [
+            Task(scene, group.condition, entry, gains)
+            for scene in scenes_of(group.family, "training", self.training)
+            for entry in entries
+            for gains in grid(entry)
+        ]
+        training = [
+            line for line in journal.values() if group.includes(line) and line["half"] == "training"
+        ]
+        tuned = {
+            entry.name: chosen(line for line in training if line["controller"] == entry.name)
+            for entry in entries
+        }
+        yield [
+            Task(scene, group.condition, entry, tuned[entry.name])
+            for scene in scenes_of(group.family, "held-out", self.test)
+            for entry in entries
+        ]
 
 
-def finish(tasks: Iterable[Task], journal: Journal, workers: Executor, name: str) -> None:
-    """Make runs and store their lines; those that are too late, on a busy machine, once more."""
-    missing = [task for task in tasks if task.key not in journal.lines]
-    late = _store(missing, journal, workers, name, keep_late=False)
-    _store(late, journal, workers, f"{name}, once more", keep_late=True)
+def _selected(what: str, asked: Sequence[str] | None, known: Iterable[str]) -> list[str]:
+    """Return the names that are asked for, all if none is; raise ConfigurationError if unknown."""
+    for name in asked or ():
+        if name not in known:
+            raise unknown_name(what, name, known)
+    return list(asked or known)
 
 
-def _store(
-    tasks: Sequence[Task],
+def make_runs(plan: Plan, folder: Path, workers: int | None, minutes: float) -> bool:
+    """Make the runs of a plan that are not in the folder yet, and return True if there are all.
+
+    After ``minutes``, runs that are not finished are given up. Raises ConfigurationError if the
+    folder has runs of other code or scenes, StorageError if a run cannot be stored.
+    """
+    deadline = time.monotonic() + 60.0 * minutes
+    with locked(folder, "a tuning"):
+        claim(folder, depends_on(), {"scenes": {"training": plan.training, "test": plan.test}})
+        prepare_laws(plan.entries)
+        journal = Journal(folder)
+        with processes(workers)(run) as pool:
+            for group in plan.groups:
+                for tasks in plan.stages(group, journal):
+                    if not finish(tasks, journal, pool, deadline, str(group)):
+                        return False
+    return True
+
+
+def finish(
+    tasks: Iterable[Task],
     journal: Journal,
-    workers: Executor,
-    name: str,
-    keep_late: bool,
-) -> list[Task]:
-    """Store the lines of runs, and return the runs that are too late, if these are not kept."""
-    calls = {workers.submit(run, task): task for task in tasks}
-    late = []
-    for done, call in enumerate(as_completed(calls), 1):
-        line = call.result()
-        if keep_late or not re.search(TOO_LATE, line["reason"]):
-            journal.add(line)
-        else:
-            late.append(calls[call])
-        print(f"\r{name}: {done} of {len(tasks)} runs", end="", file=sys.stderr, flush=True)
-    if tasks:
-        print(file=sys.stderr)
-    return late
+    workers: Workers,
+    deadline: float = np.inf,
+    name: str = "runs",
+) -> bool:
+    """Make those of some runs that are not in the journal; return False if there was no time."""
+    missing = {key_of(task.keys): task for task in tasks}
+    missing = {key: task for key, task in missing.items() if key not in journal}
+    calls = {key: (task,) for key, task in missing.items()}
+    limits = {key: task.limit for key, task in missing.items()}
+    if not missing:
+        return True
+    if time.monotonic() > deadline:
+        return False
+    for done, (key, answer) in enumerate(workers.run(calls, limits), 1):
+        line = without_answer(missing[key], answer) if isinstance(answer, Failure) else answer
+        journal.add(line)
+        print(f"\r{name}: {done} of {len(missing)} runs", end="", file=sys.stderr, flush=True)
+        if time.monotonic() > deadline and done < len(missing):
+            print("; the time is up", file=sys.stderr)
+            return False
+    print(file=sys.stderr)
+    return True
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -379,13 +441,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     running = commands.add_parser("run", help="tune and run")
     running.add_argument("envs", type=Path, help="folder of the environments of the adapters")
     running.add_argument("--out", type=Path, default=Path("stacks-in-view"))
-    running.add_argument("--processes", type=int, default=2)
+    running.add_argument("--workers", type=int, help="processes; all cores by default")
+    running.add_argument("--minutes", type=float, default=np.inf, help="time for this command")
     running.add_argument("--training", type=int, default=TRAINING, help="scenes per family")
     running.add_argument("--test", type=int, default=TEST, help="scenes per family")
     for name in ("entry", "family", "condition"):
         running.add_argument(f"--{name}", action="append", help="only this one")
     asked = parser.parse_args(arguments)
-    make_runs(Plan.of(asked.envs.absolute(), asked), asked.out, asked.processes)
+    if min(asked.training, asked.test) < 1 or not asked.minutes > 0.0:
+        parser.error("--training and --test must be 1 or more, and --minutes positive")
+    try:
+        complete = make_runs(Plan.of(asked), asked.out, asked.workers, asked.minutes)
+    except VsconstraintsError as error:
+        parser.exit(2, f"{error}\n")
+    print("all runs are made" if complete else "the same command continues", file=sys.stderr)
     return 0
 
 

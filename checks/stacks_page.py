@@ -6,7 +6,6 @@ written from the folder of ``python -m checks.stacks run``.
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +15,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from checks.stacks import GAINS, IDENTITY, SUITE, VIEW_GAINS, Journal, chosen, score_of
+from checks.stacks import (
+    GAINS,
+    SUITE,
+    VIEW_GAINS,
+    Group,
+    Journal,
+    Line,
+    applies,
+    chosen,
+    feature_of,
+    grid,
+    score_of,
+)
 from vsconstraints.bench.evidence import Campaign, parquet
 from vsconstraints.bench.evidence.parquet import KEYS, Column
 from vsconstraints.bench.statistics import rate
+from vsconstraints.comparisons.runs.folder import locked, manifest_of
 from vsconstraints.comparisons.runs.spec import BASELINE
+from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.reports.plots import Figure, Sheet, logarithmic
 from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
 
@@ -38,6 +51,7 @@ TITLES = {
     "ur5": "UR5, by pose",
     "panda": "Panda, by pose",
     "ur5-image": "UR5, by image points",
+    "panda-image": "Panda, by image points",
 }
 COLUMNS = (
     *KEYS,
@@ -106,54 +120,89 @@ LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
 
 
 def keep(folder: Path) -> list[str]:
-    """Write the table of the finished entries, and return sentences on what is left out.
+    """Write the table of the complete groups, and return a sentence on each that is left out.
 
-    An entry has its chosen gains and all training runs; the smallest number of held-out scenes of
-    an entry in a family and condition is that of all.
+    A group is an arm that servoes by one feature within one limit of accelerations. Raises
+    ConfigurationError if the folder has no complete group.
     """
-    lines = [_line(line) for line in Journal(folder).lines.values()]
-    runs = pd.DataFrame(lines)
-    kept, left_out = [], []
-    for (family, condition), cell in runs.groupby(["family", "condition"], sort=False):
-        tests, complete = [], {}
-        for entry, own in cell.groupby("controller", sort=False):
-            training = own[own["half"] == "training"]
-            gains = chosen(
-                {"key": (line["gain_text"], line["view_text"]), **line}
-                for line in training.to_dict("records")
-            )
-            with_gains = (own["gain"] == gains.task) & (
-                (own["view_gain"] == gains.view) | np.isnan(gains.view)
-            )
-            test = own[(own["half"] == "held-out") & with_gains]
-            complete[entry] = pd.concat([training, test])
-            tests.append(set(test["scene"]))
-            if test.empty:
-                left_out.append(f"{family}, {condition}: {entry} has no held-out run")
-                tests.pop()
-                del complete[entry]
-        if not complete:
-            continue
-        common = set.intersection(*tests)
-        for own in complete.values():
-            kept.append(own[(own["half"] == "training") | own["scene"].isin(common)])
-    table = pd.concat(kept)
-    made_of = json.loads((folder / IDENTITY).read_text(encoding="utf-8"))
-    facts = {"made of": made_of}
-    parquet.write(TABLE, parquet.table(COLUMNS, table.to_dict("records")), facts)
+    manifest = manifest_of(folder)
+    if "tuning" not in manifest or "scenes" not in manifest:
+        raise ConfigurationError(f"{folder} has no runs of `python -m checks.stacks run`")
+    with locked(folder, "a tuning"):
+        lines = list(Journal(folder).values())
+    kept: list[Line] = []
+    left_out = []
+    for group in dict.fromkeys(Group(line["family"], line["condition"]) for line in lines):
+        own = [line for line in lines if group.includes(line)]
+        lacking = list(incomplete(own, **manifest["scenes"]))
+        if lacking:
+            left_out.append(f"{group} is left out: {'; '.join(lacking)}")
+        else:
+            kept += counted(own)
+    if not kept:
+        raise ConfigurationError(f"{folder} has no complete group. {'. '.join(left_out)}")
+    table = [
+        {**line, "view_gain": line["view_gain"] or np.nan, "success": score_of(line)[0]}
+        for line in kept
+    ]
+    facts = {"made of": manifest["tuning"]}
+    parquet.write(TABLE, parquet.table(COLUMNS, table), facts)
     return left_out
 
 
-def _line(line: Mapping[str, Any]) -> dict[str, Any]:
-    family, condition, half, scene, controller, gain, view = line["key"]
-    keys = {"family": family, "condition": condition, "half": half, "scene": int(scene)}
-    gains = {"gain": float(gain), "view_gain": float(view), "gain_text": gain, "view_text": view}
-    return {**line, **keys, **gains, "controller": controller, "success": score_of(dict(line))[0]}
+def by_entry(lines: Sequence[Line]) -> dict[str, tuple[list[Line], list[Line]]]:
+    """Return the training runs of each entry in a group, and its held-out runs that count.
+
+    These have the gains that are chosen from the training runs.
+    """
+    entries: dict[str, tuple[list[Line], list[Line]]] = {}
+    for name in dict.fromkeys(line["controller"] for line in lines):
+        own = [line for line in lines if line["controller"] == name]
+        training = [line for line in own if line["half"] == "training"]
+        gains = chosen(training) if training else None
+        tests = [
+            line
+            for line in own
+            if line["half"] == "held-out" and (line["gain"], line["view_gain"]) == gains
+        ]
+        entries[name] = training, tests
+    return entries
+
+
+def counted(lines: Sequence[Line]) -> list[Line]:
+    """Return the runs of a group that count."""
+    return [line for both in by_entry(lines).values() for half in both for line in half]
+
+
+def incomplete(lines: Sequence[Line], training: int, test: int) -> Iterator[str]:
+    """Yield what is missing in a group with these numbers of scenes, for each entry that has runs.
+
+    Each has all gains of its grid on all training scenes, and all held-out scenes with the gains
+    that are chosen; these are the same for all.
+    """
+    suite = {entry.name: entry for entry in Campaign.load(SUITE).controllers}
+    scenes: dict[str, set[int]] = {"training": set(), "held-out": set()}
+    for line in counted(lines):
+        scenes[line["half"]].add(line["scene"])
+    for half, count in (("training", training), ("held-out", test)):
+        if len(scenes[half]) > count:
+            yield f"{len(scenes[half])} {half} scenes instead of {count}"
+    for name, (tuned, tests) in by_entry(lines).items():
+        needed = training * len(grid(suite[name]))
+        if len(tuned) < needed:
+            yield f"{name} has {len(tuned)} of {needed} training runs"
+        if len(tests) < test:
+            yield f"{name} has {len(tests)} of {test} held-out runs"
 
 
 def load() -> Any:
-    """Return the kept runs, with the limit of accelerations [rad/s²] as ``limit``."""
+    """Return the kept runs, with the limit of accelerations [rad/s²] as ``limit``.
+
+    ``view_gain`` is None without one.
+    """
     runs = pd.read_parquet(TABLE)
+    views = runs["view_gain"].astype(object)
+    runs = runs.assign(view_gain=views.where(views.notna(), None))
     return runs.assign(limit=runs["condition"].str.removeprefix("limit-").astype(float))
 
 
@@ -295,6 +344,18 @@ def table_of(runs: Any, family: str) -> Iterator[str]:
         yield f"| `{entry}` | {' | '.join(cells)} | {worst} | {share} |"
 
 
+def without(family: str) -> Iterator[str]:
+    """Yield the lines that name the entries that cannot servo by the feature of a family."""
+    names = [
+        f"`{each.name}`"
+        for each in Campaign.load(SUITE).controllers
+        if each.name != BASELINE and not applies(each, feature_of(family))
+    ]
+    feature = {"camera-pose": "the pose", "image-points": "image points"}[feature_of(family)]
+    if names:
+        yield f"Without a task by {feature}, and therefore not in this table: {listed(names)}.\n"
+
+
 def gains_of(runs: Any) -> Iterator[str]:
     """Yield the lines of the table of chosen gains, λ/α by limit, for each family."""
     tests = runs[runs["half"] == "held-out"]
@@ -316,7 +377,7 @@ def gains_of(runs: Any) -> Iterator[str]:
 
 def gains_text(run: Any) -> str:
     """Return the gains of a run, ``1.5 / 8``."""
-    view = "–" if np.isnan(run["view_gain"]) else f"{run['view_gain']:g}"
+    view = "–" if run["view_gain"] is None else f"{run['view_gain']:g}"
     return f"{run['gain']:g} / {view}"
 
 
@@ -325,10 +386,10 @@ def tables(runs: Any) -> str:
     lines = [scenes_text(runs), ""]
     for family, title in TITLES.items():
         if len(tested(runs, [family])):
-            lines += [f"**{title}**\n", *table_of(runs, family), ""]
-    listed = "{" + ", ".join(f"{gain:g}" for gain in GAINS) + "}"
+            lines += [f"**{title}**\n", *table_of(runs, family), "", *without(family)]
+    tried = "{" + ", ".join(f"{gain:g}" for gain in GAINS) + "}"
     views = "{" + ", ".join(f"{gain:g}" for gain in VIEW_GAINS) + "}"
-    lines += [f"Chosen gains λ / α [1/s], of λ in {listed} and α in {views}:", *gains_of(runs)]
+    lines += [f"Chosen gains λ / α [1/s], of λ in {tried} and α in {views}:", *gains_of(runs)]
     return "\n".join(lines)
 
 
@@ -403,28 +464,29 @@ def answer(runs: Any) -> str:
 def scenes_text(runs: Any) -> str:
     """Return what the kept runs are, and what of the comparison is not among them."""
     tests = runs[runs["half"] == "held-out"]
-    counts = []
-    for family, own in tests.groupby("family"):
-        limits = ", ".join(f"{limit:g}" for limit in sorted(own["limit"].unique()))
-        numbers = own.groupby("limit")["scene"].nunique().to_numpy(dtype=float)
-        scenes = between(list(numbers), "held-out scenes")
-        counts.append(f"{TITLES[family]}, at {limits} rad/s²: {scenes}")
     campaign = Campaign.load(SUITE)
-    missing = [
-        TITLES[each.name] for each in campaign.families if each.name not in set(tests["family"])
-    ]
-    missing += [
-        name.replace("limit-", "limit of ") + " rad/s²"
-        for name in campaign.conditions
-        if name not in set(tests["condition"])
-    ]
-    missing += [
+    counts, missing = [], []
+    for family in campaign.families:
+        title = TITLES[family.name]
+        own = tests[tests["family"] == family.name]
+        limits = {name: name.removeprefix("limit-") for name in campaign.conditions}
+        there = [text for name, text in limits.items() if name in set(own["condition"])]
+        if own.empty:
+            missing.append(title)
+            continue
+        scenes = own.groupby("condition")["scene"].nunique().to_numpy(dtype=float)
+        number = between(list(scenes), "held-out scenes")
+        counts.append(f"{title}, at {listed(there)} rad/s²: {number} each")
+        rest = [text for text in limits.values() if text not in there]
+        if rest:
+            missing.append(f"{title}, at {listed(rest)} rad/s²")
+    absent = [
         f"`{each.name}`"
         for each in campaign.controllers
         if each.name != BASELINE and each.name not in set(tests["controller"])
     ]
-    rest = f" Not run yet: {', '.join(missing)}." if missing else ""
-    return f"{len(runs)} runs. {'; '.join(counts)}.{rest}"
+    rest_text = f" Not run yet: {'; '.join(missing + absent)}." if missing + absent else ""
+    return f"{len(runs)} runs. {'; '.join(counts)}.{rest_text}"
 
 
 def headline(runs: Any) -> str:
@@ -470,7 +532,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--of", type=Path, help="folder of the runs, of which the table is made")
     asked = parser.parse_args(arguments)
     if asked.of is not None:
-        print(*keep(asked.of), sep="\n")
+        try:
+            print(*keep(asked.of), sep="\n")
+        except VsconstraintsError as error:
+            parser.exit(2, f"{error}\n")
     write_page(load())
     return 0
 

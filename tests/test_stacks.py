@@ -165,6 +165,37 @@ def test_the_total_time_of_a_run_is_limited(setup, monkeypatch):
         asked(setup, GREETS + "time.sleep(99)")
 
 
+def test_a_stack_may_declare_a_longer_start(setup, monkeypatch):
+    """Both limits grow: that of the start, and that of the whole run. Results name it."""
+    monkeypatch.setattr(external, "START_LIMIT", 0.2)
+    monkeypatch.setattr(external, "RUN_LIMIT", 0.3)
+    slow = "import time; time.sleep(1.0)\n" + ANSWERS + STILL
+    with pytest.raises(StackFailedError, match=r"no answer within 0\.2 s"):
+        asked(setup, slow)
+    stack = ExternalStack([sys.executable, "-c", slow], start_time=20.0)
+    try:
+        stack.begin(setup)
+        assert stack.respond(observed(setup)).command is not None
+    finally:
+        stack.end()
+    assert "it had 20 s to start" in stack.run_remarks()
+
+
+@pytest.mark.parametrize("start_time", [0.0, -1.0, 301.0, np.nan, True, "long"])
+def test_a_start_time_that_is_not_allowed_is_refused(start_time):
+    with pytest.raises(ConfigurationError, match="start_time"):
+        ExternalStack(["python3"], start_time=start_time)
+
+
+def test_a_pool_waits_as_long_as_a_stack_may_take_to_start():
+    usual = ControllerSpec.from_table("mine", {"command": ["python3"]})
+    longer = usual.changed("start_time", 300.0)
+    assert longer.run_limit({}) - usual.run_limit({}) >= 2.0 * (300.0 - external.START_LIMIT)
+    # of a law, an option with this name means something else
+    law = ControllerSpec("law", "tracking", {"start_time": 300.0})
+    assert law.run_limit({}) == usual.run_limit({})
+
+
 def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):
     monkeypatch.setattr(external, "RUN_LIMIT", 0.3)
     slow = ANSWERS + "time.sleep(0.04); " + STILL

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from checks import stacks, stacks_page
 from checks.stacks import Gains, Task, chosen, grid, with_gains
 
 from vsconstraints.bench.evidence import Campaign
+from vsconstraints.bench.tuning import claim
+from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.comparisons.runs.pool import Failure, Key
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.simulation import simulate
@@ -30,7 +34,7 @@ ENTRIES = {
 def test_the_slower_rate_of_a_second_order_task_is_the_gain(gain: float) -> None:
     law, scene = with_gains(ENTRIES["hierarchical-qp"], Gains(gain, 2.0))
     assert "gain" not in law.options
-    tsid, _ = with_gains(ENTRIES["tsid"], Gains(gain, np.nan))
+    tsid, _ = with_gains(ENTRIES["tsid"], Gains(gain, None))
     default_damping = 3.0 * np.sqrt(scene["task.Kp0"])
     for stiffness, damping in (
         (scene["task.Kp0"], default_damping),
@@ -56,26 +60,42 @@ def test_every_entry_has_the_same_gains_and_can_be_made() -> None:
     for entry in ENTRIES.values():
         tried = grid(entry)
         assert {gains.task for gains in tried} == set(stacks.GAINS)
-        views = {gains.view for gains in tried if not np.isnan(gains.view)}
+        views = {gains.view for gains in tried if gains.view is not None}
         assert views == (set() if entry.name in stacks_page.BLIND else set(stacks.VIEW_GAINS))
         assert len(tried) == len(stacks.GAINS) * max(len(views), 1)
         for gains in tried:
             with_gains(entry, gains)[0].make()
 
 
-def line(gain: str, view: str, status: str, time: float, margin: float) -> dict[str, Any]:
-    key = ("ur5", "limit-8", "training", "0", "mine", gain, view)
-    return {"key": key, "status": status, "settling_time_s": time, "margin_px": margin}
+def line(
+    gain: float, view: float | None, status: str, time: float, margin: float, **others: Any
+) -> dict[str, Any]:
+    return {
+        "family": "ur5",
+        "condition": "limit-8",
+        "half": "training",
+        "scene": 0,
+        "controller": "velocity-qp",
+        "gain": gain,
+        "view_gain": view,
+        "status": status,
+        "settling_time_s": time,
+        "margin_px": margin,
+        "other_rows": 0.0,
+        "unanswered": 0.0,
+        "reason": "",
+        **others,
+    }
 
 
 def test_gains_are_chosen_by_successes_then_time_then_margin() -> None:
-    slow = [line("1", "2", "converged", 5.0, 10.0), line("1", "2", "converged", 6.0, 1.0)]
-    fast = [line("3", "2", "converged", 2.0, 5.0), line("3", "2", "converged", 2.0, -0.1)]
-    faster = [line("2", "2", "converged", 3.0, 0.0), line("2", "2", "converged", 3.5, 4.0)]
+    slow = [line(1.0, 2.0, "converged", 5.0, 10.0), line(1.0, 2.0, "converged", 6.0, 1.0)]
+    fast = [line(3.0, 2.0, "converged", 2.0, 5.0), line(3.0, 2.0, "converged", 2.0, -0.1)]
+    faster = [line(2.0, 2.0, "converged", 3.0, 0.0), line(2.0, 2.0, "converged", 3.5, 4.0)]
     assert chosen([*slow, *fast]) == (1.0, 2.0)
     assert chosen([*slow, *fast, *faster]) == (2.0, 2.0)
-    deep = [line("1", "2", "converged", 1.0, -9.0), line("1", "2", "failed", np.nan, np.nan)]
-    less = [line("2", "2", "slow", np.nan, -3.0), line("2", "2", "slow", np.nan, -2.0)]
+    deep = [line(1.0, 2.0, "converged", 1.0, -9.0), line(1.0, 2.0, "failed", np.nan, np.nan)]
+    less = [line(2.0, 2.0, "slow", np.nan, -3.0), line(2.0, 2.0, "slow", np.nan, -2.0)]
     assert chosen([*deep, *less]) == (2.0, 2.0)
 
 
@@ -97,47 +117,172 @@ def test_a_marker_outside_the_image_is_no_success() -> None:
 
 def test_runs_that_are_interrupted_are_kept(tmp_path: Path) -> None:
     journal = stacks.Journal(tmp_path)
-    first = line("1", "2", "converged", 5.0, 10.0)
+    first = line(1.0, 2.0, "converged", 5.0, 10.0)
     journal.add(first)
-    with (tmp_path / "runs.jsonl").open("a", encoding="utf-8") as file:
-        file.write('{"key": ["ur5", "lim')
+    with (tmp_path / stacks.RUNS).open("a", encoding="utf-8") as file:
+        file.write('{"family": "ur5", "lim')
     again = stacks.Journal(tmp_path)
-    assert list(again.lines) == [first["key"]]
-    again.add(line("2", "2", "converged", 5.0, 10.0))
-    assert len(stacks.Journal(tmp_path).lines) == 2
+    assert list(again.values()) == [first]
+    again.add(line(2.0, 2.0, "converged", 5.0, 10.0))
+    assert len(stacks.Journal(tmp_path)) == 2
 
 
 def test_runs_of_another_code_or_scene_are_not_continued(tmp_path: Path) -> None:
     made_of = stacks.depends_on()
     for _ in range(2):
-        stacks.Journal(tmp_path, made_of).add(line("1", "2", "converged", 5.0, 10.0))
+        claim(tmp_path, made_of, {})
     made_of["families"]["ur5"]["tables"]["duration"] = 99.0
     with pytest.raises(ConfigurationError, match=r"families\.ur5\.tables\.duration"):
-        stacks.Journal(tmp_path, made_of)
+        claim(tmp_path, made_of, {})
 
 
-def test_late_runs_are_made_once_more_and_then_kept(
+def test_the_search_for_scenes_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stacks, "MOST_DRAWN", 2)
+    with pytest.raises(
+        ConfigurationError, match=r"only [012] of its first 2 training scenes, and 3"
+    ):
+        stacks.scenes_of("panda", "training", 3)
+
+
+class Here:
+    """Workers that call the function in this process; calls in ``ended`` die."""
+
+    def __init__(self, ended: tuple[str, ...] = ()) -> None:
+        self.ended = ended
+
+    def run(
+        self,
+        calls: Mapping[Key, tuple[Any, ...]],
+        limits: Mapping[Key, float] | None = None,
+        *,
+        again: bool = True,
+    ) -> Iterator[tuple[Key, Any]]:
+        for key, (task,) in calls.items():
+            assert limits is not None
+            assert limits[key] > 2.0 * stacks.TIME_LIMIT
+            dead = task.entry.name in self.ended
+            yield key, Failure("the process that ran it died") if dead else stacks.run(task)
+
+
+def tasks(*entries: ControllerSpec) -> list[Task]:
+    scene = stacks.scenes_of("ur5", "training", 1)[0]
+    return [Task(scene, "limit-40", entry, Gains(3.0, 8.0)) for entry in entries]
+
+
+def test_a_late_run_is_made_once_more_and_then_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sentence is that of a stack that does not answer in time."""
-    sleeping = [sys.executable, "-c", "import time; time.sleep(9.0)"]
-    monkeypatch.setattr(external, "START_LIMIT", 0.2)
-    scene = stacks.scenes_of("ur5", "training", 1)[0]
-    calls = []
+    started = tmp_path / "started"
+    code = f"import time; open({str(started)!r}, 'a').write('x'); time.sleep(9.0)"
+    command = [sys.executable, "-c", code]
+    monkeypatch.setattr(external, "START_LIMIT", 1.0)
+    late = stacks.run(*tasks(ControllerSpec("late", stack_law(), {"command": command})))
+    assert started.read_text() == "xx"
+    assert late["status"] == "failed"
+    assert re.search(stacks.TOO_LATE, late["reason"])
 
-    def run(task: Task) -> dict[str, Any]:
-        calls.append(task.entry.name)
-        return made(task)
 
-    made = stacks.run
-    monkeypatch.setattr(stacks, "run", run)
-    entries = [ENTRIES["velocity-qp"], ControllerSpec("late", stack_law(), {"command": sleeping})]
-    tasks = [Task(scene, "limit-40", entry, Gains(3.0, 8.0)) for entry in entries]
+def test_a_run_whose_process_dies_is_a_line_and_the_others_go_on(tmp_path: Path) -> None:
     journal = stacks.Journal(tmp_path)
-    with ThreadPoolExecutor(1) as workers:
-        stacks.finish(tasks, journal, workers, "test")
-    assert calls == ["velocity-qp", "late", "late"]
-    assert [journal.lines[task.key]["status"] for task in tasks] == ["converged", "failed"]
+    of_both = tasks(ENTRIES["velocity-damper"], ENTRIES["velocity-qp"])
+    assert stacks.finish(of_both, journal, Here(ended=("velocity-damper",)))
+    dead, made = stacks.Journal(tmp_path).values()
+    assert (dead["status"], made["status"]) == ("failed", "converged")
+    assert "died" in dead["reason"]
+
+
+def test_when_the_time_is_up_the_same_command_continues(tmp_path: Path) -> None:
+    journal = stacks.Journal(tmp_path)
+    of_both = tasks(ENTRIES["velocity-damper"], ENTRIES["velocity-qp"])
+    assert not stacks.finish(of_both, journal, Here(), deadline=-np.inf)
+    assert stacks.finish(of_both[:1], journal, Here())
+    assert not stacks.finish(of_both, journal, Here(), deadline=-np.inf)
+    assert stacks.finish(of_both, journal, Here())
+    assert stacks.finish(of_both, journal, Here(ended=("velocity-qp",)), deadline=-np.inf)
+    assert [line["status"] for line in journal.values()] == ["converged"] * 2
+
+
+@pytest.mark.parametrize("what", ["entry", "family", "condition"])
+def test_what_the_comparison_does_not_have_is_refused(
+    what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also a law and a family that the package has: they have no gains here."""
+    name = {"entry": "cbf-filter", "family": "six-axis", "condition": "limit-3"}[what]
+    with pytest.raises(SystemExit):
+        stacks.main(["run", "envs", f"--{what}", name])
+    assert f"unknown {what} '{name}'" in capsys.readouterr().err
+
+
+# --- the table ---
+
+
+def group(condition: str, tests: int) -> list[dict[str, Any]]:
+    """Lines of three entries on 1 training scene and some held-out scenes.
+
+    The fastest gain of the task is best, and the fastest of the image where there is one.
+    """
+    lines = []
+    for name in ("resolved-rate", "velocity-qp", "velocity-damper"):
+        same: dict[str, Any] = {"condition": condition, "controller": name}
+        for gains in grid(ENTRIES[name]):
+            task, view = gains
+            lines.append(line(task, view, "converged", 9.0 / task, view or 0.0, **same))
+        for scene in range(tests):
+            lines.append(
+                line(3.0, view, "converged", 1.0, 1.0, half="held-out", scene=scene, **same)
+            )
+    return lines
+
+
+def test_groups_with_a_missing_run_are_left_out_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stacks_page, "TABLE", tmp_path / "kept.parquet")
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    with pytest.raises(ConfigurationError, match="has no runs"):
+        stacks_page.keep(runs)
+    claim(runs, stacks.depends_on(), {"scenes": {"training": 1, "test": 3}})
+    journal = stacks.Journal(runs)
+    # a run that is missing, in turn of each kind
+    for made in group("limit-2", 3)[:-1] + group("limit-4", 3)[1:]:
+        journal.add(made)
+    with pytest.raises(ConfigurationError, match="no complete group") as refused:
+        stacks_page.keep(runs)
+    assert "ur5, limit-2 is left out: velocity-damper has 2 of 3 held-out runs" in str(
+        refused.value
+    )
+    assert "ur5, limit-4 is left out: resolved-rate has 2 of 3 training runs" in str(refused.value)
+    # runs with other gains than those chosen do not count
+    for made in [*group("limit-8", 3), line(1.5, 2.0, "slow", 1.0, 1.0, half="held-out", scene=9)]:
+        journal.add(made)
+    assert len(stacks_page.keep(runs)) == 2
+    kept = stacks_page.load()
+    assert set(kept["condition"]) == {"limit-8"}
+    assert len(kept) == len(group("limit-8", 3))
+    assert kept["success"].all()
+
+
+def test_entries_that_ran_in_different_scenes_are_left_out() -> None:
+    lines = group("limit-8", 3)
+    lines[-1]["scene"] = 7
+    assert list(stacks_page.incomplete(lines, 1, 3)) == ["4 held-out scenes instead of 3"]
+
+
+def test_the_shape_of_the_constraint_decides_on_the_panda() -> None:
+    """The page says these numbers: only the shape of the part of the image differs."""
+    successes = {}
+    entry, _ = with_gains(ENTRIES["velocity-qp"], Gains(1.5, 2.0))
+    for n in (16.0, 2.0):
+        setups = [
+            stacks.setup_of(scene, "limit-8", {"constraints.0.n": n})
+            for scene in stacks.scenes_of("panda", "held-out", 8)
+        ]
+        records = [RunRecord.of(setup, simulate(setup, entry.make()), "") for setup in setups]
+        lines = map(stacks.measured, setups, records)
+        successes[n] = sum(stacks.score_of(line)[0] for line in lines)
+    assert successes == {16.0: 5, 2.0: 8}
 
 
 # --- kept numbers ---
@@ -152,12 +297,8 @@ def test_page_and_readme_have_the_kept_numbers() -> None:
 def test_the_kept_choice_follows_from_the_kept_training_runs() -> None:
     runs = stacks_page.load()
     for (*_, name), own in runs.groupby(["family", "condition", "controller"]):
-        training = own[own["half"] == "training"].to_dict("records")
-        for each in training:
-            each["key"] = (f"{each['gain']:g}", f"{each['view_gain']:g}")
-        gains = chosen(training)
+        gains = chosen(own[own["half"] == "training"].to_dict("records"))
         tests = own[own["half"] == "held-out"]
-        assert set(tests["gain"]) == {gains.task}, name
-        assert np.isnan(gains.view) or set(tests["view_gain"]) == {gains.view}, name
+        assert set(zip(tests["gain"], tests["view_gain"], strict=True)) == {gains}, name
         success = (own["status"] == "converged") & (own["margin_px"] >= 0.0)
         assert (success == own["success"]).all()

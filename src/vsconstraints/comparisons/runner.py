@@ -17,7 +17,7 @@ from .run import failed_record, failed_score, perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed
 from .runs.folder import locked
 from .runs.law_process import LawProcessLostError
-from .runs.machine import loaded_versions, new_manifest, run_limit
+from .runs.machine import loaded_versions, new_manifest
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
 from .runs.store import Store
@@ -134,7 +134,9 @@ def compare(
             {key: calls[key] for key in runs if (key[1] == BASELINE) == first}
             for first in (True, False)
         )
-        limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+        limits = {
+            key: limit or run.controller.run_limit(run.load().tables) for key, run in runs.items()
+        }
         with store.interruptible():
             run_all(
                 run_stored, *batches, workers=workers, limits=limits, here=in_main, on_answer=done

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, format_value, one_line, unknown_name
 from ..simulation.programs import COMMANDS, Answer, Observation, program_name
 from ..simulation.setup import Setup
@@ -31,6 +32,7 @@ from .stack import Measured, MeasuredProgram
 START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s].
 REPLY_LIMIT = 1.0  #: Time until every other answer [s].
 RUN_LIMIT = 120.0  #: Total time that a run waits for its stack [s].
+LONGEST_START = 300.0  #: Greatest ``start_time`` of a stack [s].
 ADAPTERS = Path(__file__).parent / "adapters"  #: Folder of the adapters, one program each.
 
 
@@ -59,6 +61,9 @@ class ExternalStack(MeasuredProgram):
         Name of an adapter that comes with the package, instead of a command.
     python
         Interpreter of the environment of the adapter's package; that of this process if None.
+    start_time
+        Time until the declaration, and until the first answer [s], for a stack that takes longer
+        to start than :data:`START_LIMIT`; at most :data:`LONGEST_START`. Results name it.
     settings
         Any other option is passed on to the stack.
 
@@ -66,7 +71,7 @@ class ExternalStack(MeasuredProgram):
     ------
     ConfigurationError
         unless exactly one of command and adapter is given, if the adapter is unknown, or if a
-        setting is not finite.
+        setting is not finite or ``start_time`` not allowed.
     """
 
     name = "external-stack"
@@ -77,12 +82,14 @@ class ExternalStack(MeasuredProgram):
         command: Sequence[str] | str = (),
         adapter: str | None = None,
         python: str | None = None,
+        start_time: float | None = None,
         **settings: Any,
     ) -> None:
         # not an attribute ``command``, which is a method of controllers
         self._command = command
         self.adapter = adapter
         self.python = python
+        self.start_time = None if start_time is None else _checked_start(start_time)
         self.settings = settings
         require_finite_settings(settings)
         self._arguments = _arguments(command, adapter, python)
@@ -95,8 +102,10 @@ class ExternalStack(MeasuredProgram):
         super().begin(setup)
         self._declared = ""
         self._left = ""
-        self._process = process = StackProcess(self._arguments, RUN_LIMIT)
-        line = process.line(START_LIMIT)
+        # both the declaration and the first answer may take as long as a start
+        more = 2.0 * max(self._start_limit - START_LIMIT, 0.0)
+        self._process = process = StackProcess(self._arguments, RUN_LIMIT + more)
+        line = process.line(self._start_limit)
         try:
             declaration = read_declaration(line)
             uses, self.output = checked_declaration(declaration.uses, declaration.output)
@@ -119,7 +128,7 @@ class ExternalStack(MeasuredProgram):
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in self._measured(now).items()
         }
-        limit = START_LIMIT if self._setup else REPLY_LIMIT
+        limit = self._start_limit if self._setup else REPLY_LIMIT
         line = self._process.ask(self._setup + encode(message), limit)
         self._setup = b""
         try:
@@ -134,8 +143,15 @@ class ExternalStack(MeasuredProgram):
             self._process = None
 
     def run_remarks(self) -> list[str]:
-        """Return remarks: the stack's declaration, missing answers, and remaining processes."""
-        return [text for text in (self._declared, *super().run_remarks(), self._left) if text]
+        """Return remarks: declaration, start time, missing answers, and remaining processes."""
+        start = "" if self.start_time is None else f"it had {self.start_time:g} s to start"
+        texts = self._declared, start, *super().run_remarks(), self._left
+        return [text for text in texts if text]
+
+    @property
+    def _start_limit(self) -> float:
+        """Time until the declaration, and until the first answer [s]."""
+        return START_LIMIT if self.start_time is None else self.start_time
 
     def _with_messages(self, error: StackFailedError) -> StackFailedError:
         assert self._process is not None
@@ -146,6 +162,15 @@ class ExternalStack(MeasuredProgram):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_process": None}
+
+
+def _checked_start(value: object) -> float:
+    seconds = positive_number("start_time", value)
+    if seconds > LONGEST_START:
+        raise ConfigurationError(
+            f"start_time is at most {LONGEST_START:g} s, not {format_value(value)}"
+        )
+    return seconds
 
 
 def _arguments(command: Sequence[str] | str, adapter: str | None, python: str | None) -> list[str]:

@@ -19,7 +19,6 @@ from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
 from ...comparisons.run import failed_record, failed_score
 from ...comparisons.runs.law_process import LawRun, simulate_law
-from ...comparisons.runs.machine import run_limit
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
@@ -124,7 +123,7 @@ def make_batch(
 
     Without ``limit``, the time limit follows from the number of samples of a run.
     """
-    limit = limit or run_limit(family.tables)
+    limit = limit or max(each.run_limit(family.tables) for each in campaign.controllers)
     conditions = campaign.conditions_of(family, scenes[0])
     return Batch(
         family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit

@@ -3,7 +3,8 @@
 All laws are tuned by the same tuner with the same number of evaluations.
 """
 
+from .journal import JournalFile
 from .problem import Budget, Problem
-from .tune import Tuned, Tuning, tune
+from .tune import Tuned, Tuning, claim, tune
 
-__all__ = ["Budget", "Problem", "Tuned", "Tuning", "tune"]
+__all__ = ["Budget", "JournalFile", "Problem", "Tuned", "Tuning", "claim", "tune"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import warnings
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any
 
 from ...comparisons.runs.files import plain, replaced, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
-from ...comparisons.runs.identity import differences, in_words
+from ...comparisons.runs.identity import Identity, differences, in_words
 from ...comparisons.runs.machine import loaded_versions, new_manifest
 from ...comparisons.runs.spec import prepare_laws
 from ...controllers import Choices
@@ -22,6 +20,7 @@ from ...plugins.extras import demand
 from ...plugins.provenance import Files
 from ...scenarios.toml import toml_items, toml_text
 from ..evidence.own_files import changed, contents, own_folders
+from .journal import JournalFile
 from .problem import (
     ALL,
     OBJECTIVES,
@@ -95,57 +94,32 @@ class Search:
 
 
 class Journal(dict[Setting, ByFamily]):
-    """Results of settings, stored as soon as they are known.
+    """Results of settings, stored in a :class:`.JournalFile` as soon as they are known.
 
-    The file has one line with a checksum for each setting. An incomplete last line is cut off, and
-    other lines are never changed. Optuna's JournalStorage is not used: it has no checksums, and
-    after an interruption its samplers do not continue as if there had been none. Raises
-    ConfigurationError that names a damaged line, StorageError if the file cannot be written.
+    Optuna's JournalStorage is not used: it has no checksums, and after an interruption its samplers
+    do not continue as if there had been none. Raises as :class:`.JournalFile`.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self._path = path
         self.files: Files = {}  #: Hashes of files that custom laws loaded and read in evaluations.
-        with storing("evaluations", path.parent):
-            path.touch()
-        data = path.read_bytes()
-        *lines, rest = data.split(b"\n")
-        for number, line in enumerate(lines, 1):
-            try:
-                entry = dict(json.loads(line))
-                if entry.pop("checksum") != _checksum(entry):
-                    raise ValueError("it differs from what was written")
-                self.files.update(entry.get("files", {}))
-                self[entry["law"], entry["options"]] = {
-                    family: Judged(**{**values, "point": tuple(values["point"])})
-                    for family, values in entry["judged"].items()
-                }
-            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-                where = f"{path}, line {number} is damaged ({type(error).__name__})"
-                raise ConfigurationError(
-                    f"{where}: delete it to evaluate its setting again"
-                ) from error
-        if rest:
-            with storing("evaluations", path.parent):
-                os.truncate(path, len(data) - len(rest))
+        self._file = JournalFile(path, "evaluations", self._take)
+
+    def _take(self, entry: Mapping[str, Any]) -> None:
+        """Read the content of a line."""
+        self.files.update(entry.get("files", {}))
+        self[entry["law"], entry["options"]] = {
+            family: Judged(**{**values, "point": tuple(values["point"])})
+            for family, values in entry["judged"].items()
+        }
 
     def add(self, setting: Setting, judged: ByFamily) -> None:
         """Store the result of a setting. Raises StorageError if it cannot be written."""
         by_family = {family: values._asdict() for family, values in judged.items()}
         entry = {"law": setting[0], "options": setting[1], "judged": by_family}
         entry |= {"files": self.files} if self.files else {}
-        line = json.dumps({**entry, "checksum": _checksum(entry)})
-        with (
-            storing("evaluations", self._path.parent),
-            self._path.open("a", encoding="utf-8") as file,
-        ):
-            file.write(line + "\n")
+        self._file.add(entry)
         self[setting] = judged
-
-
-def _checksum(entry: Mapping[str, Any]) -> int:
-    return zlib.crc32(json.dumps(entry).encode())
 
 
 @dataclass(frozen=True)
@@ -306,7 +280,7 @@ def tune(
     demand("tune")
     with locked(folder, "a tuning"):
         prepare_laws(problem.campaign.controllers)
-        _claim(folder, problem, command)
+        claim(folder, plain(problem.configuration()), _facts(problem), command)
         tasks = problem.tasks(
             workers, lambda done, total: on_progress("drawing training scenes", done, total)
         )
@@ -358,30 +332,38 @@ def _require_same_files(journal: Journal, folder: Path, problem: Problem) -> Non
     campaign = problem.campaign
     now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
     if other := [f"the content of {name} has changed" for name in changed(journal.files, now)]:
-        raise ConfigurationError(
-            f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out"
-        )
+        raise _other_tuning(folder, other)
 
 
-def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
-    """Write the manifest. Raises ConfigurationError if the folder holds another tuning."""
+def claim(
+    folder: Path, here: Identity, facts: Mapping[str, Any], command: Sequence[str] = ()
+) -> None:
+    """Write the manifest of a tuning that depends on ``here``, with further ``facts``.
+
+    Raises ConfigurationError if the folder holds another tuning, StorageError if the manifest
+    cannot be written.
+    """
     path = folder / MANIFEST
-    here = plain(problem.configuration())
     stored = manifest_of(folder).get("tuning") if path.exists() else here
     if stored is None:
         raise ConfigurationError(f"{path} cannot be read: it is not the manifest of a tuning")
     if stored != here:
-        other = in_words(list(differences(stored, here)))
-        raise ConfigurationError(
-            f"{folder} holds another tuning: {other}. Give another folder with --out"
-        )
-    manifest = {
-        **new_manifest(command),
-        "tuning": here,
+        raise _other_tuning(folder, list(differences(stored, here)))
+    manifest = {**new_manifest(command), "tuning": here, **facts, "loaded": loaded_versions()}
+    with storing("evaluations", folder):
+        write_json(path, manifest)
+
+
+def _other_tuning(folder: Path, differing: Sequence[str]) -> ConfigurationError:
+    return ConfigurationError(
+        f"{folder} holds another tuning: {in_words(differing)}. Give another folder with --out"
+    )
+
+
+def _facts(problem: Problem) -> dict[str, Any]:
+    """Return what the manifest says beside that which evaluations depend on."""
+    return {
         "evaluations": problem.budget.evaluations,
         "tuner_seeds": problem.budget.seeds,
         "campaign": plain(problem.campaign.resolved()),
-        "loaded": loaded_versions(),
     }
-    with storing("evaluations", folder):
-        write_json(path, manifest)

@@ -16,6 +16,7 @@ from typing import Any
 from ...compiled import prepare
 from ...controllers import CONTROLLERS, controller_class, make_controller
 from ...controllers.base import Controller
+from ...controllers.ranges import positive
 from ...errors import ConfigurationError, VsconstraintsError, format_value
 from ...plugins.classes import beside, folder_of_neighbours, module_files
 from ...plugins.registry import registered
@@ -199,6 +200,14 @@ class ControllerSpec:
         """
         return beside(folder, self.folder_of_neighbours)
 
+    def run_limit(self, tables: Mapping[str, Any]) -> float:
+        """Return the time limit of a run in a scenario [s], see :func:`.machine.run_limit`.
+
+        A stack with a ``start_time`` may take that long for its declaration and its first answer.
+        """
+        start = self.options.get("start_time") if self.law == stack_law() else None
+        return run_limit(tables) + 2.0 * (positive(start) or 0.0)
+
     @property
     def files(self) -> tuple[Path, ...]:
         """Files in which a custom controller is defined, and those of a stack's command."""
@@ -352,5 +361,5 @@ def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:
 
     No long run is thus started last.
     """
-    limits = {run: run_limit(run.tables) for run in dict.fromkeys(runs)}
+    limits = {run: run.controller.run_limit(run.tables) for run in dict.fromkeys(runs)}
     return dict(sorted(limits.items(), key=lambda item: item[1], reverse=True))
