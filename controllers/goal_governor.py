@@ -18,7 +18,6 @@ from vsconstraints.controllers import Choices, Controller, Pair, Range, Tracking
 from vsconstraints.controllers.base import require_model, restart
 from vsconstraints.controllers.ranges import Declared, positive
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError, format_value
-from vsconstraints.formulas.tracking import held_gains, held_rest, retargeted
 from vsconstraints.rows import Array, Command, IntArray, Rows, Task
 
 #: Number of predicted accelerations; the last one lasts e^GROWTH times as long as the first.
@@ -36,6 +35,39 @@ NEAR_GOAL = 1e-2
 SETTLING_TIME = 0.1
 #: Weight in the softmin, relative to the nearest row's, below which a row's gradient is omitted.
 NEGLIGIBLE_WEIGHT = 1e-6
+
+
+def retargeted(b: Array, error: Array, rate: Array, reference: Array, now: Any, then: Any) -> Array:
+    """Return b (k,) of the task for a reference s_ref (k,) that stands still.
+
+    It is computed from ``b`` for the goal itself. Error and reference are given relative to the
+    feature's value at the goal. ``now`` and ``then`` are K_p and K_v for the two errors.
+    """
+    Kp_now, Kv_now = now
+    Kp_then, Kv_then = then
+    untracked = b + Kp_now * error + Kv_now * rate
+    moved: Array = untracked - Kp_then * (error - reference) - Kv_then * rate
+    return moved
+
+
+def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
+    """Return K_p and K_v for q̈ held for h [s], by the implicit midpoint rule.
+
+    The error does not grow, however long h is.
+    """
+    damping = Kv + 0.5 * h * Kp
+    lag = 1.0 + 0.5 * h * damping
+    return Kp / lag, damping / lag
+
+
+def held_rest(rest: Array, qd: Array, damping: float, stiffness: float, h: float) -> Array:
+    """Return the rest acceleration q̈₀ (n,) held for h [s], by the implicit midpoint rule.
+
+    ``rest`` is that of :func:`vsconstraints.formulas.tracking.resting`, at q̇ (n,).
+    """
+    lag = 1.0 + 0.5 * h * (damping + 0.5 * h * stiffness)
+    held: Array = (rest - 0.5 * h * stiffness * qd) / lag
+    return held
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ EVERY_LAW = (*CONTROLLERS, *FOLDER_LAWS)
 GoalGovernor: Any = controller_class(FOLDER_LAWS["goal-governor"])
 BarrierGovernor: Any = controller_class(FOLDER_LAWS["barrier-governor"])
 PathIntegralControl: Any = controller_class(FOLDER_LAWS["mppi"])
+#: Module of the governors, as it was loaded.
+goal_governor: Any = sys.modules[GoalGovernor.__module__]
 
 
 def make(name: str, options: dict[str, Any] | None = None) -> Controller:

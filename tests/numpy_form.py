@@ -354,12 +354,24 @@ def block(constraint: Any, state: State, points: slice) -> RowBlock:
         qd = state.robot.qd
         factor = -1.0 / constraint.w_scale
         at = ROWS_OF[constraint.part]
-        derivatives = load("manipulability_rows").derivatives
-        w, slope, bent = derivatives(state.robot.J, qd, at.start, at.stop - at.start)
+        w, slope, bent = manipulability(state.robot.J, qd, at.start, at.stop - at.start)
         g = factor * slope[None, :]
         sigma = np.array([(constraint.minimum - w) / constraint.w_scale])
         return constraint.block(sigma, g @ qd, g, np.array([factor * bent]))
     return constraint.rows(state, points)
+
+
+def manipulability(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
+    """w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of ``count`` rows of J (6, n), from ``first`` on, by the
+    functions of the compiled row in Python.
+    """
+    kernels = load("manipulability_rows")
+    twists = np.zeros((3, J.shape[1], 6))
+    slope = np.empty(J.shape[1])
+    twists[kernels.JACOBIAN] = J.T
+    kernels.write_rates(twists, qd)
+    w, bent = kernels.measure(twists, first, count, slope)
+    return float(w), slope, float(bent)
 
 
 def evaluate_rows(constraints: ConstraintSet, state: State) -> tuple[Rows, Array]:

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from folder_laws import GoalGovernor, make
+from folder_laws import GoalGovernor, goal_governor, make
 from numpy_form import evaluate_rows, evaluate_task, feature_motion
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.formulas.tracking import retargeted
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
@@ -59,7 +58,8 @@ def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
     moved = Goal(0.0, goal.pixels, goal.normalised + r.reshape(4, 2), goal.camera, goal.depth)
     task, e = evaluate_task(setup.task, state)
     there, _ = evaluate_task(VisualTask(setup.task.feature, [moved], gains), state)
-    b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
+    before, after = gains.at(e), gains.at(e - r)
+    b = goal_governor.retargeted(task.b, e, task.error_rate, r, before, after)
     np.testing.assert_allclose(b, there.b, rtol=1e-9, atol=1e-9)
 
 

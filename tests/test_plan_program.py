@@ -8,8 +8,8 @@ from qpsolvers import solve_qp
 from scipy.optimize import linprog
 
 from vsconstraints.compiled import plan_program
-from vsconstraints.compiled.plan_program import Cost, Factor, Limits, Space
-from vsconstraints.compiled.workspace import RELAXED_ROWS, SOLVED
+from vsconstraints.compiled.plan_program import Cost, Factor, Limits, Space, lengths_of
+from vsconstraints.compiled.workspace import RELAXED_ROWS, SOLVED, zeros
 from vsconstraints.rows import Array
 
 T = 0.05
@@ -64,10 +64,9 @@ class Problem:
         larger = np.array([steep, *[1.0] * (m - 1)])
         rows = values * larger, gradient * larger[:, None], by_speed, falls, left, share / larger
         self.limits = Limits(N, block, since, stop, *rows, scale, low, high)
-        factor = Factor(
-            *map(np.zeros, ((H, n, 2 * n), (H, n), (H, n, n), (H, n), (2 * n + 1, 2 * n)))
-        )
-        self.space = Space.of(H, N, n, m)
+        lengths = lengths_of(H, N, n, m)
+        factor = zeros(Factor, lengths)
+        self.space = zeros(Space, lengths, {"p": lengths["p"]})
         self.code, self.active = plan_program.plan_best(
             self.cost, factor, self.limits, self.space, self.weights
         )

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from folder_laws import goal_governor
 from numpy_form import evaluate_task, feature_motion, reset
 from scenes import random_goal, random_scene, robot, slope
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.formulas.tracking import held_gains, held_rest, resting
+from vsconstraints.formulas.tracking import resting
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -411,7 +412,8 @@ def test_a_held_rest_is_by_the_implicit_midpoint_rule(h: float) -> None:
     posture = 0.3
     q = 0.7
     qd = -0.4
-    a = held_rest(resting(q, qd, posture, damping, stiffness), qd, damping, stiffness, h)
+    rest = resting(q, qd, posture, damping, stiffness)
+    a = goal_governor.held_rest(rest, qd, damping, stiffness, h)
     q_mid = 0.5 * (q + q + h * qd + 0.5 * h * h * a)
     qd_mid = qd + 0.5 * h * a
     assert a == pytest.approx(-damping * qd_mid + stiffness * (posture - q_mid), rel=1e-12)
@@ -424,7 +426,7 @@ def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
     Kv = 13.0
     e = 0.7
     rate = -0.4
-    P, V = held_gains(Kp, Kv, h)
+    P, V = goal_governor.held_gains(Kp, Kv, h)
     a = -P * e - V * rate
     e_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a)
     rate_mid = rate + 0.5 * h * a

@@ -7,11 +7,11 @@ import math
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
-from .laws import apply_law, load_law
+from .laws import apply_law, is_answer, load_law
 from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
-from .workspace import RELAXED_ROWS, SOLVED, TOLERANCE, Answer, zeros
+from .workspace import TOLERANCE, Answer, zeros
 
 for name in (
     "put",
@@ -50,7 +50,7 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     out.
     """
     code = apply_law(law_address, loop.rows, loop.task, answer)
-    if code != SOLVED and code < RELAXED_ROWS:
+    if not is_answer(code):
         return False
     samples.go_to_speeds(loop.plant, load_law(law_address).speeds, loop.Ts[0], answer.qdd)
     return True

@@ -32,6 +32,9 @@ from .workspace import Step
 
 WriteRows = Callable[[int, int], None]
 
+#: First parameters of a funnel: ρ∞/ρ₀, l, and the number of goals; then the goals' start times.
+FINAL, DECAY, GOALS, BEGINS = range(4)
+
 
 @in_place
 def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
@@ -74,14 +77,15 @@ def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, 
     """Return where the parameters of the current goal begin, and width, rate and curvature.
 
     The goal is the one that holds at time t [s]. The width of the funnel comes with its first two
-    derivatives. ``numbers`` are final, decay, the number of goals, the start time of each goal, and
-    ``size`` parameters of each goal.
+    derivatives. ``numbers`` are those of :data:`FINAL` to :data:`BEGINS`, then ``size`` parameters
+    of each goal.
     """
-    goals = int(numbers[2])
-    begins = numbers[3 : 3 + goals]
+    goals = int(numbers[GOALS])
+    first_goal = BEGINS + goals
+    begins = numbers[BEGINS:first_goal]
     goal = goal_at(begins, t)
-    width, rate, bend = funnel(t - begins[goal], numbers[0], numbers[1])
-    return 3 + goals + goal * size, width, rate, bend
+    width, rate, bend = funnel(t - begins[goal], numbers[FINAL], numbers[DECAY])
+    return first_goal + goal * size, width, rate, bend
 
 
 def joint_rows() -> WriteRows:

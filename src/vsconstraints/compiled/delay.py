@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
-from .laws import RESOLVER, answer_without_baseline, apply_law, load_law, within
+from .laws import RESOLVER, answer_without_baseline, apply_law, is_answer, load_law, within
 from .parts import call_int_pointer, load_step, set_fields, struct_loader
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
+from .workspace import F8, NEEDS_PYTHON, Answer, RowArrays, TaskArrays, zeros
 
 
 class DelayArrays(NamedTuple):
@@ -32,10 +32,10 @@ class DelayArrays(NamedTuple):
     period: float
     delay: float
     first: float
-    #: (w, n) pending commands, in the order in which they act: q̈; or, if ``at_once``, q̇ with NaN
-    #: where there was no command.
-    sent: Array
-    now: Array  #: (1 + 2n,) t, q, q̇.
+    #: Pending commands, in the order in which they act: q̈; or, if ``at_once``, q̇ with NaN where
+    #: there was no command.
+    sent: Annotated[Array, F8, "commands", "n"]
+    now: Annotated[Array, F8, "2n + 1"]  #: t, q, q̇.
     #: Predicted rows with the current limits of q̈, and the answer to them.
     ahead: RowArrays
     answer: Answer
@@ -56,25 +56,30 @@ class DelayArrays(NamedTuple):
         ``delay`` is a number of whole periods and the rest [s]. ``speeds`` and ``at_once`` are the
         fields of these names.
         """
+        law, loop, step = addresses
         whole, rest = delay
-        under_way, first = (whole + 1, rest) if rest > 0.0 or whole == 0 else (whole, period)
-        late = whole * period + rest
-        return cls(
-            *addresses,
-            int(frozen),
-            int(speeds),
-            int(at_once),
-            period,
-            late,
-            first,
-            np.full((under_way, n), math.nan if at_once else 0.0),
-            np.zeros(1 + 2 * n),
-            zeros(RowArrays),
-            zeros(Answer),
-        )
+        under_way = whole
+        first = period
+        if rest > 0.0 or whole == 0:
+            under_way = whole + 1
+            first = rest
+        known = {
+            "law": law,
+            "loop": loop,
+            "step": step,
+            "frozen": int(frozen),
+            "speeds": int(speeds),
+            "at_once": int(at_once),
+            "period": period,
+            "delay": whole * period + rest,
+            "first": first,
+            "sent": np.full((under_way, n), math.nan if at_once else 0.0),
+        }
+        arrays: DelayArrays = zeros(cls, {"2n + 1": 2 * n + 1}, known)
+        return arrays
 
 
-load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
+load_delay = struct_loader(zeros(DelayArrays))
 
 
 @in_place
@@ -158,6 +163,6 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     # the baseline of the predicted state is not that of the current one: do not report it
     answer_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
-    if code == SOLVED or code >= RELAXED_ROWS:
+    if is_answer(code):
         send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)
     return code

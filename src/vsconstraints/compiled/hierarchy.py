@@ -20,7 +20,7 @@ from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
 from .linear import (
     ONE,
-    S_ROWS,
+    QR,
     START,
     apply_transposed,
     constant,
@@ -30,7 +30,7 @@ from .linear import (
     length,
     squares,
 )
-from .scratch import blank, flags, matrix
+from .scratch import blank, empty_qr, flags, matrix
 from .walls import (
     ALL_MET,
     Demands,
@@ -67,14 +67,13 @@ class Aim(NamedTuple):
     """Objective of the levels below the rows: least ‖G (x − center)‖, then least distance to q̈₀.
 
     ``G`` (k, n + 1) is the task without its null space. X[levels.CENTER] of the workspace ``X`` is
-    the optimum without rows. The first ``rank`` of the reflections ``F`` and ``T`` span the rows of
-    G. ``gain`` is a lower bound of the gain of G there.
+    the optimum without rows. The first columns of Q of ``qr``, as many as the ``rank``, span the
+    rows of G. ``gain`` is a lower bound of the gain of G there.
     """
 
     G: Array
     X: Array
-    F: Array
-    T: Array
+    qr: QR
     rank: int
     gain: float
 
@@ -93,12 +92,12 @@ def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scra
         G[i, n] = b[i]
         for j in range(rest.size):
             G[i, n] -= J[i, j] * rest[j]
-    F, T, rank, least = pseudoinverse(
+    qr, rank, least = pseudoinverse(
         G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch
     )
     for j in range(rest.size):
         X[levels.CENTER, j] += rest[j]
-    return Aim(G, X, F, T, rank, abs(least))
+    return Aim(G, X, qr, rank, abs(least))
 
 
 @inner
@@ -110,7 +109,7 @@ def aim_at(center: Array, scratch: Scratch) -> Aim:
     for j in range(n):
         X[levels.CENTER, j] = center[j]
         G[j, j] = 1.0
-    return Aim(G, X, G, G, n, 1.0)
+    return Aim(G, X, QR(G, G), n, 1.0)  # the QR of a full rank is not used
 
 
 @inner
@@ -131,12 +130,11 @@ def solve_stage(
     """
     w = walls.sides.size
     H = matrix(scratch, p, w)
-    R = matrix(scratch, p + 1, p)
-    T = matrix(scratch, S_ROWS, p)
+    metric = empty_qr(scratch, p + 1, p)
     if not restate(walls, Z, X, H):
         return NOT_A_NUMBER, 0
-    levels.metric(G, priorities.damping, Z, X, R, T, scratch)
-    code, steps = nearest(H, walls.rows, R, T, X, scratch)
+    levels.write_metric(G, priorities.damping, Z, X, metric, scratch)
+    code, steps = nearest(H, walls.rows, metric, X, scratch)
     if code != SOLVED:
         return FAILED, steps
     levels.place(Z, p, priorities.box, X, point)
@@ -156,7 +154,7 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
     """True if the null space of the task moves row i of ``normals``; ``row`` (1, n) is scratch."""
     n = row.shape[1]
     copy(row, START, normals, i, n)
-    apply_transposed(aim.F, aim.T, aim.rank, row, START)
+    apply_transposed(aim.qr, aim.rank, row, START)
     moved = np.sqrt(dot(row, START, row, START, aim.rank, n))
     return not moved <= MET * length(row, START, n)
 
@@ -176,7 +174,7 @@ def solve_in_span(
     violates, or if the task is nearly singular. Also return the number of rows that were added.
     """
     box, damping, tolerance, _ = priorities
-    G, X, F, T, rank, gain = aim
+    G, X, qr, rank, gain = aim
     n = X.shape[1]
     w = walls.held.size
     if not gain > 2.0 * max(tolerance, np.sqrt(damping)) * np.sqrt(squares(G, n)):
@@ -186,7 +184,7 @@ def solve_in_span(
         is_violated = dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i]
         if is_violated and moves(walls.normals, i, aim, row):
             return False, 0
-    Q = levels.columns(F, T, rank, START, rank, scratch)
+    Q = levels.columns_of_q(qr, rank, START, rank, scratch)
     undamped = Priorities(box, 0.0, tolerance, True)
     code, steps = solve_stage(walls, G, Q, rank, undamped, X, point, scratch)
     found = code == SOLVED

@@ -137,6 +137,12 @@ def demand(
 
 
 @in_place
+def is_answer(code: int) -> bool:
+    """True if a law that returns this code has written an answer that is used."""
+    return code == SOLVED or code >= RELAXED_ROWS
+
+
+@in_place
 def within(rows: RowArrays, j: int, x: float) -> float:
     """Return the acceleration of joint j nearest to x within the limits of the rows."""
     return min(max(x, rows.qdd_min[j]), rows.qdd_max[j]) if rows.qdd_max.size else x
@@ -168,8 +174,8 @@ def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     """
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
-    clipped = rows.qdd_max.size > 0 and law.speeds.size == 0
-    if clipped and (code == SOLVED or code >= RELAXED_ROWS):
+    is_clipped = rows.qdd_max.size > 0 and law.speeds.size == 0
+    if is_clipped and is_answer(code):
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
         write_rates(rows.Lg, answer.qdd, law.last_rates)

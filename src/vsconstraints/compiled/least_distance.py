@@ -12,16 +12,17 @@ import numpy as np
 from ..rows import Array, IntArray
 from . import linear as la
 from .compiler import in_place, inner
-from .linear import S_ROWS, START, constant
-from .scratch import integers, matrix
+from .linear import INVERSE, QR, START, constant
+from .scratch import empty_qr, integers
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms counts as met.
 #: A row of unit norm depends on the active rows if its part outside their span is below this.
 DEPENDENT = 1e-11
 OPTIMAL = 1e-9  #: Largest error in the optimality conditions, relative to the size of the answer.
-NONE = constant(-1)  #: No row; no point meets all rows.
-STUCK = constant(-2)
+NONE = constant(-1)  #: Number of a row that does not exist.
+STUCK = constant(-2)  #: Answer of :func:`advance` if no point meets the row.
+NO_POINT = constant(-1)  #: Answer of :func:`reach` if no point meets the row.
 #: Entries for every row of the problem: its side, its excess, its multiplier, and the factor that
 #: makes it of unit norm; number of these entries.
 SIDE = constant(0)
@@ -38,16 +39,17 @@ RATIO = constant(4)
 
 
 @in_place
-def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
+def normalise(G: Array, rows: Array, metric: QR) -> bool:
     """Express the rows in u = R y + r, with unit norms. Return False if a side is not finite."""
     p, m = G.shape
+    R = metric.columns
     for i in range(m):
         rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
     for j in range(p):
         for i in range(j):
             la.add(G, j, -R[j, i], G, i, START, m)
         for i in range(m):
-            G[j, i] *= S[0, j]
+            G[j, i] *= metric.scalars[INVERSE, j]
             rows[EXCESS, i] += G[j, i] * G[j, i]
         la.add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
@@ -82,15 +84,15 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
 
 
 @in_place
-def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
+def drop(G: Array, qr: QR, X: Array, active: IntArray, leaving: int, q: int) -> None:
     """Remove one active row, so that q are left, and refactor the rows behind it."""
     for j in range(leaving, q):
         active[j] = active[j + 1]
         X[FORCE, j] = X[FORCE, j + 1]
-        for i in range(F.shape[1]):
-            F[j, i] = G[i, active[j]]
-        la.apply_transposed(F, T, j, F, j)
-        la.make_reflection(F, T, j)
+        for i in range(G.shape[0]):
+            qr.columns[j, i] = G[i, active[j]]
+        la.apply_transposed(qr, j, qr.columns, j)
+        la.make_reflection(qr, j)
 
 
 @in_place
@@ -109,7 +111,7 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
 
 
 @in_place
-def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p: int) -> int:
+def advance(qr: QR, X: Array, turned: int, excess: float, q: int, p: int) -> int:
     """Move the point (p,) until a violated row is met or an active row's multiplier becomes zero.
 
     X[turned] is the violated row's normal in the basis of the QR of the q active rows. Return the
@@ -117,7 +119,7 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
     them.
     """
     la.copy(X, RATIO, X, turned, q)
-    la.solve_upper(F, T, q, X, RATIO)
+    la.solve_upper(qr, q, X, RATIO)
     outside = la.dot(X, turned, X, turned, q, p)
     leaving, step = longest_step(X, q)
     if np.sqrt(outside) > DEPENDENT:
@@ -128,7 +130,7 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
         la.copy(X, DIRECTION, X, turned, p)
         for j in range(q):
             X[DIRECTION, j] = 0.0
-        la.apply(F, T, q, X, DIRECTION)
+        la.apply(qr, q, X, DIRECTION)
         la.add(X, POINT, -step, X, DIRECTION, START, p)
     if step == math.inf:
         return STUCK
@@ -138,13 +140,11 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
 
 
 @in_place
-def reach(
-    G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int
-) -> int:
+def reach(G: Array, rows: Array, qr: QR, X: Array, active: IntArray, chosen: int, q: int) -> int:
     """Move the point until a row is met, and remove rows whose multiplier would become negative.
 
-    Return how many of the q active rows are left, or −1 if no point meets the row together with
-    them. X[NEW] becomes the row's normal in the basis of the QR.
+    Return how many of the q active rows are left, or ``NO_POINT`` if no point meets the row
+    together with them. X[NEW] becomes the row's normal in the basis of the QR.
     """
     p = G.shape[0]
     while True:
@@ -152,26 +152,26 @@ def reach(
         for j in range(p):
             X[NEW, j] = G[j, chosen]
             excess += X[NEW, j] * X[POINT, j]
-        la.apply_transposed(F, T, q, X, NEW)
-        leaving = advance(F, T, X, NEW, excess, q, p)
+        la.apply_transposed(qr, q, X, NEW)
+        leaving = advance(qr, X, NEW, excess, q, p)
         if leaving < 0:
-            return q if leaving == NONE else -1
+            return q if leaving == NONE else NO_POINT
         q -= 1
-        drop(G, F, T, X, active, leaving, q)
+        drop(G, qr, X, active, leaving, q)
 
 
 @in_place
-def minimise(F: Array, T: Array, X: Array, q: int) -> None:
+def minimise(qr: QR, X: Array, q: int) -> None:
     """Recompute point and multipliers from the QR, so that errors do not accumulate.
 
     On input X[POINT] contains the sides of the q active rows, then zeros.
     """
-    la.solve_lower(F, T, q, X, POINT)
+    la.solve_lower(qr, q, X, POINT)
     la.copy(X, FORCE, X, POINT, q)
-    la.solve_upper(F, T, q, X, FORCE)
+    la.solve_upper(qr, q, X, FORCE)
     for j in range(q):
         X[FORCE, j] = -X[FORCE, j]
-    la.apply(F, T, q, X, POINT)
+    la.apply(qr, q, X, POINT)
 
 
 @in_place
@@ -182,11 +182,11 @@ def clip_forces(X: Array, q: int) -> None:
 
 
 @in_place
-def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
+def recompute(rows: Array, qr: QR, X: Array, active: IntArray, q: int) -> None:
     """Recompute point and multipliers from the rows of the problem; see :func:`minimise`."""
-    for j in range(F.shape[0]):
+    for j in range(qr.columns.shape[0]):
         X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
-    minimise(F, T, X, q)
+    minimise(qr, X, q)
     clip_forces(X, q)
 
 
@@ -212,9 +212,7 @@ def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: floa
 
 
 @inner
-def nearest(
-    G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch
-) -> tuple[int, int]:
+def nearest(G: Array, rows: Array, metric: QR, X: Array, scratch: Scratch) -> tuple[int, int]:
     """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h. Return the code and the number of added rows.
 
     In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin.
@@ -227,16 +225,14 @@ def nearest(
 
     ``G`` (p, m) has a column for each row of the problem, so that all rows are processed at once;
     it is overwritten. ``rows`` (4, m) contains h in SIDE, where ∞ is an absent row. It receives the
-    multipliers of rows of unit norm and the inverses of the norms. ``R`` (p + 1, p) is upper
-    triangular by columns, with r as the last one. The first row of ``S`` (3, p) contains the
-    inverses of its diagonal. The first p entries of the first row of ``X`` (5, p) or wider are the
-    answer y.
+    multipliers of rows of unit norm and the inverses of the norms. ``metric`` contains R, and r as
+    a further column behind it (p + 1, p). The first p entries of the first row of ``X`` (5, p) or
+    wider are the answer y.
     """
     p, m = G.shape
-    F = matrix(scratch, p, p)
-    T = matrix(scratch, S_ROWS, p)
+    qr = empty_qr(scratch, p, p)
     active = integers(scratch, p)
-    if not normalise(G, rows, R, S):
+    if not normalise(G, rows, metric):
         return FAILED, 0
     for j in range(p):
         X[POINT, j] = 0.0
@@ -247,20 +243,20 @@ def nearest(
     met = False
     for steps in range(10 * (m + p)):
         chosen = most_violated(G, rows, X, size)
-        met = chosen < 0 or not size > before
+        met = chosen == NONE or not size > before
         if met:
             break
-        q = reach(G, rows, F, T, X, active, chosen, q)
-        if q < 0:
+        q = reach(G, rows, qr, X, active, chosen, q)
+        if q == NO_POINT:
             return INCOMPATIBLE, steps
-        la.copy(F, q, X, NEW, p)
-        la.make_reflection(F, T, q)
+        la.copy(qr.columns, q, X, NEW, p)
+        la.make_reflection(qr, q)
         active[q] = chosen
         q += 1
-        recompute(rows, F, T, X, active, q)
+        recompute(rows, qr, X, active, q)
         before = size
         size = la.length(X, POINT, p)
     met = proved(G, rows, X, active, q, size) and met
-    la.add(X, POINT, -1.0, R, p, START, p)
-    la.solve_upper(R, S, p, X, POINT)
+    la.add(X, POINT, -1.0, metric.columns, p, START, p)
+    la.solve_upper(metric, p, X, POINT)
     return (SOLVED if met else FAILED), steps

@@ -8,10 +8,10 @@ from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import WELL_CONDITIONED
 from . import linear as la
 from .compiler import inner
-from .least_distance import DEPENDENT
+from .least_distance import DEPENDENT, NONE
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
-from .linear import ONE, S_ROWS, START, WORK, constant
-from .scratch import blank, integers, matrix
+from .linear import ONE, QR, START, constant
+from .scratch import blank, empty_qr, integers, matrix
 from .workspace import Scratch
 
 #: A step that changes the residual by less than this fraction of its terms counts as zero.
@@ -22,31 +22,36 @@ PUSHING = 1e-9
 ROW = constant(0)
 AIM = constant(1)
 ROWS_OF_POINT = constant(2)
+#: The rows of Y: the task's step, and its force; their number.
+STEP = START
+FORCE = ONE
+ROWS_OF_STEP = constant(2)
 
 
 @inner
-def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
-    """Add row A[i] to the QR of q rows in F and T. Return 1, or 0 if it depends on them."""
-    n = F.shape[1]
+def take(qr: QR, q: int, A: Array, i: int) -> int:
+    """Add row A[i] to the QR of q rows. Return 1, or 0 if it depends on them."""
+    columns = qr.columns
+    n = columns.shape[1]
     size = la.length(A, i, n)
     if q == n or size == 0.0:
         return 0
     for j in range(n):
-        F[q, j] = A[i, j] / size
-    la.apply_transposed(F, T, q, F, q)
-    if np.sqrt(la.dot(F, q, F, q, q, n)) <= DEPENDENT:
+        columns[q, j] = A[i, j] / size
+    la.apply_transposed(qr, q, columns, q)
+    if np.sqrt(la.dot(columns, q, columns, q, q, n)) <= DEPENDENT:
         return 0
-    la.make_reflection(F, T, q)
+    la.make_reflection(qr, q)
     return 1
 
 
 @inner
 def task_step(
-    G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array, scratch: Scratch
+    G: Array, X: Array, qr: QR, q: int, tolerance: float, Y: Array, scratch: Scratch
 ) -> float:
     """Write the task's step of least norm in the null space of q rows, and the task's force.
 
-    Y[ONE] receives the step and Y[WORK] the force. Return ‖G step‖.
+    Return ‖G step‖.
     """
     k = G.shape[0]
     n = X.shape[1]
@@ -54,17 +59,17 @@ def task_step(
     W = matrix(scratch, k, n + 1)
     moved = 0.0
     for j in range(n):
-        Y[ONE, j] = Y[WORK, j] = 0.0
+        Y[STEP, j] = Y[FORCE, j] = 0.0
     for i in range(k):
         W[i, n] = la.dot(G, i, X, AIM, START, n) - la.dot(G, i, X, ROW, START, n)
         la.copy(W, i, G, i, n)
-        la.add(Y, WORK, W[i, n], G, i, START, n)
-        la.apply_transposed(F, T, q, W, i)
+        la.add(Y, FORCE, W[i, n], G, i, START, n)
+        la.apply_transposed(qr, q, W, i)
     if q < n:
-        pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, scratch)
-        la.apply(F, T, q, Y, ONE)
+        pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, STEP, scratch)
+        la.apply(qr, q, Y, STEP)
         for i in range(k):
-            moved += la.dot(G, i, Y, ONE, START, n) ** 2
+            moved += la.dot(G, i, Y, STEP, START, n) ** 2
     scratch.taken[0] = taken
     distance: float = np.sqrt(moved)
     return distance
@@ -74,16 +79,16 @@ def task_step(
 def first_in_the_way(
     walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int
 ) -> tuple[float, int]:
-    """Return the feasible share of the step and the inactive row that blocks it, or −1.
+    """Return the feasible share of the step and the inactive row that blocks it, or ``NONE``.
 
     The share is at most 1.
     """
     n = X.shape[1]
     step = 1.0
-    blocking = -1
-    stride = la.length(Y, ONE, n)
+    blocking = NONE
+    stride = la.length(Y, STEP, n)
     for i in range(walls.shape[0]):
-        change = la.dot(walls, i, Y, ONE, START, n)
+        change = la.dot(walls, i, Y, STEP, START, n)
         taken = False
         for at in range(count):
             taken = taken or order[at] == i
@@ -123,9 +128,8 @@ def least_residual(
     """
     n = X.shape[1]
     w = walls.shape[0]
-    F = matrix(scratch, n, n)
-    T = matrix(scratch, S_ROWS, n)
-    Y = blank(scratch, S_ROWS, n)
+    qr = empty_qr(scratch, n, n)
+    Y = blank(scratch, ROWS_OF_STEP, n)
     order = integers(scratch, n)
     count = 0
     size = np.sqrt(la.squares(G, n))
@@ -137,37 +141,37 @@ def least_residual(
     for _ in range(2 * (w + n)):
         q = START
         for i in range(E.shape[0]):
-            q += take(F, T, q, E, i)
+            q += take(qr, q, E, i)
         first = q
         left = 0
         for at in range(count):
-            if take(F, T, q, walls, order[at]) == 1:
+            if take(qr, q, walls, order[at]) == 1:
                 order[left] = order[at]
                 left += 1
                 q += 1
         count = left
         reach = REACHED * size * (la.length(X, ROW, n) + la.length(X, AIM, n))
-        if task_step(G, X, F, T, q, tolerance, Y, scratch) <= reach:
-            noise = PUSHING * la.length(Y, WORK, n) + size * reach
-            la.apply_transposed(F, T, q, Y, WORK)
-            la.solve_upper(F, T, q, Y, WORK)
-            worst = -1
+        if task_step(G, X, qr, q, tolerance, Y, scratch) <= reach:
+            noise = PUSHING * la.length(Y, FORCE, n) + size * reach
+            la.apply_transposed(qr, q, Y, FORCE)
+            la.solve_upper(qr, q, Y, FORCE)
+            worst = NONE
             weakest = -noise
             for at in range(count):
-                if Y[WORK, first + at] < weakest:
+                if Y[FORCE, first + at] < weakest:
                     worst = at
-                    weakest = Y[WORK, first + at]
-            if worst < 0:
+                    weakest = Y[FORCE, first + at]
+            if worst == NONE:
                 for at in range(count):
-                    active[order[at]] = Y[WORK, first + at] > noise
+                    active[order[at]] = Y[FORCE, first + at] > noise
                 return True
             count -= 1
             for at in range(worst, count):
                 order[at] = order[at + 1]
             continue
         step, blocking = first_in_the_way(walls, sides, X, Y, order, count)
-        la.add(X, ROW, step, Y, ONE, START, n)
-        if blocking >= 0 and count < n:
+        la.add(X, ROW, step, Y, STEP, START, n)
+        if blocking != NONE and count < n:
             order[count] = blocking
             count += 1
     return False

@@ -12,8 +12,8 @@ import numpy as np
 from ..rows import Array
 from . import linear as la
 from .compiler import in_place, inner
-from .linear import ONE, S_ROWS, START, WORK
-from .scratch import blank, matrix
+from .linear import INVERSE, ONE, QR, SCALARS, START, WORK, constant
+from .scratch import blank, empty_qr, matrix
 from .workspace import Scratch
 
 CERTAIN = 30.0
@@ -29,6 +29,10 @@ WELL = 1e-4
 #: Squared norm of the answer, relative to that of J†b, below which :func:`bring` has lost digits.
 CANCELLED = 1e-6
 SWEEPS = 60  #: Maximum number of Jacobi sweeps; about six are usual.
+#: Rows of the two terms of eq. (15): of the rows, and of the task; and their number.
+OF_ROWS = START
+OF_TASK = ONE
+TERMS = constant(2)
 
 
 @in_place
@@ -142,15 +146,17 @@ def shorten(
 
 
 @in_place
-def triangular(W: Array, first: int, F: Array, S: Array) -> None:
-    """Set [M | b] ← [R | Qᵀb] from the QR in F and S, with Qᵀb in S[WORK]."""
-    p = F.shape[0]
+def triangular(W: Array, first: int, qr: QR) -> None:
+    """Set [M | b] ← [R | Qᵀb] from the QR of M, with Qᵀb in its free row."""
+    R = qr.columns
+    scalars = qr.scalars
+    p = R.shape[0]
     for i in range(W.shape[0]):
         for j in range(p):
-            W[i, first + j] = F[j, i] if i < j else 0.0
+            W[i, first + j] = R[j, i] if i < j else 0.0
         if i < p:
-            W[i, first + i] = 1.0 / S[0, i]
-            W[i, first + p] = S[WORK, i]
+            W[i, first + i] = 1.0 / scalars[INVERSE, i]
+            W[i, first + p] = scalars[WORK, i]
 
 
 @inner
@@ -163,7 +169,7 @@ def pseudoinverse(
     Y: Array,
     row: int,
     scratch: Scratch,
-) -> tuple[Array, Array, int, float]:
+) -> tuple[QR, int, float]:
     """Solve y ← M† b for W = [· | M | b] (k, n + 1), and write y to Y[row, first:].
 
     M begins with the column ``first``. The method is a QR of M (k, p), or of Mᵀ if it has more
@@ -176,9 +182,10 @@ def pseudoinverse(
     to a factor, apart from singular values below the ``tolerance`` times the largest one of
     ``whole`` (k', n), which is W if ``first`` is 0.
 
-    Return F, S, the rank and a bound. If the rank is less than p, that number of columns of Q of
-    :func:`factor` spans the rows of M. The bound is a lower bound of the least singular value that
-    counts, negative if F and S are not the QR of M itself.
+    Return a QR, the rank and a bound. The QR is that of M if M has full column rank. Otherwise it
+    is that of the transpose of the rows that are left, so that the first columns of Q, as many as
+    the rank, span the rows of M; the bound is then negative. Its magnitude is a lower bound of the
+    least singular value that counts.
     """
     k = W.shape[0]
     n = W.shape[1] - 1
@@ -186,34 +193,35 @@ def pseudoinverse(
     rows = k
     tall = k >= n - first
     size = np.sqrt(la.squares(whole, n))
-    S = matrix(scratch, S_ROWS, k if tall else p)
+    scalars = matrix(scratch, SCALARS, k if tall else p)
     for again in range(2):
-        c = p if tall else rows
-        F = matrix(scratch, c, k if tall else p)
-        for j in range(c):
-            for i in range(F.shape[1]):
-                F[j, i] = W[i, first + j] if tall else W[j, first + i]
-        least = la.factor(F, S)
+        rank = p if tall else rows
+        columns = matrix(scratch, rank, k if tall else p)
+        qr = QR(columns, scalars)
+        for j in range(rank):
+            for i in range(columns.shape[1]):
+                columns[j, i] = W[i, first + j] if tall else W[j, first + i]
+        least = la.factor(qr)
         for i in range(p):
-            S[WORK, i] = 0.0
+            scalars[WORK, i] = 0.0
         for i in range(rows):
-            S[WORK, i] = W[i, n]
+            scalars[WORK, i] = W[i, n]
         if tall:
-            la.apply_transposed(F, S, p, S, WORK)
+            la.apply_transposed(qr, p, scalars, WORK)
         if again == 1 or least > certain * size:
             break
         if tall:
-            triangular(W, first, F, S)
-        rows = shorten(W, c, first, tolerance, whole, scratch)
+            triangular(W, first, qr)
+        rows = shorten(W, rank, first, tolerance, whole, scratch)
         tall = False
     if tall:
-        la.solve_upper(F, S, p, S, WORK)
+        la.solve_upper(qr, p, scalars, WORK)
     else:
-        la.solve_lower(F, S, rows, S, WORK)
-        la.apply(F, S, rows, S, WORK)
+        la.solve_lower(qr, rows, scalars, WORK)
+        la.apply(qr, rows, scalars, WORK)
     for j in range(p):
-        Y[row, first + j] = S[WORK, j]
-    return F, S, c, least if tall else -least
+        Y[row, first + j] = scalars[WORK, j]
+    return qr, rank, least if tall else -least
 
 
 @in_place
@@ -228,7 +236,7 @@ def subtract_product(A: Array, x: Array) -> None:
 @inner
 def resolve(
     A1: Array, A2: Array, b2: Array, tolerance: float, rest: Array, qdd: Array, scratch: Scratch
-) -> tuple[int, Array, Array, float]:
+) -> tuple[int, QR, float]:
     """Set q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), eq. (15).
 
     With q̈₀, the equation holds for q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
@@ -240,53 +248,52 @@ def resolve(
 
     ``A1`` (b, n + 1) is [A₁ | b₁], b ≥ 0, and is overwritten. ``A2`` and ``b2`` are (k, n) and
     (k,); ``rest`` is q̈₀ (n,) or (0,). Singular values below the tolerance times the largest one
-    count as zero. Return the rank of A₁; and F, S and the bound of :func:`pseudoinverse` for M,
+    count as zero. Return the rank of A₁; and the QR and the bound of :func:`pseudoinverse` for M,
     which is A₂ itself without A₁.
     """
     n = qdd.size
     k = A2.shape[0]
     certain = CERTAIN * tolerance
-    # the two terms of the sum, as rows
-    terms = blank(scratch, WORK, n)
-    W: Array = matrix(scratch, k, n + 1)  # [A₂Q | b₂ − A₂A₁†b₁]
-    F = W
-    S = W
+    terms = blank(scratch, TERMS, n)
+    rotated: Array = matrix(scratch, k, n + 1)  # [A₂Q | b₂ − A₂A₁†b₁]
+    qr_of_rows = QR(rotated, rotated)  # unused without A₁
+    qr_of_task = qr_of_rows
     rank = START
-    M_F = W
-    M_S = W
     least = 0.0
     if A1.shape[0] > 0:
         subtract_product(A1, rest)
-        F, S, rank, _ = pseudoinverse(A1, START, certain, tolerance, A1, terms, START, scratch)
+        qr_of_rows, rank, _ = pseudoinverse(
+            A1, START, certain, tolerance, A1, terms, OF_ROWS, scratch
+        )
     if rank < n:
         for i in range(k):
-            W[i, n] = b2[i]
+            rotated[i, n] = b2[i]
             for j in range(n):
-                W[i, j] = A2[i, j]
-                W[i, n] -= A2[i, j] * terms[0, j]
+                rotated[i, j] = A2[i, j]
+                rotated[i, n] -= A2[i, j] * terms[OF_ROWS, j]
             for j in range(rest.size):
-                W[i, n] -= A2[i, j] * rest[j]
+                rotated[i, n] -= A2[i, j] * rest[j]
             if rank > 0:
-                la.apply_transposed(F, S, rank, W, i)
-        whole = A2 if rank > 0 else W
-        M_F, M_S, _, least = pseudoinverse(W, rank, certain, tolerance, whole, terms, ONE, scratch)
-        la.apply(F, S, rank, terms, ONE)
+                la.apply_transposed(qr_of_rows, rank, rotated, i)
+        whole = A2 if rank > 0 else rotated
+        qr_of_task, _, least = pseudoinverse(
+            rotated, rank, certain, tolerance, whole, terms, OF_TASK, scratch
+        )
+        la.apply(qr_of_rows, rank, terms, OF_TASK)
     for j in range(n):
-        qdd[j] = terms[0, j] + terms[1, j]
+        qdd[j] = terms[OF_ROWS, j] + terms[OF_TASK, j]
     for j in range(rest.size):
         qdd[j] += rest[j]
-    return rank, M_F, M_S, least
+    return rank, qr_of_task, least
 
 
 @inner
-def bring(
-    F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array, scratch: Scratch
-) -> bool:
+def bring(task: QR, least: float, A: Array, tolerance: float, qdd: Array, scratch: Scratch) -> bool:
     """Change x = J†b so that A x = d, with the least change of ‖J x − b‖.
 
     x ← x + R⁻¹ (A R⁻¹)† (d − A x), with J = Q R. If J has full column rank, :func:`resolve` with A
-    before J gives the same result. F, S and ``least`` are those of J from :func:`resolve`; ``A``
-    (b, n + 1) is [A | d].
+    before J gives the same result. ``task`` and ``least`` are the QR of J and its bound from
+    :func:`resolve`; ``A`` (b, n + 1) is [A | d].
 
     Return False, without any change, unless J and A have full rank for certain, A has fewer rows
     than columns, and J†b is not much larger than the answer.
@@ -295,33 +302,33 @@ def bring(
     b = A.shape[0]
     if b >= n or least <= 0.0:
         return False
-    L = matrix(scratch, b, n)
-    T = matrix(scratch, S_ROWS, n)
+    rows = empty_qr(scratch, b, n)  # of (A R⁻¹)ᵀ
     size = 0.0
     for i in range(b):
-        la.copy(L, i, A, i, n)
+        la.copy(rows.columns, i, A, i, n)
         for j in range(n):
             size += A[i, j] * A[i, j]
-        la.solve_lower(F, S, n, L, i)
-    if not la.factor(L, T) * least > max(CERTAIN * tolerance, WELL) * np.sqrt(size):
+        la.solve_lower(task, n, rows.columns, i)
+    if not la.factor(rows) * least > max(CERTAIN * tolerance, WELL) * np.sqrt(size):
         return False
+    x = rows.scalars
     for i in range(n):
-        T[WORK, i] = 0.0
+        x[WORK, i] = 0.0
     for i in range(b):
-        T[WORK, i] = A[i, n]
+        x[WORK, i] = A[i, n]
         for j in range(n):
-            T[WORK, i] -= A[i, j] * qdd[j]
-    la.solve_lower(L, T, b, T, WORK)
-    la.apply(L, T, b, T, WORK)
-    la.solve_upper(F, S, n, T, WORK)
+            x[WORK, i] -= A[i, j] * qdd[j]
+    la.solve_lower(rows, b, x, WORK)
+    la.apply(rows, b, x, WORK)
+    la.solve_upper(task, n, x, WORK)
     before = after = 0.0
     for j in range(n):
-        T[WORK, j] += qdd[j]
+        x[WORK, j] += qdd[j]
         before += qdd[j] * qdd[j]
-        after += T[WORK, j] * T[WORK, j]
+        after += x[WORK, j] * x[WORK, j]
     # cancellation leaves rounding errors
     if after < CANCELLED * before:
         return False
     for j in range(n):
-        qdd[j] = T[WORK, j]
+        qdd[j] = x[WORK, j]
     return True

@@ -12,7 +12,20 @@ from .compiler import in_place, inner
 from .least_distance import MULTIPLIER, NEW, POINT, SCALE
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
-from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length, squares
+from .linear import (
+    INVERSE,
+    ONE,
+    QR,
+    START,
+    add,
+    apply,
+    away,
+    constant,
+    copy,
+    dot,
+    length,
+    squares,
+)
 from .scratch import blank, matrix
 from .workspace import Scratch
 
@@ -26,6 +39,11 @@ CENTER = constant(5)
 ORIGIN = constant(6)
 OFFSET = constant(7)
 ROWS_OF_X = constant(8)
+#: Rows of the pull of the violations on each coordinate: the sum, and that of its magnitudes; their
+#: number.
+PULL = START
+TERMS = ONE
+ROWS_OF_PULL = constant(2)
 
 
 @in_place
@@ -58,8 +76,8 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
 
 
 @inner
-def metric(
-    G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch
+def write_metric(
+    G: Array, damping: float, Z: Array, X: Array, metric: QR, scratch: Scratch
 ) -> None:
     """Express the cost of levels 2 and 3 as ½‖R y + r‖² up to a constant.
 
@@ -68,10 +86,11 @@ def metric(
     j-th of the former rows, so that the work grows with the square of the number of columns.
 
     ``G`` (k, n) or wider is the task, without what counts as its null space. ``Z`` (p, n) is an
-    orthonormal basis, or empty for the identity. Outputs are ``R`` (p + 1, p), by columns with r as
-    the last one, and in ``S`` (3, p) the inverses of the diagonal.
+    orthonormal basis, or empty for the identity. The ``metric`` receives R, and r as a further
+    column behind it (p + 1, p), but no reflections.
     """
     k = G.shape[0]
+    R = metric.columns
     p = R.shape[1]
     B = blank(scratch, p + 1, k)
     stack(G, damping, Z, X, R, B)
@@ -84,7 +103,7 @@ def metric(
             R[other, j] -= scale * head
             add(B, other, -scale, B, j, START, k)
         R[j, j] = -size
-        S[0, j] = -1.0 / size
+        metric.scalars[INVERSE, j] = -1.0 / size
 
 
 @inner
@@ -108,7 +127,7 @@ def settle(
     w, n = walls.shape
     m = weights.size
     A = blank(scratch, m + n, n + 1)
-    pull = blank(scratch, S_ROWS, n)
+    pull = blank(scratch, ROWS_OF_PULL, n)
     size = length(X, ORIGIN, n)
     at = 0
     for i in range(w):
@@ -120,15 +139,15 @@ def settle(
             violation[i] = value - sides[i]
             for j in range(n):
                 force = walls[i, j] * weights[i] * weights[i] * violation[i]
-                pull[0, j] += force
-                pull[1, j] += abs(force)
+                pull[PULL, j] += force
+                pull[TERMS, j] += abs(force)
                 A[at, j] = walls[i, j] / norm
             at += 1
     # if the violations pull a coordinate against the box, all points of least violation are at that
     # bound
     for j in range(n):
         pinned = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
-        if pinned and abs(pull[0, j]) > SIGNIFICANT * pull[1, j]:
+        if pinned and abs(pull[PULL, j]) > SIGNIFICANT * pull[TERMS, j]:
             A[at, j] = 1.0
             at += 1
     return A[:at]
@@ -174,7 +193,7 @@ def optimal(
     The conditions are evaluated on the rows as they were given. With the gradient g, the
     multipliers μ and the rows a, the cost exceeds its minimum by at most ‖Zᵀ(g + Σ μ a)‖² / (2
     damping), if the rows with a multiplier are at their bounds. G, damping and Z are those of
-    :func:`metric`; ``rows`` is the result of :func:`nearest` for the walls.
+    :func:`write_metric`; ``rows`` is the result of :func:`nearest` for the walls.
     """
     n = point.shape[1]
     p = Z.shape[0]
@@ -275,15 +294,15 @@ def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
 
 
 @inner
-def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scratch) -> Array:
+def columns_of_q(qr: QR, rank: int, first: int, last: int, scratch: Scratch) -> Array:
     """Return columns [first, last) of Q of :func:`.pseudoinverse` as rows.
 
     The first ``rank`` columns span the rows, the others the null space.
     """
-    Q = blank(scratch, last - first, F.shape[1])
+    Q = blank(scratch, last - first, qr.columns.shape[1])
     for d in range(last - first):
         Q[d, first + d] = 1.0
-        apply(F, T, rank, Q, d)
+        apply(qr, rank, Q, d)
     return Q
 
 
@@ -300,10 +319,10 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
             X[ORIGIN, j] = X[CENTER, j]
             X[OFFSET, j] = 0.0
         return matrix(scratch, START, n), n
-    F, T, rank, _ = pseudoinverse(
+    qr, rank, _ = pseudoinverse(
         equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch
     )
-    return columns(F, T, rank, rank, n, scratch), n - rank
+    return columns_of_q(qr, rank, rank, n, scratch), n - rank
 
 
 @in_place

@@ -8,12 +8,13 @@ have few levels.
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import Annotated, NamedTuple, cast
 
 import numpy as np
 
 from ..rows import Array
 from .compiler import in_place
+from .workspace import F8
 
 
 def constant(value: int) -> int:
@@ -24,12 +25,13 @@ def constant(value: int) -> int:
     return cast("int", np.int64(value))
 
 
-#: The first column, or row; the next; the free row of S of :func:`factor`; and the number of its
-#: rows.
-START = constant(0)
-ONE = constant(1)
+START = constant(0)  #: The first column or row.
+ONE = constant(1)  #: The second one.
+#: Rows of the scalars of a :class:`QR`, and their number.
+INVERSE = constant(0)
+BETA = constant(1)
 WORK = constant(2)
-S_ROWS = constant(3)
+SCALARS = constant(3)
 LARGE = 1e280  #: Compiled laws do not accept squares beyond this.
 
 
@@ -112,82 +114,94 @@ def copy_vector(x: Array, y: Array) -> None:
         x[j] = y[j]
 
 
-@in_place
-def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
-    """Apply the j-th reflection of :func:`factor` to a row of X."""
-    scale = dot(F, j, X, row, j, F.shape[1]) * S[1, j]
-    for i in range(j, F.shape[1]):
-        X[row, i] -= scale * F[j, i]
+class QR(NamedTuple):
+    """Householder QR of a matrix (r, c), c ≤ r, in place of its columns; see :func:`factor`.
 
+    The rows of ``columns`` (c, r) are the columns of the matrix. Entry i < j of row j becomes
+    R[i, j], and the rest the vector v of the reflection I − beta v vᵀ. ``scalars`` (3, r) are the
+    inverses of the diagonal of R, then beta; its last row, ``WORK``, is free.
 
-@in_place
-def make_reflection(F: Array, S: Array, j: int) -> None:
-    """Turn F[j] into the j-th column of R and its reflection.
-
-    The previous reflections must have been applied to F[j].
+    The basis of the QR consists of the columns of Q, which is the product of the reflections.
     """
-    size = np.sqrt(dot(F, j, F, j, j, F.shape[1]))
-    outward = np.copysign(size, F[j, j])
-    F[j, j] += outward
-    # 1 / outward equals beta F[j, j] and saves another division
-    beta = 1.0 / (outward * F[j, j]) if size > 0.0 else 0.0
-    S[0, j] = -beta * F[j, j] if size > 0.0 else math.inf
-    S[1, j] = beta
+
+    columns: Annotated[Array, F8, "c", "r"]
+    scalars: Annotated[Array, F8, 3, "r"]
 
 
 @in_place
-def apply_transposed(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Set x ← Qᵀ x, with the first c reflections of :func:`factor` as Q and a row of X as x."""
+def reflect(qr: QR, j: int, X: Array, row: int) -> None:
+    """Apply the j-th reflection to a row of X."""
+    v = qr.columns
+    scale = dot(v, j, X, row, j, v.shape[1]) * qr.scalars[BETA, j]
+    for i in range(j, v.shape[1]):
+        X[row, i] -= scale * v[j, i]
+
+
+@in_place
+def make_reflection(qr: QR, j: int) -> None:
+    """Turn the j-th column into that of R and its reflection.
+
+    The previous reflections must have been applied to the column.
+    """
+    v = qr.columns
+    size = np.sqrt(dot(v, j, v, j, j, v.shape[1]))
+    outward = np.copysign(size, v[j, j])
+    v[j, j] += outward
+    # 1 / outward equals beta v[j, j] and saves another division
+    beta = 1.0 / (outward * v[j, j]) if size > 0.0 else 0.0
+    qr.scalars[INVERSE, j] = -beta * v[j, j] if size > 0.0 else math.inf
+    qr.scalars[BETA, j] = beta
+
+
+@in_place
+def apply_transposed(qr: QR, c: int, X: Array, row: int) -> None:
+    """Set x ← Qᵀ x, with the first c reflections as Q and a row of X as x."""
     for j in range(c):
-        reflect(F, S, j, X, row)
+        reflect(qr, j, X, row)
 
 
 @in_place
-def apply(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Set x ← Q x, with the first c reflections of :func:`factor` as Q and a row of X as x."""
+def apply(qr: QR, c: int, X: Array, row: int) -> None:
+    """Set x ← Q x, with the first c reflections as Q and a row of X as x."""
     for j in range(c - 1, -1, -1):
-        reflect(F, S, j, X, row)
+        reflect(qr, j, X, row)
 
 
 @in_place
-def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Set x ← R⁻¹ x with the first c columns of R of :func:`factor`.
-
-    x is the beginning of a row of X.
-    """
+def solve_upper(qr: QR, c: int, X: Array, row: int) -> None:
+    """Set x ← R⁻¹ x with the first c columns of R; x is the beginning of a row of X."""
+    R = qr.columns
     for j in range(c - 1, -1, -1):
-        X[row, j] *= S[0, j]
+        X[row, j] *= qr.scalars[INVERSE, j]
         for i in range(j):
-            X[row, i] -= F[j, i] * X[row, j]
+            X[row, i] -= R[j, i] * X[row, j]
 
 
 @in_place
-def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Set x ← R⁻ᵀ x with the first c columns of R of :func:`factor`.
-
-    x is the beginning of a row of X.
-    """
+def solve_lower(qr: QR, c: int, X: Array, row: int) -> None:
+    """Set x ← R⁻ᵀ x with the first c columns of R; x is the beginning of a row of X."""
+    R = qr.columns
     for j in range(c):
         total = X[row, j]
         for i in range(j):
-            total -= F[j, i] * X[row, i]
-        X[row, j] = total * S[0, j]
+            total -= R[j, i] * X[row, i]
+        X[row, j] = total * qr.scalars[INVERSE, j]
 
 
 @in_place
-def factor(F: Array, S: Array) -> float:
-    """Compute a Householder QR in place; return a lower bound of the least singular value.
+def factor(qr: QR) -> float:
+    """Compute the QR of the columns in place; return 1/‖R⁻¹‖_F.
 
-    The (r, c) matrix has the rows of F (c, r) as columns, c ≤ r. Entry i < j of F[j] becomes R[i,
-    j], and the rest of F[j] the vector v of the reflection I − beta v vᵀ. S (3, r) receives the
-    inverses of the diagonal of R, and beta; its last row is overwritten. The bound is 1/‖R⁻¹‖_F.
+    This is a lower bound of the least singular value.
     """
+    F = qr.columns
+    scalars = qr.scalars
     c, r = F.shape
     # columns to the right are independent, and so are entries of a row of R⁻¹: the processor
     # overlaps them
     for j in range(c):
-        make_reflection(F, S, j)
-        beta = S[1, j]
+        make_reflection(qr, j)
+        beta = scalars[BETA, j]
         for other in range(j + 1, c):
             scale = dot(F, j, F, other, j, r) * beta
             for i in range(j, r):
@@ -195,11 +209,11 @@ def factor(F: Array, S: Array) -> float:
     total = 0.0
     for k in range(c):
         for j in range(k, c):
-            S[WORK, j] = 1.0 if j == k else 0.0
+            scalars[WORK, j] = 1.0 if j == k else 0.0
         for j in range(k, c):
-            entry = S[WORK, j] * S[0, j]
+            entry = scalars[WORK, j] * scalars[INVERSE, j]
             total += entry * entry
             for i in range(j + 1, c):
-                S[WORK, i] -= F[i, j] * entry
+                scalars[WORK, i] -= F[i, j] * entry
     bound: float = 1.0 / np.sqrt(total)
     return bound

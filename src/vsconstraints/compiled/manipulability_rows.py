@@ -238,19 +238,6 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     return product, bounded_product * (rate * rate + 0.5 * bend)
 
 
-def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
-    """Return w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of rows of the tip's J (6, n), in Python.
-
-    ``count`` rows are used, from ``first`` on.
-    """
-    T = np.zeros((3, J.shape[1], 6))
-    slope = np.empty(J.shape[1])
-    T[JACOBIAN] = J.T
-    write_rates(T, qd)
-    w, bent = measure(T, first, count, slope)
-    return float(w), slope, float(bent)
-
-
 def manipulability_rows() -> WriteRows:
     """Make the function that writes the row of manipulability.
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from ..formulas.innovation import observed_drift
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
-from .laws import RESOLVER, load_law
+from .laws import RESOLVER, is_answer, load_law
 from .linear import copy_vector
 from .parts import call_int_pointer, set_fields, struct_loader
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays, zeros
+from .workspace import F8, NEEDS_PYTHON, Answer, RowArrays, TaskArrays, zeros
 
 #: Rows of an observation.
 SIGMA, SIGMA_DOT, DRIFT = range(3)
@@ -26,14 +24,14 @@ class ObserverArrays(NamedTuple):
     period: float  #: T_s [s].
     time_constant: float
     dead_time: float
-    #: (3, m) SIGMA and SIGMA_DOT of the previous sample, NaN if there was none, and DRIFT d̂ [1/s].
-    seen: Array
-    after: Array  #: (3, m) values of this sample, stored once the law has answered.
-    #: (m,) fields of the corrected rows.
-    phi: Array
-    Lf: Array
-    sigma: Array
-    sigma_dot: Array
+    #: SIGMA and SIGMA_DOT of the previous sample, NaN if there was none, and DRIFT d̂ [1/s].
+    seen: Annotated[Array, F8, 3, "m"]
+    after: Annotated[Array, F8, 3, "m"]  #: Values of this sample, stored once the law has answered.
+    #: Fields of the corrected rows.
+    phi: Annotated[Array, F8, "m"]
+    Lf: Annotated[Array, F8, "m"]
+    sigma: Annotated[Array, F8, "m"]
+    sigma_dot: Annotated[Array, F8, "m"]
     corrected: RowArrays  #: Corrected rows, which share the other fields of the rows.
 
     @classmethod
@@ -41,24 +39,19 @@ class ObserverArrays(NamedTuple):
         cls, m: int, law: int, period: float, time_constant: float, dead_time: float
     ) -> ObserverArrays:
         """Return an observer that has no observations yet."""
-        seen = np.full((3, m), math.nan)
-        seen[DRIFT] = 0.0
-        return cls(
-            law,
-            period,
-            time_constant,
-            dead_time,
-            seen,
-            after=seen.copy(),
-            phi=np.zeros(m),
-            Lf=np.zeros(m),
-            sigma=np.zeros(m),
-            sigma_dot=np.zeros(m),
-            corrected=zeros(RowArrays),
-        )
+        known = {
+            "law": law,
+            "period": period,
+            "time_constant": time_constant,
+            "dead_time": dead_time,
+        }
+        arrays: ObserverArrays = zeros(cls, {"m": m}, known)
+        arrays.seen[:DRIFT] = math.nan
+        arrays.after[:DRIFT] = math.nan
+        return arrays
 
 
-load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
+load_observer = struct_loader(zeros(ObserverArrays))
 
 
 @in_place
@@ -113,7 +106,7 @@ def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     )
     resolver = load_law(own.law).resolver
     code: int = call_int_pointer(resolver, (own.law, own.corrected, task, answer))
-    if code == SOLVED or code >= RELAXED_ROWS:
+    if is_answer(code):
         for part in range(3):
             copy_vector(own.seen[part], own.after[part])
     return code

@@ -24,7 +24,7 @@ the bounds zᵢ ≥ 0 of the slacks.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -32,9 +32,18 @@ from ..rows import Array, IntArray
 from ..rows.tolerances import ZERO_GRADIENT
 from . import least_distance
 from .compiler import in_place
-from .least_distance import FORCE, NEW, NONE, POINT, advance, clip_forces
-from .linear import START, add, apply_transposed, constant, copy, dot, make_reflection
-from .workspace import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
+from .least_distance import FORCE, NEW, NO_POINT, NONE, POINT, advance, clip_forces
+from .linear import (
+    QR,
+    START,
+    add,
+    apply_transposed,
+    constant,
+    copy,
+    dot,
+    make_reflection,
+)
+from .workspace import F8, FAILED, I8, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 
 #: π relative to the greatest distance of a row from the plan without rows. The weaker one is used
 #: if the stronger one fails.
@@ -56,8 +65,6 @@ ROW_SCALE_DISTANCE = 1e-2
 TURNED = constant(5)
 SIDE = constant(6)
 VECTORS = 7
-NO_ROW = constant(-1)  #: Number of a row that does not exist.
-NO_POINT = constant(-1)  #: Answer of :func:`reach` if no point meets a row.
 
 
 class Cost(NamedTuple):
@@ -77,17 +84,16 @@ class Cost(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """Riccati factors of the cost.
+    """Riccati factors of the cost: Y, y, L and the inverses of its diagonal, P of the cost-to-go.
 
-    Y (H, n, 2n), y (H, n), L (H, n, n) and the inverses of its diagonal (H, n); P (2n + 1, 2n) of
-    the cost-to-go ½ xᵀP x − pᵀx of a state x: its last row is p, with this sign.
+    The cost-to-go of a state x is ½ xᵀP x − pᵀx, where the last row of P is p, with this sign.
     """
 
-    Y: Array
-    y: Array
-    L: Array
-    inverse: Array
-    P: Array
+    Y: Annotated[Array, F8, "H", "n", "2n"]
+    y: Annotated[Array, F8, "H", "n"]
+    L: Annotated[Array, F8, "H", "n", "n"]
+    inverse: Annotated[Array, F8, "H", "n"]
+    P: Annotated[Array, F8, "2n + 1", "2n"]
 
 
 class Limits(NamedTuple):
@@ -117,45 +123,34 @@ class Limits(NamedTuple):
 class Space(NamedTuple):
     """Workspace of the search, with p unknowns.
 
-    x is (H + 1, 2n), moved (2, N, n), work (VECTORS, p), normals and F are (p, p), and T is (2, p).
-    ``active`` (p,) are the active rows, ``held`` (1,) is their number in the previous sample.
-    ``slack`` (m,) contains the slacks, in the units of the rows, and ``slack_unit`` (m,) the excess
-    that a slack z = 1 allows.
+    ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇ at
+    every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held`` is
+    their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
+    and ``slack_unit`` the excess that a slack z = 1 allows. See :func:`pull_on` for ``adjoint``.
     """
 
     p: int
-    u: Array
-    x: Array
-    moved: Array
-    work: Array
-    normals: Array
-    F: Array
-    T: Array
-    active: IntArray
-    held: IntArray
-    slack: Array
-    slack_unit: Array
-    adjoint: Array
+    u: Annotated[Array, F8, "H", "n"]
+    x: Annotated[Array, F8, "H + 1", "2n"]
+    moved: Annotated[Array, F8, 2, "N", "n"]
+    work: Annotated[Array, F8, VECTORS, "p"]
+    normals: Annotated[Array, F8, "p", "p"]
+    qr: QR
+    active: Annotated[IntArray, I8, "p"]
+    held: Annotated[IntArray, I8, 1]
+    slack: Annotated[Array, F8, "m"]
+    slack_unit: Annotated[Array, F8, "m"]
+    adjoint: Annotated[Array, F8, 3, "n"]
 
-    @classmethod
-    def of(cls, H: int, N: int, n: int, m: int) -> Self:
-        """Return a workspace for H blocks, up to N instants, n joints and m rows."""
-        p = H * n + m
-        return cls(
-            p,
-            u=np.zeros((H, n)),
-            x=np.zeros((H + 1, 2 * n)),
-            moved=np.zeros((2, N, n)),
-            work=np.zeros((VECTORS, p)),
-            normals=np.zeros((p, p)),
-            F=np.zeros((p, p)),
-            T=np.zeros((2, p)),
-            active=np.zeros(p, dtype=np.int64),
-            held=np.zeros(1, dtype=np.int64),
-            slack=np.zeros(m),
-            slack_unit=np.zeros(m),
-            adjoint=np.zeros((3, n)),
-        )
+
+def lengths_of(H: int, N: int, n: int, m: int) -> dict[str, int]:
+    """Return the lengths of the letters in declarations.
+
+    They are those of H blocks, up to N instants, n joints and m rows.
+    """
+    p = H * n + m  # a QR is of up to p active rows
+    sums = {"H + 1": H + 1, "N - 1": N - 1, "2n": 2 * n, "2n + 1": 2 * n + 1}
+    return {"H": H, "N": N, "n": n, "m": m, "p": p, "c": p, "r": p, **sums}
 
 
 @in_place
@@ -354,14 +349,14 @@ def excess(limits: Limits, space: Space, row: int) -> float:
 
 @in_place
 def most_exceeded(limits: Limits, space: Space, met: float) -> int:
-    """Return the row with the greatest excess relative to its scale; ``NO_ROW`` if all are met.
+    """Return the row with the greatest excess relative to its scale; ``NONE`` if all are met.
 
     The scale of a bound is the width of the box.
     """
     N = limits.instants
     m = limits.gradient.shape[1]
     n = limits.gradient.shape[2]
-    chosen = NO_ROW
+    chosen = NONE
     most = met
     for i in range(m):
         value = at(limits, space.moved, 0, i)
@@ -469,16 +464,16 @@ def step_back(T: float, adjoint: Array) -> None:
 def drop(space: Space, leaving: int, q: int) -> None:
     """Remove one active row, so that q are left, and refactor the rows behind it."""
     X = space.work
-    F = space.F
+    qr = space.qr
     p = space.p
     for j in range(leaving, q):
         space.active[j] = space.active[j + 1]
         X[FORCE, j] = X[FORCE, j + 1]
         X[SIDE, j] = X[SIDE, j + 1]
         copy(space.normals, j, space.normals, j + 1, p)
-        copy(F, j, space.normals, j, p)
-        apply_transposed(F, space.T, j, F, j)
-        make_reflection(F, space.T, j)
+        copy(qr.columns, j, space.normals, j, p)
+        apply_transposed(qr, j, qr.columns, j)
+        make_reflection(qr, j)
 
 
 @in_place
@@ -489,14 +484,12 @@ def reach(space: Space, side: float, q: int) -> int:
     rows are left, or ``NO_POINT`` if no point meets the row together with them.
     """
     X = space.work
-    F = space.F
-    T = space.T
     p = space.p
     while True:
         over = dot(X, NEW, X, POINT, START, p) - side
         copy(X, TURNED, X, NEW, p)
-        apply_transposed(F, T, q, X, TURNED)
-        leaving = advance(F, T, X, TURNED, over, q, p)
+        apply_transposed(space.qr, q, X, TURNED)
+        leaving = advance(space.qr, X, TURNED, over, q, p)
         if leaving < 0:
             return q if leaving == NONE else NO_POINT
         q -= 1
@@ -511,8 +504,8 @@ def append(space: Space, row: int, side: float, q: int) -> None:
     """
     X = space.work
     copy(space.normals, q, X, NEW, space.p)
-    copy(space.F, q, X, TURNED, space.p)
-    make_reflection(space.F, space.T, q)
+    copy(space.qr.columns, q, X, TURNED, space.p)
+    make_reflection(space.qr, q)
     space.active[q] = row
     X[SIDE, q] = side
 
@@ -523,7 +516,7 @@ def minimise(space: Space, q: int) -> None:
     X = space.work
     for j in range(space.p):
         X[POINT, j] = X[SIDE, j] if j < q else 0.0
-    least_distance.minimise(space.F, space.T, X, q)
+    least_distance.minimise(space.qr, X, q)
 
 
 @in_place
@@ -569,12 +562,12 @@ def write_slack_normal(space: Space, coordinate: int, penalty: float) -> float:
 
 @in_place
 def most_negative_slack(space: Space, penalty: float, first: int) -> int:
-    """Write the slacks, and return the index of the most negative one, or ``NO_ROW``.
+    """Write the slacks, and return the index of the most negative one, or ``NONE``.
 
     Negligible slacks are set to zero. ``first`` is the coordinate of the first slack.
     """
     X = space.work
-    chosen = NO_ROW
+    chosen = NONE
     least = -NEGLIGIBLE * penalty
     for i in range(space.p - first):
         z = X[POINT, first + i] - penalty
@@ -615,12 +608,12 @@ def search(
     for _ in range(20 * space.p):
         slack = most_negative_slack(space, penalty, first_slack)
         predict(cost, factor, limits, space)
-        if slack != NO_ROW:
+        if slack != NONE:
             row = first_slack_row(limits) + slack
             side = write_slack_normal(space, first_slack + slack, penalty)
         else:
             row = most_exceeded(limits, space, met)
-            if row == NO_ROW:
+            if row == NONE:
                 return SOLVED, q
             side = write_normal(cost, factor, limits, space, row, penalty)
         if math.isnan(side):
@@ -664,7 +657,7 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
             continue
         side = write_normal(cost, factor, limits, space, row, 1.0)
         copy(X, TURNED, X, NEW, space.p)
-        apply_transposed(space.F, space.T, q, X, TURNED)
+        apply_transposed(space.qr, q, X, TURNED)
         outside = dot(X, TURNED, X, TURNED, q, space.p)
         if abs(side) < math.inf and outside > INDEPENDENT:
             append(space, row, side, q)
@@ -734,7 +727,7 @@ def soften(
         space.slack_unit[i] = mean_gradient * limits.scale[i] / weights[i]
         side = write_slack_normal(space, first_slack + i, penalty)
         copy(X, TURNED, X, NEW, space.p)
-        apply_transposed(space.F, space.T, i, X, TURNED)
+        apply_transposed(space.qr, i, X, TURNED)
         append(space, first_slack_row(limits) + i, side, i)
     minimise(space, m)
     clip_forces(X, m)
@@ -751,8 +744,7 @@ def with_unknowns(space: Space, p: int) -> Space:
         space.moved,
         space.work,
         space.normals,
-        space.F,
-        space.T,
+        QR(space.qr.columns, space.qr.scalars),
         space.active,
         space.held,
         space.slack,

@@ -6,7 +6,7 @@ It shifts the last plan in time, predicts rows and task along it, and finds the 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,9 @@ from .plan_program import (
 )
 from .resolving import finished, follow_alone, measurable
 from .workspace import (
+    F8,
     FAILED,
+    I8,
     KP0,
     KP_SLOPE,
     KV_FACTOR,
@@ -45,6 +47,7 @@ from .workspace import (
     LawArrays,
     RowArrays,
     TaskArrays,
+    zeros,
 )
 
 #: Parts of a prediction: φ, σ, L_gφ, J, b, e and q̈₀.
@@ -73,105 +76,47 @@ class PlanArrays(NamedTuple):
     approach: float
     damping: float
     margin: float
-    tracking: Array  #: (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
-    #: (n,) greatest |q̈|; (m,) K of the rows, 0 for rows that give φ itself, and weights of
-    #: violations.
-    most: Array
-    K: Array
-    weights: Array
-    now: Array  #: (1 + 2n,) t, q, q̇.
-    #: (PARTS,) first entries of the parts of a prediction, or −1; (N, s) predictions; (s,) outputs
-    #: of the step.
-    at: IntArray
-    seen: Array
-    out: Array
-    #: (N,) instants from now [s], their blocks, and the time since the block began [s]; the last
-    #: instant is that of the brake.
-    times: Array
-    block: IntArray
-    since: Array
-    states: Array  #: (2, N, n) q and q̇.
-    #: (H, n) q̈, (n,) q̈ after the plan, and (1,) time at which it was made, NaN if there is no
-    #: plan.
-    plan: Array
-    then: Array
-    made: Array
-    #: (OUTCOMES,) reported numbers, and (1,) duration of the brake [s].
-    outcome: IntArray
-    braking: Array
-    #: See :class:`.Cost` and :class:`.Factor`.
-    gains: Array
-    rest: Array
-    square: Array
-    pull: Array
-    free: Array
+    #: K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
+    tracking: Annotated[Array, F8, 5]
+    most: Annotated[Array, F8, "n"]  #: Greatest |q̈|.
+    K: Annotated[Array, F8, "m"]  #: K of the rows, 0 for rows that give φ itself.
+    weights: Annotated[Array, F8, "m"]  #: Weights of violations.
+    now: Annotated[Array, F8, "2n + 1"]  #: t, q, q̇.
+    #: First entries of the parts of a prediction, or −1; predictions; outputs of the step.
+    at: Annotated[IntArray, I8, PARTS]
+    seen: Annotated[Array, F8, "N", "outputs"]
+    out: Annotated[Array, F8, "outputs"]
+    #: Instants from now [s], their blocks, and the time since the block began [s]; the last instant
+    #: is that of the brake.
+    times: Annotated[Array, F8, "N"]
+    block: Annotated[IntArray, I8, "N"]
+    since: Annotated[Array, F8, "N"]
+    states: Annotated[Array, F8, 2, "N", "n"]  #: q and q̇.
+    plan: Annotated[Array, F8, "H", "n"]  #: Planned q̈.
+    then: Annotated[Array, F8, "n"]  #: q̈ after the plan.
+    made: Annotated[Array, F8, 1]  #: Time at which it was made, NaN if there is no plan.
+    outcome: Annotated[IntArray, I8, OUTCOMES]  #: Reported numbers.
+    braking: Annotated[Array, F8, 1]  #: Duration of the brake [s].
+    #: See :class:`.Cost`.
+    gains: Annotated[Array, F8, "H", 2]
+    rest: Annotated[Array, F8, "H", 2]
+    square: Annotated[Array, F8, "H", "n", "n"]
+    pull: Annotated[Array, F8, "H", "n"]
+    free: Annotated[Array, F8, "H", "n"]
     factor: Factor
     #: See :class:`.Limits`.
-    value: Array
-    gradient: Array
-    by_speed: IntArray
-    falls: Array
-    left: Array
-    row_factor: Array
-    low: Array
-    high: Array
-    space: Space  #: See :class:`.Space`.
+    value: Annotated[Array, F8, "N", "m"]
+    gradient: Annotated[Array, F8, "N", "m", "n"]
+    by_speed: Annotated[IntArray, I8, "m"]
+    falls: Annotated[Array, F8, "N - 1"]
+    left: Annotated[Array, F8, "N - 1", "m"]
+    row_factor: Annotated[Array, F8, "N - 1", "m"]
+    low: Annotated[Array, F8, "H", "n"]
+    high: Annotated[Array, F8, "H", "n"]
+    space: Space
 
 
-def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
-    """Return the arrays in which plans are computed, by the fields of :class:`PlanArrays`."""
-    zeros = np.zeros
-    return {
-        "states": zeros((2, N, n)),
-        "plan": zeros((H, n)),
-        "then": zeros(n),
-        "made": np.full(1, math.nan),
-        "outcome": np.zeros(OUTCOMES, dtype=np.int64),
-        "braking": zeros(1),
-        "gains": zeros((H, 2)),
-        "rest": zeros((H, 2)),
-        "square": zeros((H, n, n)),
-        "pull": zeros((H, n)),
-        "free": zeros((H, n)),
-        "factor": Factor(
-            zeros((H, n, 2 * n)),
-            zeros((H, n)),
-            zeros((H, n, n)),
-            zeros((H, n)),
-            zeros((2 * n + 1, 2 * n)),
-        ),
-        "value": zeros((N, m)),
-        "gradient": zeros((N, m, n)),
-        "falls": zeros(N - 1),
-        "left": zeros((N - 1, m)),
-        "row_factor": zeros((N - 1, m)),
-        "low": zeros((H, n)),
-        "high": zeros((H, n)),
-        "space": Space.of(H, N, n, m),
-    }
-
-
-def _example() -> PlanArrays:
-    one = np.zeros(1)
-    counts = np.zeros(1, dtype=np.int64)
-    return PlanArrays(
-        1,
-        1,
-        1,
-        *(1.0,) * 6,
-        *(one,) * 5,
-        counts,
-        np.zeros((1, 1)),
-        one,
-        one,
-        counts,
-        one,
-        by_speed=counts,
-        **plan_space(1, 2, 1, 1),
-    )
-
-
-load_plans = struct_loader(_example())
+load_plans = struct_loader(zeros(PlanArrays))
 
 
 @in_place

@@ -52,13 +52,13 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
     for i in range(k):
         copy(W, i, J, i, n)
         W[i, n] = b[i]
-    F, S, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
+    qr, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
     T = blank(scratch, ONE + n - rank, n)
     size = length(X, START, n)
     add(T, START, 1.0 / size if size > 0.0 else 0.0, X, START, START, n)
     for d in range(n - rank):
         T[1 + d, rank + d] = 1.0
-        apply(F, S, rank, T, 1 + d)
+        apply(qr, rank, T, 1 + d)
     return T
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..rows import Array, BoolArray, IntArray
 from .compiler import inner
+from .linear import QR, SCALARS
 from .parts import matrix_at
 from .workspace import LawArrays, Scratch
 
@@ -62,6 +63,12 @@ def flags(scratch: Scratch, size: int) -> BoolArray:
     """Take a vector of flags that are False."""
     part: BoolArray = filled(scratch, size, 0.0).view(np.bool_)[:size]
     return part
+
+
+@inner
+def empty_qr(scratch: Scratch, columns: int, length: int) -> QR:
+    """Take uninitialised memory for the QR of columns of the given number and length."""
+    return QR(matrix(scratch, columns, length), matrix(scratch, SCALARS, length))
 
 
 @inner

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..formulas.features import MINIMUM_DEPTH, image_motion
@@ -61,17 +63,17 @@ def see(step: Step, i: int, t: float) -> bool:
         # the detector's values; a missing pixel keeps the last measured offset from the model
         x = P[0] / P[2]
         y = P[1] / P[2]
-        said = step.measured[i]
+        pixel_u = step.measured[i, 0]
+        pixel_v = step.measured[i, 1]
+        depth = step.measured[i, 2]
         dx = dy = dz = 0.0
         if step.measurement[0].time < t - JUST_NOW:
             dx, dy, dz = moved_since(step, i)
-        Z = max(said[2] + dz, MINIMUM_DEPTH) if said[2] >= MINIMUM_DEPTH else P[2]
-        step.depth_ratio[i] = Z / P[2] if said[2] >= MINIMUM_DEPTH else said[2] / P[2]
-        if said[0] == said[0] and said[1] == said[1]:
-            u = (said[0] - camera.offset[0]) / camera.focal[0]
-            w = (said[1] - camera.offset[1]) / camera.focal[1]
-            step.correction[i, 0] = u + dx - x
-            step.correction[i, 1] = w + dy - y
+        Z = max(depth + dz, MINIMUM_DEPTH) if depth >= MINIMUM_DEPTH else P[2]
+        step.depth_ratio[i] = Z / P[2] if depth >= MINIMUM_DEPTH else depth / P[2]
+        if not (math.isnan(pixel_u) or math.isnan(pixel_v)):
+            step.correction[i, 0] = (pixel_u - camera.offset[0]) / camera.focal[0] + dx - x
+            step.correction[i, 1] = (pixel_v - camera.offset[1]) / camera.focal[1] + dy - y
         x = x + step.correction[i, 0]
         y = y + step.correction[i, 1]
         P = (x * Z, y * Z, Z)

@@ -12,7 +12,7 @@ from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
-from .linear import START
+from .linear import QR, START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
 from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
@@ -69,13 +69,12 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     n = qdd.size
     scratch = emptied(law)
     A: Array = matrix(scratch, m, n + 1)
-    F = A
-    S = A
+    qr = QR(A, A)  # unused unless the task is tracked first
     least = 0.0
     # a task of full column rank is tracked first, and corrected for the active rows
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
-        _, F, S, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
+        _, qr, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
         tell_alone(answer)
     if not demanded(address, law, rows, qdd, EQUAL):
         return NEEDS_PYTHON
@@ -83,7 +82,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         acted[i] = law.asked[i] != math.inf
     acting = gather(law, rows, acted, -math.inf, A)
     if (
-        not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd, scratch)))
+        not (tracked and (acting == 0 or bring(qr, least, A[:acting], tolerance, qdd, scratch)))
         and resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)[0] < acting
     ):
         # dependent rows that are active before they reach their boundary are met in the

@@ -15,7 +15,7 @@ from ..formulas.projection import CLOSED, OPENED, opening
 from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
 from ..rows import Array, BoolArray
 from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, load_law
+from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answer, load_law
 from .linear import finite
 from .parts import call_int_pointer, set_fields, struct_loader
 from .resolving import checkable, valid
@@ -24,7 +24,6 @@ from .workspace import (
     BOOL,
     F8,
     NEEDS_PYTHON,
-    RELAXED_ROWS,
     SOLVED,
     TOLERANCE,
     Answer,
@@ -332,6 +331,6 @@ def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     write_program(own, rows, task)
     answer_without_baseline(own.answer, answer)
     code = apply_law(own.program, own.rows, own.task, own.answer)
-    if code != SOLVED and code < RELAXED_ROWS:
+    if not is_answer(code):
         return code
     return code if command_speeds(own, law, rows, task, answer) else NEEDS_PYTHON

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED
+from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED, zeros
 from ..errors import InvalidInput, SolverError, format_value
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .base import Controller, fault_of, require_known, require_model
@@ -212,30 +212,31 @@ class Planner(Wrapped):
         self.model = model
         self.shape = shape
         self._begins = begins
-        self.plans = kernels.PlanArrays(
-            loop=loop.packed.workspace.address if self.compiled else 0,
-            step=step.packed.workspace.address if self.compiled else 0,
-            frozen=int(self.compiled and model.frozen),
-            fading=law.fading,
-            period=period,
-            length=T,
-            approach=law.approach * T,
-            damping=law.damping,
-            margin=law.margin,
-            tracking=tracking_of(model.task, n, k),
-            most=np.minimum(most, model.acceleration),
-            K=np.array(model.K, dtype=np.float64),
-            weights=row_weights(model.labels, law.weights or {}) * np.ones(m),
-            now=np.zeros(1 + 2 * n),
-            at=np.array(begins),
-            seen=np.empty((N, out.size)),
-            out=out,
-            times=times,
-            block=block,
-            since=np.clip(times - T * block, 0.0, T),
-            by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
-            **kernels.plan_space(H, N, n, m),
-        )
+        lengths = load("plan_program").lengths_of(H, N, n, m)
+        known = {
+            "loop": loop.packed.workspace.address if self.compiled else 0,
+            "step": step.packed.workspace.address if self.compiled else 0,
+            "frozen": int(self.compiled and model.frozen),
+            "fading": law.fading,
+            "period": period,
+            "length": T,
+            "approach": law.approach * T,
+            "damping": law.damping,
+            "margin": law.margin,
+            "tracking": tracking_of(model.task, n, k),
+            "most": np.minimum(most, model.acceleration),
+            "K": np.array(model.K, dtype=np.float64),
+            "weights": row_weights(model.labels, law.weights or {}) * np.ones(m),
+            "at": np.array(begins),
+            "out": out,
+            "times": times,
+            "block": block,
+            "since": np.clip(times - T * block, 0.0, T),
+            "made": np.full(1, np.nan),
+            "by_speed": (np.asarray(model.K) == 0.0).astype(np.int64),
+            "p": lengths["p"],
+        }
+        self.plans = zeros(kernels.PlanArrays, {**lengths, "outputs": out.size}, known)
         inner = CompiledLaw(Nothing(), Priority(), model.labels)
         super().__init__(
             inner, self.plans, kernels.look_ahead, options=np.array([RANK_TOLERANCE, kernels.ALL])

@@ -50,42 +50,9 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
     return left, rate, acceleration
 
 
-@formula
-def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
-    """B of one feature for a reference s_ref that stands still at ``reference``.
-
-    It is computed from B for the goal itself (``b``). Error and reference are given relative to the
-    feature's value at the goal. ``now`` and ``then`` are K_p and K_v for the two errors.
-    """
-    Kp_now, Kv_now = now
-    Kp_then, Kv_then = then
-    untracked = b + Kp_now * error + Kv_now * rate
-    error_then = error - reference
-    return untracked - Kp_then * error_then - Kv_then * rate
-
-
-@formula
-def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
-    """K_p and K_v for q̈ held for h [s], by the implicit midpoint rule.
-
-    The error does not grow, however long h is.
-    """
-    damping = Kv + 0.5 * h * Kp
-    lag = 1.0 + 0.5 * h * damping
-    return Kp / lag, damping / lag
-
-
 ROUNDING = 1e-9  #: Tolerance on the time of a goal [s].
 #: In predictions, the current goal ends this long before the next one [s].
 JUST_BEFORE = 1e-6
-
-
-@formula
-def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) -> Any:
-    """Rest acceleration q̈₀ of :func:`resting`, held for h [s], by the implicit midpoint rule."""
-    lag = 1.0 + 0.5 * h * (damping + 0.5 * h * stiffness)
-    pull = rest - 0.5 * h * stiffness * qd
-    return pull / lag
 
 
 @formula
