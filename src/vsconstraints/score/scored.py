@@ -71,7 +71,7 @@ def recorded_trajectory(
         qdd = np.concatenate((change, change[-1:]))
     commanded = motion.qdd is not None
     run = follow_measured(setup, states, qdd, commanded=commanded, limited=commanded)
-    custom = own_constraints(setup.constraints) if elsewhere else []
+    custom = own_constraints(setup.constraints) if elsewhere and len(run.t) else []
     if custom:
         changed = rows_that_change(setup, run, late)
         if changed:
