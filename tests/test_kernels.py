@@ -228,7 +228,8 @@ def agree_hierarchy(law, rows, task):
     assert command is not None
     assert not law.solvers.failures
     assert command.status == expected.status
-    assert bool(command.solver) == bool(expected.solver)
+    # a solver counts no iterations of hard rows that it refuses, the compiled form counts them
+    assert command.solver or not expected.solver
     scale = 1.0 + np.linalg.norm(expected.qdd)
     np.testing.assert_allclose(command.slack, expected.slack, rtol=0.0, atol=1e-9 * scale)
     # where the task leaves directions free, each form decides by itself whether the damping has

@@ -890,7 +890,7 @@ def test_an_own_class_that_fails_is_shown_with_file_and_line(
         ),
         (
             {"type": "ends_for_test:Late"},
-            r"cannot import 'ends_for_test': SystemExit:  \(ends_for_test.py, line 2\)",
+            r"cannot import 'ends_for_test': SystemExit: \(ends_for_test.py, line 2\)",
         ),
     ):
         with pytest.raises(ConfigurationError, match=words):

@@ -138,7 +138,8 @@ class Evaluator:
     such an object is at its true position, but its velocity is taken as zero, and ``believes`` is
     true if there is one. With the actuators' ``limits`` and the sampling ``period`` T_s [s], the
     rows state the box of q̈ that remains at each sample. It depends on the previous command,
-    ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (8,) is the difference between the
+    ``last_command`` (n,), see :meth:`commanded`. ``streams`` is true if the arm takes velocities or
+    positions, which it follows by itself, and not accelerations. ``innovation`` (8,) is the difference between the
     last measurement and the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`, and
     its greatest ratio to the ``plausible`` values. Beyond 1, :meth:`doubts` and ``Command.remark``
     report it. Raises ConfigurationError or InvalidInput if limits are given without a period, or
@@ -155,13 +156,15 @@ class Evaluator:
         limits: ActuatorLimits = NO_LIMITS,
         period: float | None = None,
         plausible: Plausible | None = None,
+        streams: bool = False,
     ) -> None:
         self.scene = scene
         self.constraints = constraints
         self.visual_task = task
         self.known = known
         self.believes = not known and constraints.has_unknown_motion(scene)
-        self._settings = {"known": known, "limits": limits, "period": period}
+        self.streams = streams
+        self._settings = {"known": known, "limits": limits, "period": period, "streams": streams}
         self._limits = limits.arrays(scene.robot.ranges, period) if limits.any else None
         self.packed = StepArrays(scene, constraints, task, known, self._limits)
         step = self.packed.step

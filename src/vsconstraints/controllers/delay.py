@@ -136,6 +136,7 @@ class DelayCompensated(Wrapper):
                 for each in (self.model.loop, self.model.step)
             )
             speeds = commands_velocity(self.law)
+            takes_accelerations = len(rows.qdd_max) > 0 and not self.model.streams
             fresh = load("delay").DelayArrays.of(
                 task.J.shape[1],
                 (law, loop, step),
@@ -143,7 +144,7 @@ class DelayCompensated(Wrapper):
                 self.period,
                 delay,
                 speeds=speeds,
-                at_once=speeds and not len(rows.qdd_max),
+                at_once=speeds and not takes_accelerations,
             )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts

@@ -184,7 +184,12 @@ class Setup:
         """Return the control step that precedes the law, with the law's factors on the rows."""
         limits = self.limits if self.limits.known else NO_LIMITS
         return ControlStep(
-            self.scene, self.constraints.scaled(factors), self.task, limits=limits, period=self.Ts
+            self.scene,
+            self.constraints.scaled(factors),
+            self.task,
+            limits=limits,
+            period=self.Ts,
+            streams=self.arm.streams,
         )
 
     def world(self) -> ControlStep:
