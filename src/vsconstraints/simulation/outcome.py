@@ -25,6 +25,9 @@ def judge(
 
     ``reason`` is the reason for an early end of the loop, if any. ``dwell`` is the time for which
     the last goal must have been held [s]; None stands for that of the tolerances.
+
+    The first that applies is returned: the status of an early end; ``converged``, all goals held;
+    ``slow``, still approaching at a pace that would arrive; ``trapped``, at rest; ``unfinished``.
     """
     if ended:
         return ended, reason
