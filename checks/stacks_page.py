@@ -114,7 +114,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
 }
 BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
-HEIGHT, PANEL = 2.3, 1.26  #: Of a panel [in].
+HEIGHT, PANEL = 1.9, 1.26  #: Of a panel [in].
+GAP, ABOVE = 0.2, 0.5  #: Between the panels of an arm, and above them [in].
 BESIDE = (1.05, 1.55, 1.1)  #: Space for names right of the panels [in].
 LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
 
@@ -230,56 +231,67 @@ def settling(own: Any) -> float:
 
 
 def draw(runs: Any) -> Sheet:
-    """Draw success and settling time over the limit of accelerations, on both arms by pose."""
+    """Draw success and settling time over the limit of accelerations, for each arm by pose."""
     sheet = Sheet(left=0.5)
-    panels = []
-    left = sheet.left
-    for column, beside in enumerate(BESIDE):
-        for row in range(2):
-            top = 0.3 + row * (HEIGHT + 0.2)
-            ax = sheet.axes(left, top, PANEL, HEIGHT)
-            ax.tick_params(labelbottom=row == 1, labelleft=column == 0)
-            panels.append(ax)
-        left += PANEL + beside
-    sheet.bottom += 0.5
     own = tested(runs, POSE)
     limits = sorted(own["limit"].unique())
-    groups = own.groupby(["controller", "limit"])
-    highest = 1.1 * max(settling(cell) for _, cell in groups if cell["success"].any())
-    for column, (title, styles) in enumerate(PANELS.items()):
-        upper, lower = panels[2 * column], panels[2 * column + 1]
-        shown = [name for name in styles if name in set(own["controller"])]
-        success, times = {}, {}
-        for k, name in enumerate(shown):
-            colour, marker, dash = styles[name].split()
-            look = Look(COLOURS[colour], marker, dash)
-            style = {"color": look.colour, "linestyle": dash, "linewidth": 1.3, **mark_of(look)}
-            cells = [own[(own["controller"] == name) & (own["limit"] == limit)] for limit in limits]
-            x = np.array(limits) * 1.035 ** (k - 0.5 * (len(shown) - 1))
-            rates = [rate(cell["success"].to_numpy(dtype=bool)) for cell in cells]
-            shares = 100.0 * np.array([each.share for each in rates])
-            low = 100.0 * np.array([each.low for each in rates])
-            high = 100.0 * np.array([each.high for each in rates])
-            upper.vlines(x, low, high, color=look.colour, linewidth=0.7, alpha=0.45)
-            upper.plot(x, shares, **style)
-            enough = [cell["success"].sum() >= SHORTEST_SAMPLE for cell in cells]
-            median = np.array([settling(cell) for cell in cells])
-            median = np.where(enough, median, np.nan)
-            lower.plot(x, median, **style)
-            success[name] = shares[-1], look.colour
-            if np.isfinite(median).any():
-                times[name] = float(median[np.isfinite(median)][-1]), look.colour
-        upper.set(ylim=(-3.0, 103.0))
-        lower.set(ylim=(0.0, highest))
-        for ax, ends in ((upper, success), (lower, times)):
-            logarithmic(ax.xaxis, limits)
-            ax.set_xlim(limits[0] / 1.25, limits[-1] * 1.25)
-            _labels(ax, ends)
-        upper.set_title(title, loc="left", fontsize=8.5, pad=4)
-    panels[0].set_ylabel("success [% of scenes]")
-    panels[1].set_ylabel("settling time [s]")
-    panels[3].set_xlabel("acceleration limit of the arm [rad/s²]")
+    cells = [cell for _, cell in own.groupby(["family", "controller", "limit"])]
+    longest = 1.1 * max(settling(cell) for cell in cells if cell["success"].any())
+    arms = [family for family in POSE if (own["family"] == family).any()]
+    for family in arms:
+        top = sheet.bottom + ABOVE
+        left = sheet.left
+        for column, (title, styles) in enumerate(PANELS.items()):
+            upper = sheet.axes(left, top, PANEL, HEIGHT)
+            lower = sheet.axes(left, top + HEIGHT + GAP, PANEL, HEIGHT)
+            upper.set(ylim=(-3.0, 103.0))
+            lower.set(ylim=(0.0, longest))
+            _curves(upper, lower, own[own["family"] == family], styles, limits)
+            upper.tick_params(labelbottom=False, labelleft=column == 0)
+            lower.tick_params(labelleft=column == 0)
+            arm = f"{TITLES[family].partition(',')[0]}, {title}"
+            upper.set_title(arm, loc="left", fontsize=8.5, pad=4)
+            if column == 0:
+                upper.set_ylabel("success [% of scenes]")
+                lower.set_ylabel("settling time [s]")
+            elif column == 1 and family == arms[-1]:
+                lower.set_xlabel("acceleration limit of the arm [rad/s²]")
+            left += PANEL + BESIDE[column]
+    sheet.bottom += 0.5
     return sheet
+
+
+def _curves(
+    upper: Any, lower: Any, own: Any, styles: Mapping[str, str], limits: Sequence[float]
+) -> None:
+    """Draw the success of entries with intervals above, and their settling time below."""
+    shown = [name for name in styles if name in set(own["controller"])]
+    success, times = {}, {}
+    for k, name in enumerate(shown):
+        colour, marker, dash = styles[name].split()
+        look = Look(COLOURS[colour], marker, dash)
+        style = {"color": look.colour, "linestyle": dash, "linewidth": 1.3, **mark_of(look)}
+        mine = own[own["controller"] == name]
+        there = sorted(mine["limit"].unique())
+        cells = [mine[mine["limit"] == limit] for limit in there]
+        x = np.array(there) * 1.035 ** (k - 0.5 * (len(shown) - 1))
+        rates = [rate(cell["success"].to_numpy(dtype=bool)) for cell in cells]
+        shares = 100.0 * np.array([each.share for each in rates])
+        low = 100.0 * np.array([each.low for each in rates])
+        high = 100.0 * np.array([each.high for each in rates])
+        upper.vlines(x, low, high, color=look.colour, linewidth=0.7, alpha=0.45)
+        upper.plot(x, shares, **style)
+        enough = [cell["success"].sum() >= SHORTEST_SAMPLE for cell in cells]
+        median = np.array([settling(cell) for cell in cells])
+        median = np.where(enough, median, np.nan)
+        lower.plot(x, median, **style)
+        success[name] = shares[-1], look.colour
+        if np.isfinite(median).any():
+            times[name] = float(median[np.isfinite(median)][-1]), look.colour
+    for ax, ends in ((upper, success), (lower, times)):
+        logarithmic(ax.xaxis, limits)
+        ax.set_xlim(limits[0] / 1.25, limits[-1] * 1.25)
+        _labels(ax, ends)
 
 
 def _labels(ax: Any, ends: Mapping[str, tuple[float, str]]) -> None:
