@@ -34,6 +34,7 @@ from vsconstraints.comparisons.runs.identity import Identity, identity, scene_id
 from vsconstraints.comparisons.runs.pool import Failure, Workers, processes
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, prepare_laws
 from vsconstraints.errors import ConfigurationError, VsconstraintsError, described, unknown_name
+from vsconstraints.plugins.provenance import digest
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.stacks.environments import interpreter
 
@@ -246,7 +247,9 @@ def depends_on() -> Identity:
     """Return what the runs depend on: code, packages, entries and families."""
     campaign = Campaign.load(SUITE)
     families = {family.name: scene_identity(family.tables) for family in campaign.families}
-    made_of: Identity = plain(identity(campaign.controllers, families=families))
+    made_of: Identity = plain(
+        identity(campaign.controllers, families=families, check=digest(Path(__file__)))
+    )
     return made_of
 
 
@@ -360,15 +363,14 @@ class Plan(NamedTuple):
         Scenes come one after the other.
         """
         entries = [entry for entry in self.entries if applies(entry, feature_of(group.family))]
-        yield [
+        tuning = [
             Task(scene, group.condition, entry, gains)
             for scene in scenes_of(group.family, "training", self.training)
             for entry in entries
             for gains in grid(entry)
         ]
-        training = [
-            line for line in journal.values() if group.includes(line) and line["half"] == "training"
-        ]
+        yield tuning
+        training = [journal[key_of(task.keys)] for task in tuning]
         tuned = {
             entry.name: chosen(line for line in training if line["controller"] == entry.name)
             for entry in entries

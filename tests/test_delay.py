@@ -42,13 +42,14 @@ def late(delay: float, scenario: Scenario = STATIC) -> Scenario:
 ARMS = (
     ("arm", {"command": "velocity", "rate": 10.0 / PERIOD, "acceleration": 1e8}),
     ("limits", {"acceleration": 8.0}),
+    ("limits", {"acceleration": 1e5, "known": False}),
 )
 ACCELERATION_LAWS = [name for name, law in CONTROLLERS.items() if law not in VELOCITY_LAWS]
 
 
 @pytest.mark.parametrize("law", VELOCITY_LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("periods", [1.0, 17.3])
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm[0])
+@pytest.mark.parametrize("arm", ARMS, ids=["velocities", "accelerations", "unknown limits"])
 def test_commanded_speeds_are_those_without_a_delay(
     law: type[Controller], periods: float, arm: tuple[str, dict[str, Any]]
 ) -> None:

@@ -455,6 +455,26 @@ def test_names_beside_markers_cover_none_of_them(seed: int) -> None:
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
+def test_long_names_of_markers_at_one_place_move_up_and_down() -> None:
+    """They are wide and low, so that two steps to the side would lead far away."""
+    centres = {
+        f"hierarchical-qp-{k}": Centre(0.98 + 1e-4 * k, 10.0, (0.98, 0.98), (10.0, 10.0))
+        for k in range(8)
+    }
+    sheet = Sheet(left=0.72, right=0.2)
+    (ax,) = sheet.panels(1, height=3.6)
+    logarithmic(ax.xaxis, ())
+    logarithmic(ax.yaxis)
+    ax.set(xlim=(0.2, 1e-3), ylim=(0.1, 1e3))
+    name_centres(ax, centres, looks([*centres]), (72.0 * (WIDTH - 0.92), 72.0 * 3.6))
+    sheet.placed()
+    up = [abs(text.xyann[1]) for text in ax.texts]
+    across = [abs(text.xyann[0]) for text in ax.texts]
+    width = Text.get_window_extent(ax.texts[0]).width
+    assert max(across) < width
+    assert max(up) > 20.0
+
+
 def test_what_is_forbidden_is_drawn_where_sigma_is_positive() -> None:
     plane = Plane.of(Scenario.load("example-2d-heart-concave").setup())
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 2)) * plane.half * 0.99

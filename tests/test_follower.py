@@ -82,6 +82,29 @@ def test_an_acceleration_just_beyond_its_limit_is_at_it() -> None:
     assert loop.x[k.QD, 0] == pytest.approx(-0.035 + T_S * (most + push))
 
 
+def test_a_fast_joint_leaves_its_limit_of_acceleration_up_to_rounding() -> None:
+    """A short lag magnifies the rounding of q̇, so that the loop never asks for just the limit."""
+    most = 0.1
+    lag = 1e-3
+    arm = ArmInput("velocity", lag=lag, acceleration=most)
+    rng = np.random.default_rng(3)
+    for qd, change in zip(rng.uniform(1.0, 3.0, 200), rng.uniform(-1.5, 1.5, 200), strict=True):
+        wanted = qd + change * most * T_S
+        loop = LowLevelLoop(arm, np.array([0.0]), np.array([qd]), T_S)
+        k = loop.kernels
+        loop.x[-2] = (wanted - loop.x[k.COMMANDS + 1]) / T_S
+        k.follow_period(loop.workspace, loop.x)
+        loop.check()
+        assert abs(loop.x[k.QD, 0] - qd) <= most * T_S * (1.0 + 1e-9)
+        # beyond lag A from the wanted speed it moves at the limit, then with the lag
+        ramp = max(abs(wanted - qd) / most - lag, 0.0)
+        rest = wanted - qd if ramp == 0.0 else np.copysign(lag * most, change)
+        left = rest * np.exp(-(T_S - ramp) / lag)
+        if ramp > T_S:
+            left = wanted - qd - np.copysign(most * T_S, change)
+        assert loop.x[k.QD, 0] == pytest.approx(wanted - left, abs=1e-12)
+
+
 def swinging(offset: float, lag: float, jerk: float) -> FollowingPlant:
     """Return an arm after a period whose wanted speed is ``offset`` [rad/s] above its own.
 

@@ -89,7 +89,7 @@ def settings():
         # setuptools' distutils, which goes when another package imports setuptools
         "where modules are looked for": repr([
             *(type(finder) for finder in sys.meta_path
-              if "distutils" not in repr(finder) and "vsconstraints" not in repr(finder)),
+              if "distutils" not in repr(finder) and getattr(finder, "__name__", "") != "EarlierNames"),
             *map(repr, sys.path_hooks),
         ]),
         "folder": os.getcwd(),

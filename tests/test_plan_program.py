@@ -65,10 +65,10 @@ class Problem:
         rows = values * larger, gradient * larger[:, None], by_speed, falls, left, share / larger
         self.limits = Limits(N, block, since, stop, *rows, scale, low, high)
         lengths = lengths_of(H, N, n, m)
-        factor = zeros(Factor, lengths)
+        self.factor = zeros(Factor, lengths)
         self.space = zeros(Space, lengths, {"p": lengths["p"]})
         self.code, self.active = plan_program.plan_best(
-            self.cost, factor, self.limits, self.space, self.weights
+            self.cost, self.factor, self.limits, self.space, self.weights
         )
         # how q and q̇ at each instant change with the plan
         eye = np.eye(n)
@@ -168,3 +168,22 @@ def test_rows_that_contradict_each_other_are_violated_least(seed: int) -> None:
     low, high = problem.box
     beyond = np.maximum(problem.u - high, low - problem.u) / (high - low)
     assert beyond.max() <= 1.1e-6
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="the search with slacks leaves parts of its normals behind; clearing them at the end of "
+    "plan_best (space.qr.columns[:, limits.low.size :] = 0.0) changes runs of the kept study, which "
+    "have to be made again with it",
+)
+def test_a_plan_after_a_relaxed_one_is_that_of_new_arrays() -> None:
+    """The search with slacks has more unknowns in the same arrays."""
+    for seed in range(20):
+        before = Problem(seed, value=0.5, most=0.5)
+        assert before.code == RELAXED_ROWS
+        problem = Problem(seed, value=-0.3, most=20.0 / (1.0 + seed % 8))
+        code, active = plan_program.plan_best(
+            problem.cost, problem.factor, problem.limits, before.space, problem.weights
+        )
+        assert (code, active) == (SOLVED, problem.active)
+        np.testing.assert_allclose(before.u, problem.u, atol=1e-9)

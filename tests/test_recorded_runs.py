@@ -547,6 +547,13 @@ def test_a_slow_log_of_an_arm_at_rest_is_read(period: float, robot: Robot, tmp_p
     assert "are the times in milliseconds? A column t_s" in remark
 
 
+def test_a_slow_log_without_noise_of_an_arm_at_rest_is_not_questioned(
+    robot: Robot, tmp_path: Path
+) -> None:
+    columns = {"t": 0.1 * np.arange(50), **{f"q{i + 1}": np.full(50, 0.3) for i in range(6)}}
+    assert read_recording(write(tmp_path / "run.csv", columns), robot).remarks == ()
+
+
 @pytest.mark.parametrize("name", ["t_s", "time_s", "timestamp_s"])
 @pytest.mark.parametrize("period", [0.1, 2.0])
 def test_times_in_a_stated_unit_are_not_questioned(

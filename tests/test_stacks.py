@@ -178,7 +178,7 @@ def test_a_stack_may_declare_a_longer_start(setup, monkeypatch):
         assert stack.respond(observed(setup)).command is not None
     finally:
         stack.end()
-    assert "it had 20 s to start" in stack.run_remarks()
+    assert "it was allowed 20 s to start" in stack.run_remarks()
 
 
 @pytest.mark.parametrize("start_time", [0.0, -1.0, 301.0, np.nan, True, "long"])

@@ -258,7 +258,8 @@ def test_every_damaged_bit_of_a_journal_is_told(journal: Path) -> None:
             damaged = bytes([whole[at] ^ 1 << bit])
             journal.write_bytes(whole[:at] + damaged + whole[at + 1 :])
             with pytest.raises(
-                ConfigurationError, match=r"journal\.jsonl, line 1 is damaged \(\w+\): delete it"
+                ConfigurationError,
+                match=r"journal\.jsonl, line 1 is damaged \(\w+\): delete this line",
             ):
                 Journal(journal)
             assert journal.stat().st_size == len(whole)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
-from ..comparisons.runs.machine import run_limit
 from ..comparisons.runs.pool import Failure, OpenWorkers, processes
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
 from ..controllers import MOVED
@@ -102,7 +101,7 @@ def repeat(
             study.laws[line["controller"]],
             study.frozen[family.name]["seed"],
         )
-        limits[number] = RUNS_OF_CALL * run_limit(family.tables)
+        limits[number] = RUNS_OF_CALL * study.laws[line["controller"]].run_limit(family.tables)
     differences: dict[int, str] = {}
     by_rounding: dict[int, str] = {}
     on_progress(0, len(lines))
@@ -123,7 +122,7 @@ def repeat(
         _in_order(by_rounding),
         changed_files(study),
         moved_laws(study),
-        tuple(column.name for column in OUTCOME if not any(column.name in line for line in lines)),
+        tuple(column.name for column in OUTCOME if column.name in study.missing_results),
     )
 
 

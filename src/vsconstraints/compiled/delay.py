@@ -91,13 +91,15 @@ def foresee(own: DelayArrays) -> None:
     for k in range(commands):
         T = own.period if k > 0 else own.first
         for j in range(n):
-            qdd = own.sent[k, j]
+            command = own.sent[k, j]
+            qd = own.now[1 + n + j]
             if own.at_once == 1:
-                qd = own.now[1 + n + j] if math.isnan(qdd) else qdd
-                own.now[1 + n + j] = qd
-                qdd = 0.0
-            own.now[1 + j] += T * (own.now[1 + n + j] + 0.5 * T * qdd)
-            own.now[1 + n + j] += T * qdd
+                qd = qd if math.isnan(command) else command
+                own.now[1 + j] += T * qd
+            else:
+                own.now[1 + j] += T * (qd + 0.5 * T * command)
+                qd += T * command
+            own.now[1 + n + j] = qd
 
 
 @in_place

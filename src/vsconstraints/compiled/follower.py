@@ -36,6 +36,7 @@ PUSH = -1
 #: usual; a loop that swings ever faster about its wanted speed has more.
 MOST_PARTS = 10_000
 SAME = 1e-12  #: Relative difference below which two accelerations are the same.
+ROUNDING = 4.0 * np.finfo(np.float64).eps  #: Relative error of a difference of two speeds.
 #: Share of the distance between the loop and the reference of an arm with mass that is removed in
 #: each period. With 1, the speed of the reference would jump by twice as much.
 REMOVED = 0.5
@@ -216,8 +217,10 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
         total = x[A, j] + push
         # what the loop asks for is at the limit, or beyond, and does not return at once
         grows = asked * total < 0.0
-        is_beyond = abs(asked) > most * (1.0 + SAME)
-        is_at_limit = abs(asked) >= most * (1.0 - SAME)
+        # q̇ is rounded, which the short lag magnifies
+        rounding = ROUNDING * (abs(x[WANTED, j]) + abs(x[QD, j])) / lag
+        is_beyond = abs(asked) > most * (1.0 + SAME) + rounding
+        is_at_limit = abs(asked) >= most * (1.0 - SAME) - rounding
         if not met:
             left, met = ramp(f, x, j, left, np.copysign(jerk, aim - x[A, j]), False)
         elif is_beyond or (is_at_limit and grows):

@@ -182,7 +182,7 @@ def pseudoinverse(
     to a factor, apart from singular values below the ``tolerance`` times the largest one of
     ``whole`` (k', n), which is W if ``first`` is 0.
 
-    Return a QR, the rank and a bound. The QR is that of M if M has full column rank. Otherwise it
+    Return a QR, the rank and a bound. The QR is that of M if M surely has full column rank, else it
     is that of the transpose of the rows that are left, so that the first columns of Q, as many as
     the rank, span the rows of M; the bound is then negative. Its magnitude is a lower bound of the
     least singular value that counts.
@@ -191,7 +191,7 @@ def pseudoinverse(
     n = W.shape[1] - 1
     p = n - first
     rows = k
-    tall = k >= n - first
+    tall = k >= p
     size = np.sqrt(la.squares(whole, n))
     scalars = matrix(scratch, SCALARS, k if tall else p)
     for again in range(2):

@@ -72,8 +72,8 @@ class Model:
     ``labels`` are the m rows, and ``K`` (m,) [s] their approach times, 0 for rows on φ itself.
     ``acceleration`` (n,) is the known limit of the magnitude of q̈ [rad/s² or m/s²], infinite where
     there is none. ``ranges`` are those of the robot, and ``task`` is the visual task.
-    ``streams`` is true if the arm takes velocities or positions. ``step`` is the compiled step that
-    predicts, None where anything runs in NumPy.
+    ``streams`` is that of the evaluator. ``step`` is the compiled step that predicts, None where
+    anything runs in NumPy.
     """
 
     def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:

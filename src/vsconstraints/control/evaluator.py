@@ -139,8 +139,8 @@ class Evaluator:
     true if there is one. With the actuators' ``limits`` and the sampling ``period`` T_s [s], the
     rows state the box of q̈ that remains at each sample. It depends on the previous command,
     ``last_command`` (n,), see :meth:`commanded`. ``streams`` is true if the arm takes velocities or
-    positions, which it follows by itself, and not accelerations. ``innovation`` (8,) is the
-    difference between the last measurement and the model, see
+    positions, which it follows by itself; false if it takes accelerations; None if it is not known.
+    ``innovation`` (8,) is the difference between the last measurement and the model, see
     :data:`vsconstraints.vision.measurement.INNOVATIONS`, and its greatest ratio to the
     ``plausible`` values. Beyond 1, :meth:`doubts` and ``Command.remark``
     report it. Raises ConfigurationError or InvalidInput if limits are given without a period, or
@@ -157,7 +157,7 @@ class Evaluator:
         limits: ActuatorLimits = NO_LIMITS,
         period: float | None = None,
         plausible: Plausible | None = None,
-        streams: bool = False,
+        streams: bool | None = None,
     ) -> None:
         self.scene = scene
         self.constraints = constraints

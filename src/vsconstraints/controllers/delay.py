@@ -136,7 +136,9 @@ class DelayCompensated(Wrapper):
                 for each in (self.model.loop, self.model.step)
             )
             speeds = commands_velocity(self.law)
-            takes_accelerations = len(rows.qdd_max) > 0 and not self.model.streams
+            streams = self.model.streams
+            if streams is None:
+                streams = not len(rows.qdd_max)
             fresh = load("delay").DelayArrays.of(
                 task.J.shape[1],
                 (law, loop, step),
@@ -144,7 +146,7 @@ class DelayCompensated(Wrapper):
                 self.period,
                 delay,
                 speeds=speeds,
-                at_once=speeds and not takes_accelerations,
+                at_once=speeds and streams,
             )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts

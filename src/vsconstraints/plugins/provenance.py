@@ -181,7 +181,10 @@ def _imported_by(module: ModuleType) -> set[str]:
             named |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             relative = "." * node.level + (node.module or "")
-            base = resolve_name(relative, module.__package__) if node.level else relative
+            try:
+                base = resolve_name(relative, module.__package__ or "")
+            except ImportError:  # outside a package this import fails, and may be expected to
+                continue
             named |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
     parts = [name.split(".") for name in named]
     return {".".join(part[:end]) for part in parts for end in range(1, len(part) + 1)}

@@ -131,7 +131,7 @@ def _csv(path: Path) -> Table:
 def _repeated_names(path: Path, names: Sequence[str]) -> dict[str, str]:
     """Return a sentence for each name of two or more columns, of which none can be chosen."""
     found = {}
-    for name in dict.fromkeys(names):
+    for name in filter(None, dict.fromkeys(names)):
         numbers = [str(i) for i, other in enumerate(names, start=1) if other == name]
         if len(numbers) > 1:
             found[name] = (

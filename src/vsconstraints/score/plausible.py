@@ -108,7 +108,7 @@ def time_questions(path: Path, robot: Robot, t: Array, q: Array, speeds: Array) 
     """
     period = float(np.median(np.diff(t)))
     rare, still = SLOW_AND_STILL
-    if period < rare or speeds.max() >= still:
+    if period < rare or not 0.0 < speeds.max() < still:
         return
     question = (
         f"samples are {period:.4g} s apart, and no joint is faster than {speeds.max():.3g} rad/s "

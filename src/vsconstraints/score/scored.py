@@ -11,7 +11,7 @@ import numpy as np
 from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
 from ..comparisons.record import RunRecord, run_file
-from ..constraints import PerformanceFunnel, Trace
+from ..constraints import PerformanceFunnel
 from ..control.control_step import ControlStep
 from ..control.gradients import own_constraints
 from ..controllers import Controller
@@ -112,10 +112,9 @@ def rows_that_change(setup: Setup, run: Trajectory, later: float) -> list[str]:
     Any constraint may depend on time, a custom one in a way that only its values show. They are
     compared at all samples: where none differs, neither do the scores.
     """
-    scene = setup.scene
-    size = scene.camera.size
-    motion = (run.q, run.qd, run.features_px, run.points, size, scene)
-    first, second = (setup.constraints.clearance(Trace(t, *motion)) for t in (run.t, run.t + later))
+    motion = run.q, run.qd, run.features_px, run.points
+    first = setup.clearance(run.t, *motion)
+    second = setup.clearance(run.t + later, *motion)
     changed = _differ(first, second).any(axis=0)
     step = setup.world()
     for t, q, qd in zip(run.t, run.q, run.qd, strict=True):

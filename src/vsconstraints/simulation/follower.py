@@ -214,11 +214,13 @@ class LowLevelLoop:
     def check(self) -> None:
         """Raise SceneError if the loop's motion has had more parts than are followed."""
         if self.arrays.unfollowed[0]:
+            remedy = "give a longer lag"
+            if self.arm.jerk is not None:
+                remedy += ", or a greater jerk or none: arm.jerk is too small for this lag"
             raise SceneError(
-                f"the arm's loop changes its acceleration more than {self.kernels.MOST_PARTS} "
-                "times between two commands: arm.jerk is too small for arm.lag = "
-                f"{self.arm.lag:g} s, so that the speed swings about the wanted one; give a longer "
-                "lag, or a greater jerk or none"
+                f"the arm's loop with arm.lag = {self.arm.lag:g} s changes its acceleration more "
+                f"than {self.kernels.MOST_PARTS} times between two commands, since the speed "
+                f"swings about the wanted one; {remedy}"
             )
 
     def speed_rows(self) -> tuple[Array, Array]:

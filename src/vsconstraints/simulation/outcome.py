@@ -26,8 +26,10 @@ def judge(
     ``reason`` is the reason for an early end of the loop, if any. ``dwell`` is the time for which
     the last goal must have been held [s]; None stands for that of the tolerances.
 
-    The first that applies is returned: the status of an early end; ``converged``, all goals held;
-    ``slow``, still approaching at a pace that would arrive; ``trapped``, at rest; ``unfinished``.
+    The first that applies is returned: the status of an early end; ``converged`` if all goals were
+    held; ``unfinished`` if the last one is held, but an earlier one was missed; ``slow`` if the arm
+    approaches at a pace that would arrive in time, ``trapped`` if it is at rest, both if the goal
+    has not changed for the setup's ``rest_time``; ``unfinished``.
     """
     if ended:
         return ended, reason

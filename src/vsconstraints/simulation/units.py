@@ -109,7 +109,7 @@ def motion_questions(robot: Robot, q: Array, speeds: Array) -> Iterator[str]:
     """Yield the question whether a recorded motion is in another unit, by its speed or range.
 
     ``q`` (N, n) are its positions and ``speeds`` (n,) its sustained speeds. Unlike positions that
-    :func:`in_degrees` finds, a simulated arm may have such ones.
+    :func:`in_degrees` finds, these may also occur in a simulation, so that they are not refused.
     """
     unit = "are positions in degrees, which --degrees converts, or times in another unit?"
     fast = np.isfinite(robot.qd_max) & (speeds > IMPLAUSIBLE * robot.qd_max)

@@ -144,7 +144,7 @@ class ExternalStack(MeasuredProgram):
 
     def run_remarks(self) -> list[str]:
         """Return remarks: declaration, start time, missing answers, and remaining processes."""
-        start = "" if self.start_time is None else f"it had {self.start_time:g} s to start"
+        start = "" if self.start_time is None else f"it was allowed {self.start_time:g} s to start"
         texts = self._declared, start, *super().run_remarks(), self._left
         return [text for text in texts if text]
 

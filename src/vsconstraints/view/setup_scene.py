@@ -106,9 +106,7 @@ def add_robot(
     for part in arm:
         scene.parts.append(part._replace(frame=prefix + part.frame))
     camera = setup.scene.camera
-    carried = setup.scene.markers.mean(axis=0)
-    if camera.fixed is None:
-        carried = camera.mount.inverse.t
+    carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
     if np.linalg.norm(carried) > 1e-6:
         bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
         scene.add(bar, JOINT, f"{prefix}tip")

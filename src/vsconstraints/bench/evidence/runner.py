@@ -172,9 +172,11 @@ def collect(
             with store.storing():
                 kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
         finished = Finished(folder, progress, store.seconds, kept, store.interrupted)
+        rates: dict[str, float] = {}
         if progress.runs:
-            manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
+            rates = {"wall_time_s": finished.wall_time, "runs_per_s": finished.rate}
         store.finish(
+            **rates,
             process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
             runs=sum(facts.runs for facts in there) + progress.runs,
             scenes=progress.scenes,

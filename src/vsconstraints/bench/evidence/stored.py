@@ -87,6 +87,9 @@ class Evidence(StoredResults):
     @cached_property
     def shards(self) -> tuple[StoredShard, ...]:
         """Shards of all folders, which have each scene once."""
+        if self.parts:
+            stored = [shard for part in self.parts for shard in part.shards]
+            return combined_shards(self.manifests, stored)
         return in_order(shards(self.folder))
 
     def missing_scenes(self, wanted: range) -> str:

@@ -83,7 +83,7 @@ def write_evidence_report(
     if out is not None:
         if (out / MANIFEST).exists():
             raise ConfigurationError(f"{out} holds results: give another folder with --out")
-        make_folder(out)
+        make_folder(out, "the report")
     if tuning is None and (evidence.folder / "tuning").is_dir():
         tuning = evidence.folder / "tuning"
     return write_report_of(Dataset(evidence, tuning, figures, formats, out), on_written)

@@ -41,7 +41,9 @@ class JournalFile:
                 take(entry)
             except DAMAGE as error:
                 where = f"{path}, line {number} is damaged ({type(error).__name__})"
-                raise ConfigurationError(f"{where}: delete it to make its runs again") from error
+                raise ConfigurationError(
+                    f"{where}: delete this line to make its runs again"
+                ) from error
         if rest:
             with storing(what, path.parent):
                 os.truncate(path, len(data) - len(rest))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...comparisons.runs.identity import Identity, identity
-from ...comparisons.runs.machine import module_versions, run_limit
+from ...comparisons.runs.machine import module_versions
 from ...comparisons.runs.pool import Failure, processes, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec
 from ...controllers import Choices, Range, law_ranges
@@ -294,8 +294,18 @@ class Problem:
                 family.require_scenes(TRAINING, campaign.seed, self.budget.scenes)
             for scene, name in product(drawn, campaign.conditions_of(family)):
                 what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
-                tasks.append(Batch(*what, run_limit(scene.tables[name]), drawn=scene))
+                tasks.append(Batch(*what, drawn=scene))
         return tuple(tasks)
+
+
+def _with_settings(task: Batch, settings: Sequence[ControllerSpec]) -> Batch:
+    """Return a batch of one scene and condition that runs these settings, too."""
+    assert task.drawn is not None
+    (condition,) = task.conditions
+    tables = task.drawn.tables[condition]
+    controllers = (*task.controllers, *settings)
+    limit = max(each.run_limit(tables) for each in controllers)
+    return replace(task, controllers=controllers, limit=limit)
 
 
 @contextmanager
@@ -315,9 +325,7 @@ def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Ite
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
-            calls = [
-                replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings
-            ]
+            calls = [_with_settings(task, named) for task in tasks if settings]
             found = {}
             for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)

@@ -81,12 +81,12 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
             _locked.discard(path)
 
 
-def make_folder(folder: Path) -> None:
+def make_folder(folder: Path, contents: str = "results") -> None:
     """Create a folder if it is missing; raises ConfigurationError if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
+        raise ConfigurationError(f"{contents} cannot be written to {folder}: {error}") from error
 
 
 def require_inside(folder: Path) -> None:

@@ -7,7 +7,6 @@ continued or combined only if their identities are equal.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from os.path import realpath
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -74,11 +73,11 @@ def scene_identity(tables: Mapping[str, Any], files: Iterable[Path] = ()) -> Ide
 def _hashes(files: Iterable[Path]) -> dict[str, str]:
     """Return the hashes of files by their names, which are the same on every machine.
 
-    Files of one name in several folders have one entry: their hashes in the given order.
+    Files of one name in several folders have one entry: their different hashes, in the given order.
     """
-    found: dict[str, list[str]] = {}
-    for path in {(path.name, realpath(path)): path for path in files}.values():
-        found.setdefault(path.name, []).append(digest(path))
+    found: dict[str, dict[str, None]] = {}
+    for path in files:
+        found.setdefault(path.name, {})[digest(path)] = None
     return {name: " ".join(contents) for name, contents in found.items()}
 
 

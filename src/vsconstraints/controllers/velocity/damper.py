@@ -40,7 +40,7 @@ class VelocityDamper(VelocityQP):
         "influence": Range(0.05, 1.0),
     }
     ignores = (*VelocityController.ignores, "K")
-    unit_of_excess = "units of σ per second, for bounds of speeds of φ"
+    unit_of_excess = "units of σ per second (bounds of speeds: units of φ)"
 
     def __init__(
         self,

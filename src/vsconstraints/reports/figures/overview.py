@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import chain, product
+from itertools import chain
 from typing import Any, NamedTuple
 
 from ...comparisons.suite import BASELINE
@@ -28,8 +28,12 @@ LETTER = 5.6
 TEXT_HEIGHT = 11.0
 #: Offsets of a name from its marker in steps of its size, by preference: right, left, above, …
 NEAR = ((1, 0), (-1, 0), (0, 1), (0, -1))
-#: Offsets at which a line leads from the name to its marker.
-FAR = (*product((1, -1, 2, -2, 3, -3), (1, -1)), *product((2, -2, 3, -3), (0,)))
+#: Offsets (across, up) at which a line leads from the name to its marker. A name is wide and low:
+#: it moves up or down.
+FAR = (
+    *((across, up) for up in (1, -1, 2, -2, 3, -3) for across in (1, -1)),
+    *((0, up) for up in (2, -2, 3, -3)),
+)
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
 
 
