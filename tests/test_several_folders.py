@@ -86,6 +86,7 @@ def test_the_footer_of_each_file_is_read_once(
     evidence = Evidence.load(parts)
     assert len(evidence.shards) == len(evidence.own_files) + 2 == 2
     assert sorted(read) == sorted(path for part in parts for path in part.rglob("*.parquet"))
+    assert len(replace(evidence).shards) == 2
 
 
 def test_no_folder_is_no_evidence() -> None:

@@ -14,6 +14,8 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
+from vsconstraints.bench.evidence.work import Batch
+from vsconstraints.bench.tuning.problem import with_settings
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -194,6 +196,9 @@ def test_a_pool_waits_as_long_as_a_stack_may_take_to_start():
     # of a law, an option with this name means something else
     law = ControllerSpec("law", "tracking", {"start_time": 300.0})
     assert law.run_limit({}) == usual.run_limit({})
+    scene = SimpleNamespace(tables={"nominal": {}})
+    task = Batch(None, (0,), ("nominal",), (law,), "training", 0, drawn=scene)
+    assert with_settings(task, (usual, longer)).limit == longer.run_limit({})
 
 
 def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):

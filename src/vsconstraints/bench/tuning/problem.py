@@ -298,7 +298,7 @@ class Problem:
         return tuple(tasks)
 
 
-def _with_settings(task: Batch, settings: Sequence[ControllerSpec]) -> Batch:
+def with_settings(task: Batch, settings: Sequence[ControllerSpec]) -> Batch:
     """Return a batch of one scene and condition that runs these settings, too."""
     assert task.drawn is not None
     (condition,) = task.conditions
@@ -325,7 +325,7 @@ def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Ite
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
-            calls = [_with_settings(task, named) for task in tasks if settings]
+            calls = [with_settings(task, named) for task in tasks if settings]
             found = {}
             for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)
