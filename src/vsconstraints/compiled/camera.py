@@ -66,12 +66,16 @@ def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
     R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     origin = (0.0, 0.0, 0.0)
     if camera.fixed:
+        # the tip carries the target
         tip_R = matrix(tip.R)
+        r = rotate(tip_R, vector(camera.tip_t))
         R = product(tip_R, matrix(camera.tip_R))
-        origin = plus(vector(tip.origin), rotate(tip_R, vector(camera.tip_t)))
+        origin = plus(vector(tip.origin), r)
     elif target.moves:
+        omega = vector(target.angular_velocity)
+        centre = vector(target.centre)
         moved, _, _ = displaced(target.motion, t)
-        R, origin = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+        R, origin = target_pose(t, omega, centre, moved)
     return R, origin
 
 

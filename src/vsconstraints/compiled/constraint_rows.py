@@ -302,10 +302,10 @@ def image_funnel_rows() -> WriteRows:
             write_row(step, row, part.K, sigma, sigma_dot, drift)
             L = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(J.shape[1]):
-                rate = 0.0
+                by_joint = 0.0
                 for k in range(3):
-                    rate += L[k] * J[k, j] + L[3 + k] * J[3 + k, j]
-                step.rows.Lg[row, j] = part.K * slope * rate
+                    by_joint += L[k] * J[k, j] + L[3 + k] * J[3 + k, j]
+                step.rows.Lg[row, j] = part.K * slope * by_joint
 
     return rows
 

@@ -150,7 +150,7 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
 
 @in_place
 def asked_acceleration(f: Follower, x: Array, j: int) -> float:
-    """Return the acceleration that the loop asks for, (u − q̇)/τ."""
+    """Return the demand of the loop for acceleration, (u − q̇)/τ."""
     asked: float = (x[WANTED, j] - x[QD, j]) / f.lag
     return asked
 
@@ -165,7 +165,9 @@ def follow_at_limit(f: Follower, x: Array, j: int, left: float, asked: float) ->
     # speed by which the wanted one exceeds that at which the loop asks for the limit, and its rate
     excess = (abs(asked) - f.acceleration[j]) * f.lag
     rate = np.copysign(1.0, asked) * (x[A, j] + push)
-    until = excess / rate if rate > 0.0 else math.inf
+    until = math.inf
+    if rate > 0.0:
+        until = excess / rate
     glide(x, j, min(left, until), 0.0, push)
     if until < left:
         x[QD, j] = x[WANTED, j] - f.lag * x[A, j]
@@ -274,6 +276,7 @@ def approach(error: float, feedback: float, most: float) -> float:
 @in_place
 def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
     """Let all joints take the command of an instant, which they follow for ``duration`` [s]."""
+    # rows of the newest command that has arrived
     position = COMMANDS + 2 * f.ages[instant]
     speed = position + 1
     for j in range(x.shape[1]):

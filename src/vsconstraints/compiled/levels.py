@@ -98,11 +98,13 @@ def write_metric(
     B = blank(scratch, p + 1, k)
     stack(G, damping, Z, X, R, B)
     for j in range(p):
-        below = dot(B, j, B, j, START, k)
-        size = np.sqrt(R[j, j] * R[j, j] + below)
+        # the reflection along (head, B[j]) leads column j to (−size, 0)
+        squared_below = dot(B, j, B, j, START, k)
+        size = np.sqrt(R[j, j] * R[j, j] + squared_below)
         head = R[j, j] + size
         for other in range(j + 1, p + 1):
-            product = head * R[other, j] + dot(B, j, B, other, START, k)
+            below = dot(B, j, B, other, START, k)
+            product = head * R[other, j] + below
             scale = product / (size * head)
             R[other, j] -= scale * head
             add(B, other, -scale, B, j, START, k)
