@@ -10,8 +10,8 @@ compiler.
 - ``laws`` applies a law, i.e. a demand and a resolver. ``task_priority`` and ``hierarchical_qp``
   are resolvers.
 - ``closed_loop`` runs step, law and robot together. ``samples`` scores and records each sample.
-- ``sensing`` computes the measurements of the controller. ``arm`` and ``drives`` are an arm with
-  mass.
+- ``sensing`` computes the measurements of the controller.
+- ``arm``, ``inertia``, ``drives`` and ``substeps`` are an arm with mass.
 - ``compiler`` compiles these functions, or leaves them to Python for debugging.
   ``numba_interface`` contains what it asks of numba, and ``accelerator`` private parts of numba
   that it can do without.

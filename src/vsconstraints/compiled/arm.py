@@ -1,4 +1,4 @@
-"""Arrays of an arm with mass: its bodies, its drive and their memory; see :mod:`.drives`."""
+"""Arrays of an arm with mass: its bodies, its drive and their memory; see :mod:`.substeps`."""
 
 from __future__ import annotations
 

@@ -32,30 +32,29 @@ from .workspace import Step
 def carry(step: Step, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
     """Return position, velocity and acceleration of the point at r from a body's origin."""
     body = step.bodies[number]
-    velocity, acceleration = carried(
-        r,
-        vector(body.velocity),
-        vector(body.angular_velocity),
-        vector(body.acceleration),
-        vector(body.angular_acceleration),
-    )
-    return plus(vector(body.origin), r), velocity, acceleration
+    v = vector(body.velocity)
+    omega = vector(body.angular_velocity)
+    v_dot = vector(body.acceleration)
+    omega_dot = vector(body.angular_acceleration)
+    position = plus(vector(body.origin), r)
+    velocity, acceleration = carried(r, v, omega, v_dot, omega_dot)
+    return position, velocity, acceleration
 
 
 @in_place
-def put_pose(pose: tuple[Matrix, Vector], R: Array, origin: Array) -> None:
-    """Write a pose to arrays."""
-    put_matrix(pose[0], R)
-    put(pose[1], origin)
+def put_pose(R: Matrix, origin: Vector, R_out: Array, origin_out: Array) -> None:
+    """Write a pose to arrays (3, 3) and (3,)."""
+    put_matrix(R, R_out)
+    put(origin, origin_out)
 
 
 @in_place
 def from_target(step: Step, R: Matrix, origin: Vector) -> tuple[Matrix, Vector]:
     """Return the camera's pose in the frame of a target with the given pose."""
     eye = step.eye[0]
-    return transposed_product(R, matrix(eye.R)), rotate_inverse(
-        R, minus(vector(eye.origin), origin)
-    )
+    relative_R = transposed_product(R, matrix(eye.R))
+    from_origin = minus(vector(eye.origin), origin)
+    return relative_R, rotate_inverse(R, from_origin)
 
 
 @in_place
@@ -67,12 +66,16 @@ def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
     R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     origin = (0.0, 0.0, 0.0)
     if camera.fixed:
+        # the tip carries the target
         tip_R = matrix(tip.R)
+        r = rotate(tip_R, vector(camera.tip_t))
         R = product(tip_R, matrix(camera.tip_R))
-        origin = plus(vector(tip.origin), rotate(tip_R, vector(camera.tip_t)))
+        origin = plus(vector(tip.origin), r)
     elif target.moves:
+        omega = vector(target.angular_velocity)
+        centre = vector(target.centre)
         moved, _, _ = displaced(target.motion, t)
-        R, origin = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+        R, origin = target_pose(t, omega, centre, moved)
     return R, origin
 
 
@@ -91,10 +94,18 @@ def place_camera(step: Step, t: float) -> None:
         R = product(tip_R, R)
         origin = plus(vector(tip.origin), rotate(tip_R, origin))
     target_R, target_t = target_at(step, t)
-    put_pose((R, origin), step.eye[0].R, step.eye[0].origin)
-    put_pose((target_R, target_t), step.target_R, step.target_t)
+    put_pose(R, origin, step.eye[0].R, step.eye[0].origin)
+    put_pose(target_R, target_t, step.target_R, step.target_t)
     if not step.measurement[0].pose_given:
-        put_pose(from_target(step, target_R, target_t), step.camera_R, step.camera_t)
+        camera_R, camera_t = from_target(step, target_R, target_t)
+        put_pose(camera_R, camera_t, step.camera_R, step.camera_t)
+
+
+@in_place
+def put_in_camera(R: Matrix, factor: float, x: Vector, out: Array) -> None:
+    """Write a vector of the base frame, times a factor, in the axes of a camera at R."""
+    in_camera = rotate_inverse(R, x)
+    put(times(factor, in_camera), out)
 
 
 @in_place
@@ -115,33 +126,31 @@ def move_camera(step: Step, t: float) -> None:
         # treated as if the tip carried it: its motion is that of the target, reversed
         r = minus(vector(camera.t), vector(tip.origin))
     _, velocity, acceleration = carry(step, n, r)
-    away = origin
-    omega = (0.0, 0.0, 0.0)
+    omega = vector(tip.angular_velocity)
+    alpha = vector(tip.angular_acceleration)
+    from_centre = origin
+    target_omega = (0.0, 0.0, 0.0)
     if target.moves:
         known = 1.0 * target.known
         d, d_dot, d_ddot = displaced(target.motion, t)
-        away = minus(minus(origin, vector(target.centre)), d)
-        omega = times(known, vector(target.angular_velocity))
+        from_centre = minus(minus(origin, vector(target.centre)), d)
+        target_omega = times(known, vector(target.angular_velocity))
         velocity = add_scaled(velocity, -known, d_dot)
         acceleration = add_scaled(acceleration, -known, d_ddot)
     v, w, v_dot, w_dot = relative_twist(
-        velocity,
-        acceleration,
-        vector(tip.angular_velocity),
-        vector(tip.angular_acceleration),
-        omega,
-        away,
+        velocity, acceleration, omega, alpha, target_omega, from_centre
     )
     sign = -1.0 if camera.fixed else 1.0
-    put(times(sign, rotate_inverse(R, v)), eye.velocity)
-    put(times(sign, rotate_inverse(R, w)), eye.angular_velocity)
-    put(times(sign, rotate_inverse(R, v_dot)), eye.acceleration)
-    put(times(sign, rotate_inverse(R, w_dot)), eye.angular_acceleration)
+    put_in_camera(R, sign, v, eye.velocity)
+    put_in_camera(R, sign, w, eye.angular_velocity)
+    put_in_camera(R, sign, v_dot, eye.acceleration)
+    put_in_camera(R, sign, w_dot, eye.angular_acceleration)
     point_jacobian(step, n, origin, step.J_point)
     for j in range(n):
-        about = 0.0 if step.joints[j].prismatic else sign
-        put(times(sign, rotate_inverse(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
-        put(times(about, rotate_inverse(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
+        turns = 0.0 if step.joints[j].prismatic else sign
+        axis = vector(step.bodies[j + 1].axis)
+        put_in_camera(R, sign, vector(step.J_point[:, j]), step.camera_J[:3, j])
+        put_in_camera(R, turns, axis, step.camera_J[3:, j])
 
 
 @in_place
@@ -161,9 +170,11 @@ def keep_view(step: Step, t: float) -> None:
     last = step.last[0]
     target = step.target[0]
     views = step.views
-    newest = views[newest_view(step)].time
-    if last.views > 0 and t <= newest:
-        last.views = last.views - 1 if t == newest else 0
+    last_time = views[newest_view(step)].time
+    if last.views > 0 and t == last_time:
+        last.views -= 1
+    elif last.views > 0 and t < last_time:
+        last.views = 0
     target_R = matrix(step.target_R)
     target_t = vector(step.target_t)
     # the controller assumes a target of unknown motion to be at rest
@@ -171,7 +182,8 @@ def keep_view(step: Step, t: float) -> None:
         target_R, target_t = target_at(step, 0.0)
     view = views[last.views % len(views)]
     view.time = t
-    put_pose(from_target(step, target_R, target_t), view.R, view.t)
+    R, origin = from_target(step, target_R, target_t)
+    put_pose(R, origin, view.R, view.t)
     last.views += 1
 
 
@@ -186,32 +198,37 @@ def look_back(step: Step) -> None:
     measurement = step.measurement[0]
     views = step.views
     then = step.then[0]
-    at = newest = newest_view(step)
+    newest = newest_view(step)
+    nearest = newest
     taken = measurement.time
     for i in range(1, min(step.last[0].views, len(views))):
         before = (newest - i) % len(views)
-        if abs(views[before].time - taken) >= abs(views[at].time - taken):
+        if abs(views[before].time - taken) >= abs(views[nearest].time - taken):
             break
-        at = before
-    rest = taken - views[at].time
-    R = matrix(views[at].R)
-    origin = plus(vector(views[at].t), rotate(R, times(rest, vector(eye.velocity))))
-    R = product(R, turn_by(times(rest, vector(eye.angular_velocity))))
-    put_pose((R, origin), then.R, then.t)
+        nearest = before
+    view = views[nearest]
+    rest = taken - view.time
+    view_R = matrix(view.R)
+    translation = times(rest, vector(eye.velocity))
+    turn = times(rest, vector(eye.angular_velocity))
+    origin = plus(vector(view.t), rotate(view_R, translation))
+    R = product(view_R, turn_by(turn))
+    put_pose(R, origin, then.R, then.t)
     if measurement.pose_given:
+        # the motion since then, in the camera's axes then, continues the measured pose
         measured = matrix(step.camera_R)
-        now_R = matrix(views[newest].R)
-        now = vector(views[newest].t)
-        moved = plus(vector(step.camera_t), rotate(measured, rotate_inverse(R, minus(now, origin))))
-        put_pose(
-            (product(measured, transposed_product(R, now_R)), moved), step.camera_R, step.camera_t
-        )
+        turned = transposed_product(R, matrix(views[newest].R))
+        moved = rotate_inverse(R, minus(vector(views[newest].t), origin))
+        now_R = product(measured, turned)
+        now_t = plus(vector(step.camera_t), rotate(measured, moved))
+        put_pose(now_R, now_t, step.camera_R, step.camera_t)
 
 
 @in_place
 def in_view(step: Step, view: Any, i: int) -> Vector:
     """Return a marker in the frame of the camera of a view."""
-    return rotate_inverse(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
+    from_camera = minus(vector(step.markers[i]), vector(view.t))
+    return rotate_inverse(matrix(view.R), from_camera)
 
 
 @in_place
@@ -221,18 +238,20 @@ def moved_since(step: Step, i: int) -> Vector:
     The motion is (Δx, Δy) in normalised coordinates and the change of depth. It is zero unless the
     marker is in front of the camera in both views.
     """
-    before = in_view(step, step.then[0], i)
-    now = in_view(step, step.views[newest_view(step)], i)
-    if not (before[2] >= MINIMUM_DEPTH and now[2] >= MINIMUM_DEPTH):
+    X_then, Y_then, Z_then = in_view(step, step.then[0], i)
+    X, Y, Z = in_view(step, step.views[newest_view(step)], i)
+    is_in_front = Z_then >= MINIMUM_DEPTH and Z >= MINIMUM_DEPTH
+    if not is_in_front:
         return 0.0, 0.0, 0.0
-    x = now[0] / now[2] - before[0] / before[2]
-    y = now[1] / now[2] - before[1] / before[2]
-    return x, y, now[2] - before[2]
+    x_change = X / Z - X_then / Z_then
+    y_change = Y / Z - Y_then / Z_then
+    return x_change, y_change, Z - Z_then
 
 
 @in_place
 def in_camera(step: Step, i: int) -> Vector:
     """Return a marker's position in the camera frame according to the model."""
-    there = rotate(matrix(step.target_R), vector(step.markers[i]))
-    away = minus(vector(step.target_t), vector(step.eye[0].origin))
-    return rotate_inverse(matrix(step.eye[0].R), plus(there, away))
+    eye = step.eye[0]
+    r = rotate(matrix(step.target_R), vector(step.markers[i]))
+    to_target = minus(vector(step.target_t), vector(eye.origin))
+    return rotate_inverse(matrix(eye.R), plus(r, to_target))

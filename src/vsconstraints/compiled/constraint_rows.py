@@ -6,11 +6,18 @@ at an address.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
-from ..formulas.features import image_row, interaction, pose_error, pose_rates
+from ..formulas.features import (
+    image_row,
+    interaction,
+    pair_of_rows,
+    pose_error,
+    pose_rates,
+)
 from ..formulas.frames import (
     differences_in_image,
     differences_in_space,
@@ -21,7 +28,17 @@ from ..formulas.motion import displacement
 from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.row import gradient_error
 from ..formulas.tracking import funnel, goal_at
-from ..formulas.vectors import Vector, dot, matrix, minus, rotate, rotate_inverse, vector
+from ..formulas.vectors import (
+    Matrix,
+    Vector,
+    dot,
+    matrix,
+    minus,
+    rotate,
+    rotate_inverse,
+    times,
+    vector,
+)
 from ..rows import Array
 from . import load
 from .compiler import IN_PLACE, OPTIONS, compiled, in_place
@@ -34,15 +51,20 @@ WriteRows = Callable[[int, int], None]
 
 #: First parameters of a funnel: ρ∞/ρ₀, l, and the number of goals; then the goals' start times.
 FINAL, DECAY, GOALS, BEGINS = range(4)
+AT_REST = (0.0, 0.0, 0.0)
 
 
 @in_place
 def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
     """Return displacement, velocity and acceleration of a MOTION at time t [s]."""
-    x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
-    y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
-    z = displacement(t, motion.velocity[2], motion.amplitude[2], motion.rate, motion.phase)
-    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+    velocity = motion.velocity
+    amplitude = motion.amplitude
+    rate = motion.rate
+    phase = motion.phase
+    x, x_dot, x_ddot = displacement(t, velocity[0], amplitude[0], rate, phase)
+    y, y_dot, y_ddot = displacement(t, velocity[1], amplitude[1], rate, phase)
+    z, z_dot, z_ddot = displacement(t, velocity[2], amplitude[2], rate, phase)
+    return (x, y, z), (x_dot, y_dot, z_dot), (x_ddot, y_ddot, z_ddot)
 
 
 @in_place
@@ -51,14 +73,11 @@ def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
 
     Velocity and acceleration are zero if they are unknown to the controller.
     """
-    moved = (0.0, 0.0, 0.0)
-    velocity = (0.0, 0.0, 0.0)
-    acceleration = (0.0, 0.0, 0.0)
-    if part.moves:
-        moved, velocity, acceleration = displaced(part.motion, t)
-        if not part.known:
-            velocity = (0.0, 0.0, 0.0)
-            acceleration = (0.0, 0.0, 0.0)
+    if not part.moves:
+        return AT_REST, AT_REST, AT_REST
+    moved, velocity, acceleration = displaced(part.motion, t)
+    if not part.known:
+        return moved, AT_REST, AT_REST
     return moved, velocity, acceleration
 
 
@@ -72,42 +91,27 @@ def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, dr
     rows.Lf[row] = sigma_dot + K * drift
 
 
-@in_place
-def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, float]:
-    """Return where the parameters of the current goal begin, and width, rate and curvature.
-
-    The goal is the one that holds at time t [s]. The width of the funnel comes with its first two
-    derivatives. ``numbers`` are those of :data:`FINAL` to :data:`BEGINS`, then ``size`` parameters
-    of each goal.
-    """
-    goals = int(numbers[GOALS])
-    first_goal = BEGINS + goals
-    begins = numbers[BEGINS:first_goal]
-    goal = goal_at(begins, t)
-    width, rate, bend = funnel(t - begins[goal], numbers[FINAL], numbers[DECAY])
-    return first_goal + goal * size, width, rate, bend
-
-
 def joint_rows() -> WriteRows:
     """Return the function that writes rows linear in the joint coordinates."""
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         for row in range(part.first, part.first + part.count):
-            value = step.offsets[row]
-            rate = 0.0
-            g = step.gradients[row]
+            sigma = step.offsets[row]
+            sigma_dot = 0.0
+            gradient = step.gradients[row]
             middle = step.middles[row]
-            for j in range(len(g)):
+            # the middle is NaN unless the row limits a single continuous joint
+            is_circular = not math.isnan(middle)
+            for j in range(len(gradient)):
                 q = step.q[j]
-                # not NaN: the row limits a single continuous joint
-                if middle == middle:
+                if is_circular:
                     q -= whole_turns(q - middle)
-                value += g[j] * q
-                rate += g[j] * step.qd[j]
-                step.rows.Lg[row, j] = part.K * g[j]
-            write_row(step, row, part.K, value, rate, 0.0)
+                sigma += gradient[j] * q
+                sigma_dot += gradient[j] * step.qd[j]
+                step.rows.Lg[row, j] = part.K * gradient[j]
+            write_row(step, row, part.K, sigma, sigma_dot, 0.0)
 
     return rows
 
@@ -118,16 +122,16 @@ def speed_rows() -> WriteRows:
     Their formula is φ itself, whose drift L_fφ is zero.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         for row in range(part.first, part.first + part.count):
-            value = step.offsets[row]
-            g = step.gradients[row]
-            for j in range(len(g)):
-                value += g[j] * step.qd[j]
-                step.rows.Lg[row, j] = g[j]
-            write_row(step, row, 0.0, value, 0.0, 0.0)
+            phi = step.offsets[row]
+            gradient = step.gradients[row]
+            for j in range(len(gradient)):
+                phi += gradient[j] * step.qd[j]
+                step.rows.Lg[row, j] = gradient[j]
+            write_row(step, row, 0.0, phi, 0.0, 0.0)
 
     return rows
 
@@ -140,36 +144,56 @@ def point_rows(
     ``formula`` has ``count`` parameters; see :func:`image_rows`.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         J = step.J_point
-        parameters = to_fixed_tuple(step.parameters[i], count)
+        parameters = to_fixed_tuple(step.parameters[number], count)
         K = part.K
         R = matrix(part.R)
+        origin = vector(part.t)
         moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
-            which = step.which[row]
-            place = step.places[which]
+            point = step.which[row]
+            place = step.places[point]
+            position = vector(place.position)
+            # motion relative to the region
+            p = minus(minus(position, moved), origin)
             p_dot = minus(vector(place.velocity), velocity)
             p_ddot = minus(vector(place.drift), acceleration)
             # coordinates in the frame of the formula
-            y = rotate_inverse(R, minus(minus(vector(place.position), moved), vector(part.t)))
+            y = rotate_inverse(R, p)
             y_dot = rotate_inverse(R, p_dot)
-            value, along_x, along_y, along_z = formula(*(y + parameters))
+            arguments = y + parameters
+            value, along_x, along_y, along_z = formula(*arguments)
             if curvature is None:
-                bent = differences_in_space(formula, parameters, y, y_dot)
+                bend = differences_in_space(formula, parameters, y, y_dot)
             else:
-                bent = curvature(*(y + parameters + y_dot))
-            g = rotate(R, (along_x, along_y, along_z))
-            drift = bent + g[0] * p_ddot[0] + g[1] * p_ddot[1] + g[2] * p_ddot[2]
-            write_row(step, row, K, value + part.margin, dot(g, p_dot), drift)
-            point_jacobian(step, step.robot_points[which].body, vector(place.position), J)
-            K_g = (K * g[0], K * g[1], K * g[2])
+                with_velocity = arguments + y_dot
+                bend = curvature(*with_velocity)
+            gradient = rotate(R, (along_x, along_y, along_z))
+            sigma_dot = dot(gradient, p_dot)
+            drift = bend + gradient[0] * p_ddot[0]
+            drift += gradient[1] * p_ddot[1]
+            drift += gradient[2] * p_ddot[2]
+            write_row(step, row, K, value + part.margin, sigma_dot, drift)
+            point_jacobian(step, step.robot_points[point].body, position, J)
+            K_gradient = times(K, gradient)
             for j in range(len(step.qd)):
-                step.rows.Lg[row, j] = K_g[0] * J[0, j] + K_g[1] * J[1, j] + K_g[2] * J[2, j]
+                step.rows.Lg[row, j] = dot(K_gradient, vector(J[:, j]))
 
     return rows
+
+
+@in_place
+def relative_pixel(focal: Array, normalised: Array, moved: Vector) -> tuple[float, float]:
+    """Return F ∘ x − d of normalised coordinates x (2,) and a displacement d [px].
+
+    The same holds for their derivatives.
+    """
+    u = focal[0] * normalised[0] - moved[0]
+    v = focal[1] * normalised[1] - moved[1]
+    return u, v
 
 
 def image_rows(
@@ -181,47 +205,73 @@ def image_rows(
     derivatives are finite differences.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         focal = step.camera[0].focal
         offset = step.camera[0].offset
-        parameters = to_fixed_tuple(step.parameters[i], count)
+        parameters = to_fixed_tuple(step.parameters[number], count)
         K = part.K
         R = part.R
-        Jc = step.camera_J
+        J = step.camera_J
         moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             marker = step.seen[step.which[row]]
-            u = focal[0] * marker.xy[0] - moved[0] + offset[0]
-            v = focal[1] * marker.xy[1] - moved[1] + offset[1]
-            u_dot = focal[0] * marker.velocity[0] - velocity[0]
-            v_dot = focal[1] * marker.velocity[1] - velocity[1]
-            u_ddot = focal[0] * marker.drift[0] - acceleration[0]
-            v_ddot = focal[1] * marker.drift[1] - acceleration[1]
+            # motion relative to the region
+            relative_u, relative_v = relative_pixel(focal, marker.xy, moved)
+            u_dot, v_dot = relative_pixel(focal, marker.velocity, velocity)
+            u_ddot, v_ddot = relative_pixel(focal, marker.drift, acceleration)
             # coordinates in the frame of the formula
-            y = rotate_inverse_in_image(R, (u - part.t[0], v - part.t[1]))
+            u = relative_u + offset[0] - part.t[0]
+            v = relative_v + offset[1] - part.t[1]
+            y = rotate_inverse_in_image(R, (u, v))
             y_dot = rotate_inverse_in_image(R, (u_dot, v_dot))
-            value, along_u, along_v = formula(*(y + parameters))
+            arguments = y + parameters
+            value, along_u, along_v = formula(*arguments)
             if curvature is None:
-                bent = differences_in_image(formula, parameters, y, y_dot)
+                bend = differences_in_image(formula, parameters, y, y_dot)
             else:
-                bent = curvature(*(y + parameters + y_dot))
-            g = rotate_in_image(R, (along_u, along_v))
-            sigma_dot = g[0] * u_dot + g[1] * v_dot
-            drift = bent + g[0] * u_ddot + g[1] * v_ddot
+                with_velocity = arguments + y_dot
+                bend = curvature(*with_velocity)
+            slope_u, slope_v = rotate_in_image(R, (along_u, along_v))
+            sigma_dot = slope_u * u_dot + slope_v * v_dot
+            drift = bend + slope_u * u_ddot
+            drift += slope_v * v_ddot
             write_row(step, row, K, value + part.margin, sigma_dot, drift)
             # factors of the camera's v and ω in K ∇σ ṡ
-            per_x = K * g[0] * focal[0]
-            per_y = K * g[1] * focal[1]
+            per_x = K * slope_u * focal[0]
+            per_y = K * slope_v * focal[1]
             linear, angular = interaction(per_x, per_y, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(len(step.qd)):
-                first = linear[0] * Jc[0, j] + angular[0] * Jc[3, j]
-                second = linear[1] * Jc[1, j] + angular[1] * Jc[4, j]
-                third = linear[2] * Jc[2, j] + angular[2] * Jc[5, j]
-                step.rows.Lg[row, j] = first + second + third
+                camera_v = vector(J[:3, j])
+                camera_omega = vector(J[3:, j])
+                step.rows.Lg[row, j] = pair_of_rows(linear, camera_v, angular, camera_omega)
 
     return rows
+
+
+class CurrentFunnel(NamedTuple):
+    """Width of a funnel at a time with two derivatives, and its goal's place in the parameters."""
+
+    goal: int
+    width: float
+    rate: float
+    bend: float
+
+
+@in_place
+def funnel_now(parameters: Array, t: float, size: int) -> CurrentFunnel:
+    """Return the funnel of the goal that holds at time t [s].
+
+    ``parameters`` are those of :data:`FINAL` to :data:`BEGINS`, then ``size`` numbers of each goal.
+    """
+    goals = int(parameters[GOALS])
+    first_goal = BEGINS + goals
+    begins = parameters[BEGINS:first_goal]
+    goal = goal_at(begins, t)
+    elapsed = t - begins[goal]
+    width, rate, bend = funnel(elapsed, parameters[FINAL], parameters[DECAY])
+    return CurrentFunnel(first_goal + goal * size, width, rate, bend)
 
 
 def image_funnel_rows() -> WriteRows:
@@ -230,31 +280,45 @@ def image_funnel_rows() -> WriteRows:
     See :class:`vsconstraints.constraints.PerformanceFunnel`.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         J = step.camera_J
-        wanted = step.parameters[i]
-        at, width, rate, bend = funnel_now(wanted, step.time[0], 2 * len(step.seen))
+        focal = step.camera[0].focal
+        parameters = step.parameters[number]
+        now = funnel_now(parameters, step.time[0], 2 * len(step.seen))
         for row in range(part.first, part.first + part.count):
-            entry = step.which[row]
             side = step.offsets[row]
-            marker = step.seen[entry // 2]
+            # pixels are numbered u, v of the first marker, u, v of the second one, and so on
+            entry = step.which[row]
+            m = entry // 2
             c = entry % 2
-            slope = side * step.camera[0].focal[c]
-            error = step.pixels[entry // 2, c] - wanted[at + entry]
-            sigma = side * error - width
-            sigma_dot = slope * marker.velocity[c] - rate
-            drift = slope * marker.drift[c] - bend
+            marker = step.seen[m]
+            slope = side * focal[c]
+            error = step.pixels[m, c] - parameters[now.goal + entry]
+            sigma = side * error - now.width
+            sigma_dot = slope * marker.velocity[c] - now.rate
+            drift = slope * marker.drift[c] - now.bend
             write_row(step, row, part.K, sigma, sigma_dot, drift)
-            now = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
+            L = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(J.shape[1]):
-                along = 0.0
+                by_joint = 0.0
                 for k in range(3):
-                    along += now[k] * J[k, j] + now[3 + k] * J[3 + k, j]
-                step.rows.Lg[row, j] = part.K * slope * along
+                    by_joint += L[k] * J[k, j] + L[3 + k] * J[3 + k, j]
+                step.rows.Lg[row, j] = part.K * slope * by_joint
 
     return rows
+
+
+@in_place
+def goal_pose(parameters: Array, start: int) -> tuple[Matrix, Vector]:
+    """Return R and t of a goal, which stand in twelve parameters from ``start`` on."""
+    R = (
+        vector(parameters[start:]),
+        vector(parameters[start + 3 :]),
+        vector(parameters[start + 6 :]),
+    )
+    return R, vector(parameters[start + 9 :])
 
 
 def pose_funnel_rows() -> WriteRows:
@@ -263,44 +327,46 @@ def pose_funnel_rows() -> WriteRows:
     See :class:`vsconstraints.constraints.PerformanceFunnel`.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
-        part = step.parts[i]
+        part = step.parts[number]
         eye = step.eye[0]
         J = step.camera_J
-        wanted = step.parameters[i]
-        at, width, rate, bend = funnel_now(wanted, step.time[0], 12)
+        parameters = step.parameters[number]
+        now = funnel_now(parameters, step.time[0], 12)
         v = vector(eye.velocity)
         omega = vector(eye.angular_velocity)
         v_dot = vector(eye.acceleration)
         omega_dot = vector(eye.angular_acceleration)
-        wanted_R = vector(wanted[at:]), vector(wanted[at + 3 :]), vector(wanted[at + 6 :])
-        wanted_t = vector(wanted[at + 9 :])
+        goal_R, goal_t = goal_pose(parameters, now.goal)
         R = matrix(step.camera_R)
         origin = vector(step.camera_t)
-        E, t, w = pose_error(wanted_R, wanted_t, R, origin, (0.0, 0.0, 0.0), False)
-        w_dot, L, L_dot = rotation_vector_rate(w, omega)
-        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+        E, t, theta_u = pose_error(goal_R, goal_t, R, origin, (0.0, 0.0, 0.0), False)
+        theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
+        t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
         for row in range(part.first, part.first + part.count):
-            entry = step.which[row]
             side = step.offsets[row]
+            # entries of t, then of θu
+            entry = step.which[row]
             c = entry % 3
-            turns = entry >= 3
-            error = t
-            velocity = t_dot
-            drift = t_ddot
-            along = E
-            if turns:
-                error = w
-                velocity = w_dot
-                drift = w_ddot
-                along = L
-            sigma = side * error[c] - width
-            sigma_dot = side * velocity[c] - rate
-            write_row(step, row, part.K, sigma, sigma_dot, side * drift[c] - bend)
+            is_rotation = entry >= 3
+            if is_rotation:
+                error = theta_u[c]
+                velocity = theta_u_dot[c]
+                drift = theta_u_ddot[c]
+                along = L[c]
+            else:
+                error = t[c]
+                velocity = t_dot[c]
+                drift = t_ddot[c]
+                along = E[c]
+            sigma = side * error - now.width
+            sigma_dot = side * velocity - now.rate
+            sigma_ddot = side * drift - now.bend
+            write_row(step, row, part.K, sigma, sigma_dot, sigma_ddot)
             for j in range(J.shape[1]):
-                column = vector(J[3:, j]) if turns else vector(J[:3, j])
-                step.rows.Lg[row, j] = part.K * side * dot(along[c], column)
+                column = vector(J[3:, j]) if is_rotation else vector(J[:3, j])
+                step.rows.Lg[row, j] = part.K * side * dot(along, column)
 
     return rows
 
@@ -317,10 +383,9 @@ def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], co
         # these templates make arrays
         template = getattr(load(kind), kind)
         options = OPTIONS
+    constants = (count,) if formulas else ()
     try:
-        return make_part(
-            template, formulas, (count,) if formulas else (), signature(VOID, INT, INT), options
-        )
+        return make_part(template, formulas, constants, signature(VOID, INT, INT), options)
     except Exception as error:  # numba raises any exception for code that it does not support
         if all(formula is None for formula in formulas):
             raise

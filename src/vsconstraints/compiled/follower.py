@@ -81,15 +81,19 @@ class Follower(NamedTuple):
 def first_root(a: float, b: float, c: float) -> float:
     """Return the least t > 0 with a t² + b t + c = 0, or infinity."""
     if a == 0.0:
-        t = -c / b if b != 0.0 else math.inf
+        t = math.inf
+        if b != 0.0:
+            t = -c / b
         return t if t > 0.0 else math.inf
-    square = b * b - 4.0 * a * c
-    if square < 0.0:
+    discriminant = b * b - 4.0 * a * c
+    if discriminant < 0.0:
         return math.inf
     # the form without cancellation
-    half = -0.5 * (b + np.copysign(np.sqrt(square), b))
+    half = -0.5 * (b + np.copysign(np.sqrt(discriminant), b))
     one = half / a
-    other = c / half if half != 0.0 else one
+    other = one
+    if half != 0.0:
+        other = c / half
     least = math.inf
     if one > 0.0:
         least = one
@@ -102,21 +106,23 @@ def first_root(a: float, b: float, c: float) -> float:
 def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
     """Move joint j for t [s] with constant ȧ = ``jerk``, and q̈ = a + ``push``."""
     a = x[A, j]
-    total = a + push
-    x[Q, j] += t * (x[QD, j] + t * (0.5 * total + t * jerk / 6.0))
-    x[QD, j] += t * (total + 0.5 * t * jerk)
+    qdd = a + push
+    mean_speed = x[QD, j] + t * (0.5 * qdd + t * jerk / 6.0)
+    mean_acceleration = qdd + 0.5 * t * jerk
+    x[Q, j] += t * mean_speed
+    x[QD, j] += t * mean_acceleration
     x[A, j] = a + t * jerk
 
 
 @in_place
 def lag_behind(x: Array, j: int, t: float, lag: float, push: float) -> None:
     """Move joint j for t [s] with a = (u − q̇)/τ: q̇ approaches u + τ d."""
-    total = x[A, j] + push
-    faded = -lag * np.expm1(-t / lag)
-    # q̈ decays as exp(−t/τ)
-    x[Q, j] += t * x[QD, j] + lag * total * (t - faded)
-    x[QD, j] += total * faded
-    x[A, j] = total * (1.0 - faded / lag) - push
+    qdd = x[A, j] + push
+    # q̈ decays as exp(−t/τ), which has the integral τ (1 − exp(−t/τ))
+    integral = -lag * np.expm1(-t / lag)
+    x[Q, j] += t * x[QD, j] + lag * qdd * (t - integral)
+    x[QD, j] += qdd * integral
+    x[A, j] = qdd * (1.0 - integral / lag) - push
 
 
 @in_place
@@ -127,12 +133,13 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
         x[A, j] = 0.0
         x[Q, j] += t * x[QD, j]
         return
-    away = x[WANTED, j] - x[QD, j]
+    missing = x[WANTED, j] - x[QD, j]
     until = 0.0
-    if away != 0.0:
-        x[A, j] = np.copysign(most, away)
-        total = x[A, j] + push
-        until = away / total if away * total > 0.0 else math.inf
+    if missing != 0.0:
+        x[A, j] = np.copysign(most, missing)
+        qdd = x[A, j] + push
+        approaches = missing * qdd > 0.0
+        until = missing / qdd if approaches else math.inf
         glide(x, j, min(t, until), 0.0, push)
     if until < t:
         x[QD, j] = x[WANTED, j]
@@ -142,16 +149,25 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
 
 
 @in_place
+def asked_acceleration(f: Follower, x: Array, j: int) -> float:
+    """Return the demand of the loop for acceleration, (u − q̇)/τ."""
+    asked: float = (x[WANTED, j] - x[QD, j]) / f.lag
+    return asked
+
+
+@in_place
 def follow_at_limit(f: Follower, x: Array, j: int, left: float, asked: float) -> float:
-    """Move joint j with a at its limit until the loop asks for less.
+    """Move joint j with a at its limit, up to the time at which the loop demands less.
 
     Return the remaining duration.
     """
     push = x[PUSH, j]
     # speed by which the wanted one exceeds that at which the loop asks for the limit, and its rate
-    away = (abs(asked) - f.acceleration[j]) * f.lag
+    excess = (abs(asked) - f.acceleration[j]) * f.lag
     rate = np.copysign(1.0, asked) * (x[A, j] + push)
-    until = away / rate if rate > 0.0 else math.inf
+    until = math.inf
+    if rate > 0.0:
+        until = excess / rate
     glide(x, j, min(left, until), 0.0, push)
     if until < left:
         x[QD, j] = x[WANTED, j] - f.lag * x[A, j]
@@ -164,35 +180,41 @@ def exceeding(a: float, most: float, push: float, lag: float) -> float:
     if abs(push) <= most:
         return math.inf
     # q̈ = a + d fades as exp(−t/τ), until a is at the end opposite to d
-    at_end = np.copysign(most, -push) + push
-    faded_to = at_end / (a + push)
-    return -lag * np.log(faded_to) if 0.0 < faded_to < 1.0 else math.inf
+    qdd_at_end = np.copysign(most, -push) + push
+    faded_to = qdd_at_end / (a + push)
+    if not 0.0 < faded_to < 1.0:
+        return math.inf
+    until: float = -lag * np.log(faded_to)
+    return until
 
 
 @in_place
 def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> tuple[float, bool]:
-    """Move joint j with ȧ = ``jerk`` until a is what the loop asks for, or at its limit.
+    """Move joint j with ȧ = ``jerk``, until a is at its limit or as the loop demands.
 
     Return the remaining duration, and True if a is then what the loop asks for. ``met`` is True if
     it is so at the beginning, and what the loop asks for changes faster than a.
     """
     most = f.acceleration[j]
-    lag = f.lag
     push = x[PUSH, j]
     a = x[A, j]
-    # the root of a − (u − q̇)/τ
-    away = 0.0 if met else a - (x[WANTED, j] - x[QD, j]) / lag
-    until = first_root(0.5 * jerk / lag, jerk + (a + push) / lag, away)
+    # the loop is met at a root of a − (u − q̇)/τ, the first of which is now if it is met already
+    distance = 0.0 if met else a - asked_acceleration(f, x, j)
+    slope = jerk + (a + push) / f.lag
+    until_met = first_root(0.5 * jerk / f.lag, slope, distance)
     end = np.copysign(most, jerk)
-    to_end = (end - a) / jerk if most < math.inf else math.inf
-    at_end = 0.0 < to_end <= until
-    until = to_end if at_end else until
+    until_end = math.inf
+    if most < math.inf:
+        until_end = (end - a) / jerk
+    reaches_end = 0.0 < until_end <= until_met
+    until = until_end if reaches_end else until_met
     glide(x, j, min(left, until), jerk, push)
     if until > left:
         return 0.0, False
-    asked = (x[WANTED, j] - x[QD, j]) / lag
-    x[A, j] = end if at_end else asked
-    return left - until, not at_end or asked / end >= 1.0
+    asked = asked_acceleration(f, x, j)
+    x[A, j] = end if reaches_end else asked
+    is_met = not reaches_end or asked / end >= 1.0
+    return left - until, is_met
 
 
 @in_place
@@ -209,14 +231,17 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
     for _ in range(MOST_PARTS):
         if left <= 0.0:
             return True
-        asked = (x[WANTED, j] - x[QD, j]) / lag
+        asked = asked_acceleration(f, x, j)
         aim = min(max(asked, -most), most)
-        # rounding may have left a just beyond its limit, from where a ramp would lead away
-        x[A, j] = aim if jerk == math.inf else min(max(x[A, j], -most), most)
+        if jerk == math.inf:
+            x[A, j] = aim
+        else:
+            # rounding may have left a just beyond its limit, from where a ramp would lead away
+            x[A, j] = min(max(x[A, j], -most), most)
         met = met or x[A, j] == aim
-        total = x[A, j] + push
+        qdd = x[A, j] + push
         # what the loop asks for is at the limit, or beyond, and does not return at once
-        grows = asked * total < 0.0
+        grows = asked * qdd < 0.0
         # q̇ is rounded, which the short lag magnifies
         rounding = ROUNDING * (abs(x[WANTED, j]) + abs(x[QD, j])) / lag
         is_beyond = abs(asked) > most * (1.0 + SAME) + rounding
@@ -225,13 +250,13 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
             left, met = ramp(f, x, j, left, np.copysign(jerk, aim - x[A, j]), False)
         elif is_beyond or (is_at_limit and grows):
             left = follow_at_limit(f, x, j, left, asked)
-        elif abs(total) <= jerk * lag * (1.0 + SAME):
+        elif abs(qdd) <= jerk * lag * (1.0 + SAME):
             until = exceeding(x[A, j], most, push, lag)
             lag_behind(x, j, min(left, until), lag, push)
             left -= until
         else:
             # the lag would change a faster than the jerk allows
-            left, met = ramp(f, x, j, left, np.copysign(jerk, -total), True)
+            left, met = ramp(f, x, j, left, np.copysign(jerk, -qdd), True)
     return left <= 0.0
 
 
@@ -242,13 +267,16 @@ def approach(error: float, feedback: float, most: float) -> float:
     w obeys |w|/κ + w²/(2A) = |e|: κ e near zero, and elsewhere no faster than a joint can stop at A
     within the error. κ e alone would swing for ever where A does not suffice to follow it.
     """
+    # root of w²/(2A) + |w|/κ − |e| in the form without cancellation
     slowness = 1.0 / feedback
-    return 2.0 * error / (slowness + math.sqrt(slowness * slowness + 2.0 * abs(error) / most))
+    root = math.sqrt(slowness * slowness + 2.0 * abs(error) / most)
+    return 2.0 * error / (slowness + root)
 
 
 @in_place
 def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
     """Let all joints take the command of an instant, which they follow for ``duration`` [s]."""
+    # rows of the newest command that has arrived
     position = COMMANDS + 2 * f.ages[instant]
     speed = position + 1
     for j in range(x.shape[1]):
@@ -256,9 +284,11 @@ def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
             x[WANTED, j] = x[speed, j]
             continue
         if f.fresh[instant]:
-            x[RATE, j] = (x[position, j] - x[REFERENCE, j]) / max(f.Ts, duration)
+            distance = x[position, j] - x[REFERENCE, j]
+            x[RATE, j] = distance / max(f.Ts, duration)
         error = x[REFERENCE, j] - x[Q, j]
-        x[WANTED, j] = x[RATE, j] + approach(error, f.feedback, f.acceleration[j])
+        correction = approach(error, f.feedback, f.acceleration[j])
+        x[WANTED, j] = x[RATE, j] + correction
         x[REFERENCE, j] += duration * x[RATE, j]
 
 
@@ -286,6 +316,8 @@ def advance(f: Follower, x: Array, span: float) -> None:
 @in_place
 def integrate_command(f: Follower, x: Array) -> None:
     """Append the command of a period: q̈_c, integrated to a speed and a position."""
+    newest_position = COMMANDS
+    newest_speed = COMMANDS + 1
     # commands become older by one: the oldest, before q̈_c and d_c, is overwritten
     oldest = len(x) - 4
     for i in range(oldest - 1, COMMANDS - 1, -1):
@@ -294,9 +326,17 @@ def integrate_command(f: Follower, x: Array) -> None:
     weight_of_change = 1.0 if f.implicit[0] else 0.5
     for j in range(x.shape[1]):
         qdd = x[COMMAND, j]
-        qd = x[COMMANDS + 1, j]
-        x[COMMANDS, j] += f.Ts * (qd + weight_of_change * f.Ts * qdd)
-        x[COMMANDS + 1, j] = qd + f.Ts * qdd
+        qd = x[newest_speed, j]
+        mean_speed = qd + weight_of_change * f.Ts * qdd
+        x[newest_position, j] += f.Ts * mean_speed
+        x[newest_speed, j] = qd + f.Ts * qdd
+
+
+@in_place
+def age_command(f: Follower, x: Array) -> None:
+    """Count a period since a command was taken, up to the one in which the next is taken."""
+    for j in range(x.shape[1]):
+        x[AGE, j] = (x[AGE, j] + 1.0) % f.periods
 
 
 load_follower = struct_loader(zeros(Follower))
@@ -311,8 +351,7 @@ def follow_period_at(follower_address: int, x: Array) -> int:
     f = load_follower(follower_address)
     integrate_command(f, x)
     advance(f, x, f.Ts)
-    for j in range(x.shape[1]):
-        x[AGE, j] = (x[AGE, j] + 1.0) % f.periods
+    age_command(f, x)
     unfollowed: int = f.unfollowed[0]
     return unfollowed
 
@@ -335,17 +374,19 @@ def write_reference(f: Follower, x: Array) -> None:
     distance is therefore removed: half of this share in this period, and the other half in the next
     one, by the speed that this period leaves.
     """
-    own = f.reference
+    loop = f.reference
     Ts = f.Ts
     for j in range(x.shape[1]):
-        own[COMMAND, j] = x[COMMAND, j]
-    integrate_command(f, own)
-    advance(f, own, Ts)
+        loop[COMMAND, j] = x[COMMAND, j]
+    integrate_command(f, loop)
+    advance(f, loop, Ts)
+    age_command(f, loop)
     for j in range(x.shape[1]):
-        own[AGE, j] = (own[AGE, j] + 1.0) % f.periods
-        end_at_loop_speed = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + own[QD, j])
-        ahead = end_at_loop_speed - own[Q, j]
-        x[COMMAND, j] = (own[QD, j] - f.qd_c[j]) / Ts - REMOVED * ahead / (Ts * Ts)
+        # with the acceleration that leads to the loop's speed
+        end = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + loop[QD, j])
+        distance = end - loop[Q, j]
+        to_loop_speed = (loop[QD, j] - f.qd_c[j]) / Ts
+        x[COMMAND, j] = to_loop_speed - REMOVED * distance / (Ts * Ts)
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)

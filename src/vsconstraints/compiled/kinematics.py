@@ -18,6 +18,7 @@ from ..formulas.vectors import (
     cross,
     matrix,
     minus,
+    plus,
     product,
     rotate,
     vector,
@@ -50,23 +51,23 @@ def place(step: Step, q: Array) -> None:
         joint = step.joints[i]
         before = step.bodies[i]
         body = step.bodies[i + 1]
-        axis = vector(joint.axis)
-        R = matrix(before.R)
+        joint_axis = vector(joint.axis)
+        before_R = matrix(before.R)
         placement = matrix(joint.R)
-        along = 0.0
+        displacement = 0.0
         if joint.prismatic:
-            along = q[i]
+            displacement = q[i]
         else:
-            placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
-        turn = product(R, placement)
-        r = rotate(R, vector(joint.t))
+            turn = turn_about(joint_axis, np.sin(q[i]), np.cos(q[i]))
+            placement = product(placement, turn)
+        R = product(before_R, placement)
         # a rotation about the axis does not change the axis
-        axis = rotate(turn, axis)
-        put_matrix(turn, body.R)
+        axis = rotate(R, joint_axis)
+        to_joint = rotate(before_R, vector(joint.t))
+        joint_origin = plus(vector(before.origin), to_joint)
+        put_matrix(R, body.R)
         put(axis, body.axis)
-        body.origin[0] = before.origin[0] + r[0] + along * axis[0]
-        body.origin[1] = before.origin[1] + r[1] + along * axis[1]
-        body.origin[2] = before.origin[2] + r[2] + along * axis[2]
+        put(add_scaled(joint_origin, displacement, axis), body.origin)
 
 
 @in_place
@@ -80,23 +81,17 @@ def move(step: Step, q: Array, qd: Array) -> None:
         along = qd[i] if prismatic else 0.0
         about = 0.0 if prismatic else qd[i]
         axis = vector(body.axis)
+        r = minus(vector(body.origin), vector(before.origin))
+        v = vector(before.velocity)
         omega = vector(before.angular_velocity)
-        velocity, acceleration = carried(
-            minus(vector(body.origin), vector(before.origin)),
-            vector(before.velocity),
-            omega,
-            vector(before.acceleration),
-            vector(before.angular_acceleration),
-        )
-        # ω × z: rate of the axis
-        turning = cross(omega, axis)
+        v_dot = vector(before.acceleration)
+        omega_dot = vector(before.angular_acceleration)
+        velocity, acceleration = carried(r, v, omega, v_dot, omega_dot)
+        axis_rate = cross(omega, axis)
         put(add_scaled(omega, about, axis), body.angular_velocity)
-        put(
-            add_scaled(vector(before.angular_acceleration), about, turning),
-            body.angular_acceleration,
-        )
+        put(add_scaled(omega_dot, about, axis_rate), body.angular_acceleration)
         put(add_scaled(velocity, along, axis), body.velocity)
-        put(add_scaled(acceleration, 2.0 * along, turning), body.acceleration)
+        put(add_scaled(acceleration, 2.0 * along, axis_rate), body.acceleration)
 
 
 @in_place
@@ -104,9 +99,12 @@ def point_jacobian(step: Step, body: int, point: Vector, J: Array) -> None:
     """Write ∂(position)/∂q (3, n) of a point fixed to a body to ``J``."""
     for m in range(J.shape[1]):
         joint = step.bodies[m + 1]
-        column = (0.0, 0.0, 0.0)
-        if m < body:
-            column = vector(joint.axis)
-            if not step.joints[m].prismatic:
-                column = cross(column, minus(point, vector(joint.origin)))
-        J[0, m], J[1, m], J[2, m] = column
+        axis = vector(joint.axis)
+        if m >= body:
+            # the joint is behind the body
+            column = (0.0, 0.0, 0.0)
+        elif step.joints[m].prismatic:
+            column = axis
+        else:
+            column = cross(axis, minus(point, vector(joint.origin)))
+        put(column, J[:, m])

@@ -41,15 +41,19 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
 
     Return True if a rotation was needed.
     """
-    a = la.dot(X, p, X, p, first, last)
-    b = la.dot(X, q, X, q, first, last)
-    d = la.dot(X, p, X, q, first, last)
+    squared_p = la.dot(X, p, X, p, first, last)
+    squared_q = la.dot(X, q, X, q, first, last)
+    product = la.dot(X, p, X, q, first, last)
     # the direction of a row of rounding errors does not matter
-    if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * np.sqrt(a) * np.sqrt(b):
+    if min(squared_p, squared_q) <= negligible:
         return False
-    # tangent t and cosine c of the angle, the smaller root of t² + 2 z t = 1
-    z = (b - a) / (2.0 * d)
-    t = np.copysign(1.0, z) / (abs(z) + np.sqrt(1.0 + z * z))
+    rounding = 2e-16 * (last - first) * np.sqrt(squared_p) * np.sqrt(squared_q)
+    if abs(product) <= rounding:
+        return False
+    # tangent t and cosine c of the angle: t is the smaller root of t² + 2 z t = 1
+    z = (squared_q - squared_p) / (2.0 * product)
+    size_of_t = abs(z) + np.sqrt(1.0 + z * z)
+    t = np.copysign(1.0, z) / size_of_t
     c = 1.0 / np.sqrt(1.0 + t * t)
     for i in range(first, X.shape[1]):
         x_p = X[p, i]
@@ -67,20 +71,33 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     lengths of the rows within these columns are then the singular values of that part of X. The
     method is one-sided Jacobi rotations.
     """
-    total = largest = 0.0
+    total = 0.0
     for i in range(rows):
         total += la.dot(X, i, X, i, first, last)
+    negligible = 1e-30 * total
     for _ in range(SWEEPS):
         turned = False
         for p in range(rows - 1):
             for q in range(p + 1, rows):
-                turned |= rotate(X, p, q, first, last, 1e-30 * total)
+                turned |= rotate(X, p, q, first, last, negligible)
         if not turned:
             break
+    largest = 0.0
     for i in range(rows):
         largest = max(largest, la.dot(X, i, X, i, first, last))
     norm: float = np.sqrt(largest)
     return norm
+
+
+@in_place
+def add_gram_matrix(A: Array, scale: float, X: Array) -> None:
+    """Set X ← X + AᵀA / scale² (n, n), with the first n columns of A."""
+    n = X.shape[0]
+    for i in range(A.shape[0]):
+        for row in range(n):
+            scaled = A[i, row] / scale
+            for column in range(n):
+                X[row, column] += scaled * (A[i, column] / scale)
 
 
 @inner
@@ -103,10 +120,7 @@ def largest_of_whole(
         if 0.99 * size <= n * limit and limit <= 1.01 * size:
             # it is the largest singular value of wholeᵀ whole, which this matrix represents with
             # all digits
-            for a in range(whole.shape[0]):
-                for b in range(n):
-                    for j in range(n):
-                        X[b, j] += (whole[a, b] / scale) * (whole[a, j] / scale)
+            add_gram_matrix(whole, scale, X)
             norm: float = np.sqrt(orthogonalise(X, n, START, n))
             return norm
     bound: float = np.sqrt(size)
@@ -122,21 +136,24 @@ def shorten(
     Return the number of rows left.
     """
     n = W.shape[1] - 1
-    scale = 0.0
-    left = 0
     # squares of very small numbers would underflow
+    scale = 0.0
     for i in range(whole.shape[0]):
         for j in range(n):
             scale = max(scale, abs(whole[i, j]))
-    scale = scale if scale > 0.0 else 1.0
+    if not scale > 0.0:
+        scale = 1.0
     for i in range(rows):
         for j in range(first, n + 1):
             W[i, j] /= scale
     largest = orthogonalise(W, rows, first, n)
     if first > 0:
-        largest = largest_of_whole(W, rows, first, tolerance, whole, scale, blank(scratch, n, n))
+        zeros = blank(scratch, n, n)
+        largest = largest_of_whole(W, rows, first, tolerance, whole, scale, zeros)
+    left = 0
     for i in range(rows):
-        kept = np.sqrt(la.dot(W, i, W, i, first, n)) > tolerance * largest
+        size = np.sqrt(la.dot(W, i, W, i, first, n))
+        kept = size > tolerance * largest
         for j in range(first, n + 1):
             value = W[i, j] if kept else 0.0
             W[i, j] = 0.0
@@ -193,13 +210,15 @@ def pseudoinverse(
     rows = k
     tall = k >= p
     size = np.sqrt(la.squares(whole, n))
-    scalars = matrix(scratch, SCALARS, k if tall else p)
+    scalars = matrix(scratch, SCALARS, max(k, p))
     for again in range(2):
+        # of M if it is tall, of Mᵀ otherwise
         rank = p if tall else rows
-        columns = matrix(scratch, rank, k if tall else p)
+        length = k if tall else p
+        columns = matrix(scratch, rank, length)
         qr = QR(columns, scalars)
         for j in range(rank):
-            for i in range(columns.shape[1]):
+            for i in range(length):
                 columns[j, i] = W[i, first + j] if tall else W[j, first + i]
         least = la.factor(qr)
         for i in range(p):
@@ -208,7 +227,8 @@ def pseudoinverse(
             scalars[WORK, i] = W[i, n]
         if tall:
             la.apply_transposed(qr, p, scalars, WORK)
-        if again == 1 or least > certain * size:
+        is_certain = least > certain * size
+        if again == 1 or is_certain:
             break
         if tall:
             triangular(W, first, qr)
@@ -267,12 +287,13 @@ def resolve(
         )
     if rank < n:
         for i in range(k):
-            rotated[i, n] = b2[i]
+            left = b2[i]
             for j in range(n):
                 rotated[i, j] = A2[i, j]
-                rotated[i, n] -= A2[i, j] * terms[OF_ROWS, j]
+                left -= A2[i, j] * terms[OF_ROWS, j]
             for j in range(rest.size):
-                rotated[i, n] -= A2[i, j] * rest[j]
+                left -= A2[i, j] * rest[j]
+            rotated[i, n] = left
             if rank > 0:
                 la.apply_transposed(qr_of_rows, rank, rotated, i)
         whole = A2 if rank > 0 else rotated
@@ -303,32 +324,35 @@ def bring(task: QR, least: float, A: Array, tolerance: float, qdd: Array, scratc
     if b >= n or least <= 0.0:
         return False
     rows = empty_qr(scratch, b, n)  # of (A R⁻¹)ᵀ
-    size = 0.0
+    squared_size = 0.0
     for i in range(b):
         la.copy(rows.columns, i, A, i, n)
         for j in range(n):
-            size += A[i, j] * A[i, j]
+            squared_size += A[i, j] * A[i, j]
         la.solve_lower(task, n, rows.columns, i)
-    if not la.factor(rows) * least > max(CERTAIN * tolerance, WELL) * np.sqrt(size):
+    bound = la.factor(rows) * least
+    if not bound > max(CERTAIN * tolerance, WELL) * np.sqrt(squared_size):
         return False
-    x = rows.scalars
+    # the change of x, in the free row of the QR
+    change = rows.scalars
     for i in range(n):
-        x[WORK, i] = 0.0
+        change[WORK, i] = 0.0
     for i in range(b):
-        x[WORK, i] = A[i, n]
+        change[WORK, i] = A[i, n]
         for j in range(n):
-            x[WORK, i] -= A[i, j] * qdd[j]
-    la.solve_lower(rows, b, x, WORK)
-    la.apply(rows, b, x, WORK)
-    la.solve_upper(task, n, x, WORK)
-    before = after = 0.0
+            change[WORK, i] -= A[i, j] * qdd[j]
+    la.solve_lower(rows, b, change, WORK)
+    la.apply(rows, b, change, WORK)
+    la.solve_upper(task, n, change, WORK)
+    squared_before = 0.0
+    squared_after = 0.0
     for j in range(n):
-        x[WORK, j] += qdd[j]
-        before += qdd[j] * qdd[j]
-        after += x[WORK, j] * x[WORK, j]
+        changed = qdd[j] + change[WORK, j]
+        squared_before += qdd[j] * qdd[j]
+        squared_after += changed * changed
     # cancellation leaves rounding errors
-    if after < CANCELLED * before:
+    if squared_after < CANCELLED * squared_before:
         return False
     for j in range(n):
-        qdd[j] = x[WORK, j]
+        qdd[j] += change[WORK, j]
     return True

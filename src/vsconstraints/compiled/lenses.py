@@ -14,12 +14,45 @@ import numpy as np
 
 from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, extended, newton
 from ..rows import Array
-from .compiler import IN_PLACE, compiled
+from .compiler import IN_PLACE, compiled, in_place
 from .parts import address, call_int_pointer, make_part, to_fixed_tuple
 from .signatures import FLAG, INT, MATRIX, VECTOR, signature
 
 #: Entries of an eye: focal lengths, principal point and reach of the lens; then its coefficients.
 F_U, F_V, CENTER_U, CENTER_V, REACH, FIXED = range(6)
+
+
+@in_place
+def undistorted(
+    lens: Callable[..., Any], image: tuple[float, float], reach: float, coefficients: Any
+) -> tuple[float, float, bool]:
+    """Return the point that a lens maps to an image, both normalised, and True if it is found.
+
+    The method is Newton's. Steps that do not reduce the error are halved.
+    """
+    X, Y = image
+    largest_radius = INSIDE * reach
+    radius = np.sqrt(X * X + Y * Y)
+    share = min(1.0, largest_radius / max(radius, largest_radius))
+    x = share * X
+    y = share * Y
+    dx, dy, error = newton(lens, (x, y), image, reach, coefficients)
+    for _ in range(ITERATIONS):
+        if not error > TOLERANCE:
+            break
+        ahead = x + dx, y + dy
+        next_dx, next_dy, next_error = newton(lens, ahead, image, reach, coefficients)
+        if next_error < error:
+            x, y = ahead
+            dx = next_dx
+            dy = next_dy
+            error = next_error
+        else:
+            dx = 0.5 * dx
+            dy = 0.5 * dy
+    is_accurate = error <= ACCURACY
+    is_within_reach = np.sqrt(x * x + y * y) <= reach
+    return x, y, is_accurate and is_within_reach
 
 
 def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:
@@ -36,28 +69,11 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
         for i in range(len(pixels)):
             x = (pixels[i, 0] - eye[CENTER_U]) / eye[F_U]
             y = (pixels[i, 1] - eye[CENTER_V]) / eye[F_V]
-            image = x, y
             if not back:
-                found = extended(lens, x, y, reach, coefficients)
-                x = found[0]
-                y = found[1]
+                x, y, _, _, _, _ = extended(lens, x, y, reach, coefficients)
             elif not math.isnan(x + y):
-                share = min(1.0, INSIDE * reach / max(np.sqrt(x * x + y * y), INSIDE * reach))
-                x = share * x
-                y = share * y
-                dx, dy, off = newton(lens, (x, y), image, reach, coefficients)
-                for _ in range(ITERATIONS):
-                    if not off > TOLERANCE:
-                        break
-                    then = newton(lens, (x + dx, y + dy), image, reach, coefficients)
-                    if then[2] < off:
-                        x = x + dx
-                        y = y + dy
-                        dx, dy, off = then
-                    else:
-                        dx = 0.5 * dx
-                        dy = 0.5 * dy
-                refused += not (off <= ACCURACY and np.sqrt(x * x + y * y) <= reach)
+                x, y, is_found = undistorted(lens, (x, y), reach, coefficients)
+                refused += not is_found
             out[i, 0] = eye[F_U] * x + eye[CENTER_U]
             out[i, 1] = eye[F_V] * y + eye[CENTER_V]
         return refused
@@ -76,8 +92,9 @@ def call_lens(lens: int, eye: Array, pixels: Array, out: Array, back: bool) -> i
 def _compile_lens(model: str) -> Any:
     """Return the compiled function of a kind of lens, kept for the lifetime of the process."""
     kind = MODELS[model]
+    count = max(kind.counts)
     arguments = signature(INT, VECTOR, MATRIX, MATRIX, FLAG)
-    return make_part(template, (kind.lens,), (max(kind.counts),), arguments)
+    return make_part(template, (kind.lens,), (count,), arguments)
 
 
 def address_of(model: str) -> int:

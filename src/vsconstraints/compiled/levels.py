@@ -50,7 +50,8 @@ ROWS_OF_PULL = constant(2)
 def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> None:
     """Write √damping [Z | offset] to the columns of R and G [Z | offset] / ‖G‖ to those of B.
 
-    B (p + 1, k) stands below R.
+    B (p + 1, k) stands below R. Rows of both arrays are columns of these matrices, those of
+    √damping Z in the basis Z.
     """
     k = G.shape[0]
     n = X.shape[1]
@@ -65,14 +66,16 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
     for j in range(p):
         R[j, j] = weight
         if reduced:
-            R[p, j] = weight * dot(Z, j, X, OFFSET, START, n)
+            along_basis = dot(Z, j, X, OFFSET, START, n)
+            R[p, j] = weight * along_basis
     if not norm > 0.0:
         return
     for i in range(k):
         for j in range(p):
             entry = dot(G, i, Z, j, START, n) if reduced else G[i, j]
             B[j, i] = entry / norm
-        B[p, i] = dot(G, i, X, OFFSET, START, n) / norm
+        of_offset = dot(G, i, X, OFFSET, START, n)
+        B[p, i] = of_offset / norm
 
 
 @inner
@@ -95,10 +98,13 @@ def write_metric(
     B = blank(scratch, p + 1, k)
     stack(G, damping, Z, X, R, B)
     for j in range(p):
-        size = np.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
+        # the reflection along (head, B[j]) leads column j to (−size, 0)
+        squared_below = dot(B, j, B, j, START, k)
+        size = np.sqrt(R[j, j] * R[j, j] + squared_below)
         head = R[j, j] + size
         for other in range(j + 1, p + 1):
-            product = head * R[other, j] + dot(B, j, B, other, START, k)
+            below = dot(B, j, B, other, START, k)
+            product = head * R[other, j] + below
             scale = product / (size * head)
             R[other, j] -= scale * head
             add(B, other, -scale, B, j, START, k)
@@ -146,8 +152,9 @@ def settle(
     # if the violations pull a coordinate against the box, all points of least violation are at that
     # bound
     for j in range(n):
-        pinned = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
-        if pinned and abs(pull[PULL, j]) > SIGNIFICANT * pull[TERMS, j]:
+        is_at_bound = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
+        is_pulled = abs(pull[PULL, j]) > SIGNIFICANT * pull[TERMS, j]
+        if is_at_bound and is_pulled:
             A[at, j] = 1.0
             at += 1
     return A[:at]
@@ -160,21 +167,23 @@ def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, f
     Return the size of the cost there, and of the terms of the point.
     """
     n = point.shape[1]
-    size = squares(G, point.shape[1])
-    cost = far = terms = 0.0
+    squared_norm = squares(G, n)
+    residual_cost = 0.0
+    squared_distance = 0.0
+    terms = 0.0
     for j in range(n):
         X[NEW, j] = 0.0
     for i in range(G.shape[0]):
-        along = away(G, i, point, START, X, CENTER)
-        along = along / size if size > 0.0 else 0.0
-        cost += along * along * size
-        add(X, NEW, along, G, i, START, n)
+        residual = away(G, i, point, START, X, CENTER)
+        scaled = residual / squared_norm if squared_norm > 0.0 else 0.0
+        residual_cost += scaled * scaled * squared_norm
+        add(X, NEW, scaled, G, i, START, n)
     for j in range(n):
-        way = point[0, j] - X[CENTER, j]
-        far += way * way
-        X[NEW, j] += damping * way
+        distance = point[0, j] - X[CENTER, j]
+        squared_distance += distance * distance
+        X[NEW, j] += damping * distance
         terms += abs(point[0, j]) + abs(X[CENTER, j])
-    return np.sqrt(cost + damping * far), terms
+    return np.sqrt(residual_cost + damping * squared_distance), terms
 
 
 @in_place
@@ -198,23 +207,25 @@ def optimal(
     n = point.shape[1]
     p = Z.shape[0]
     cost, terms = gradient(G, damping, X, point)
-    loose = rest = 0.0
+    slackness = 0.0  # Σ μ |a x − c|, 0 at a minimum
     for i in range(walls.shape[0]):
         if rows[MULTIPLIER, i] > 0.0 and rows[SCALE, i] > 0.0:
-            force = rows[MULTIPLIER, i] * rows[SCALE, i]
-            add(X, NEW, force, walls, i, START, n)
+            multiplier = rows[MULTIPLIER, i] * rows[SCALE, i]
+            add(X, NEW, multiplier, walls, i, START, n)
             room = sides[i] - dot(walls, i, point, START, START, n)
             norm = length(walls, i, n)
-            terms += force * norm
+            terms += multiplier * norm
             rounding = ROUNDED * (norm * terms + abs(sides[i]))
-            loose += force * max(0.0, abs(room) - rounding)
+            slackness += multiplier * max(0.0, abs(room) - rounding)
+    # squared gradient in the directions that the basis leaves; all of them without a basis
+    squared_rest = 0.0
     for d in range(p):
-        rest += dot(X, NEW, Z, d, START, n) ** 2
+        squared_rest += dot(X, NEW, Z, d, START, n) ** 2
     if p == 0:
-        rest = dot(X, NEW, X, NEW, START, n)
+        squared_rest = dot(X, NEW, X, NEW, START, n)
     allowed = CHECKED * np.sqrt(damping) * cost + ROUNDED * terms
-    is_stationary = np.sqrt(rest) <= allowed
-    is_complementary = loose <= CHECKED * cost * cost
+    is_stationary = np.sqrt(squared_rest) <= allowed
+    is_complementary = slackness <= CHECKED * cost * cost
     return bool(is_stationary and is_complementary)
 
 
@@ -222,17 +233,18 @@ def optimal(
 def damped(G: Array, X: Array, point: Array) -> bool:
     """True if the damping may have increased the residual of level 2 at the point."""
     n = point.shape[1]
-    residual = 0.0
-    far = 0.0
-    size = 0.0
+    squared_residual = 0.0
+    squared_distance = 0.0
+    squared_size = 0.0
     for i in range(G.shape[0]):
-        along = away(G, i, point, START, X, CENTER)
-        residual += along * along
+        residual = away(G, i, point, START, X, CENTER)
+        squared_residual += residual * residual
     for j in range(n):
-        far += (point[0, j] - X[CENTER, j]) ** 2
-        size += point[0, j] ** 2
-    tolerated = np.sqrt(squares(G, n)) * (STRICT * np.sqrt(far) + MET * np.sqrt(size))
-    increased: bool = np.sqrt(residual) > tolerated
+        squared_distance += (point[0, j] - X[CENTER, j]) ** 2
+        squared_size += point[0, j] ** 2
+    norm = np.sqrt(squares(G, n))
+    tolerated = norm * (STRICT * np.sqrt(squared_distance) + MET * np.sqrt(squared_size))
+    increased: bool = np.sqrt(squared_residual) > tolerated
     return increased
 
 
@@ -262,7 +274,8 @@ def with_room(walls: Array, sides: Array, point: Array) -> None:
     for i in range(walls.shape[0]):
         if sides[i] < math.inf:
             room = MET * (length(walls, i, n) * size + abs(sides[i]))
-            sides[i] = max(sides[i], dot(walls, i, point, START, START, n)) + room
+            value = dot(walls, i, point, START, START, n)
+            sides[i] = max(sides[i], value) + room
 
 
 @inner
@@ -270,17 +283,19 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
     """Return rows of E, held walls and task, of unit norm, as [A | 0]."""
     n = walls.shape[1]
     at = E.shape[0]
-    size = np.sqrt(squares(G, walls.shape[1]))
-    A = blank(scratch, at + walls.shape[0] + G.shape[0], n + 1)
+    most = at + walls.shape[0] + G.shape[0]
+    A = blank(scratch, most, n + 1)
     for i in range(at):
         copy(A, i, E, i, n)
     for i in range(walls.shape[0]):
         if held[i]:
             add(A, at, 1.0 / length(walls, i, n), walls, i, START, n)
             at += 1
-    for i in range(G.shape[0] if size > 0.0 else START):
-        add(A, at, 1.0 / size, G, i, START, n)
-        at += 1
+    size = np.sqrt(squares(G, n))
+    if size > 0.0:
+        for i in range(G.shape[0]):
+            add(A, at, 1.0 / size, G, i, START, n)
+            at += 1
     return A[:at]
 
 
@@ -288,7 +303,8 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
     """Clip the point to the box, and make it the next stage's origin and the current answer."""
     for j in range(qdd.size):
-        qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
+        above = max(point[0, j], box[LEAST, j])
+        qdd[j] = min(above, box[GREATEST, j])
         X[ORIGIN, j] = qdd[j]
         X[OFFSET, j] = qdd[j] - X[CENTER, j]
 
@@ -315,24 +331,30 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
     """
     n = X.shape[1]
     if equal.shape[0] == 0:
-        for j in range(n if from_center else START):
-            X[ORIGIN, j] = X[CENTER, j]
-            X[OFFSET, j] = 0.0
+        if from_center:
+            for j in range(n):
+                X[ORIGIN, j] = X[CENTER, j]
+                X[OFFSET, j] = 0.0
         return matrix(scratch, START, n), n
-    qr, rank, _ = pseudoinverse(
-        equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch
-    )
-    return columns_of_q(qr, rank, rank, n, scratch), n - rank
+    certain = CERTAIN * DEPENDENT
+    qr, rank, _ = pseudoinverse(equal, START, certain, DEPENDENT, equal, X, POINT, scratch)
+    basis = columns_of_q(qr, rank, rank, n, scratch)
+    return basis, n - rank
 
 
 @in_place
 def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
     """Write origin + Z y, clipped to the box, to the point; y is in X[POINT]."""
     n = X.shape[1]
-    for j in range(n):
-        point[0, j] = X[POINT, j] if p == n else 0.0
-    for d in range(p if p < n else START):
-        add(point, START, X[POINT, d], Z, d, START, n)
+    if p == n:
+        # the basis is the identity
+        copy(point, START, X, POINT, n)
+    else:
+        for j in range(n):
+            point[0, j] = 0.0
+        for d in range(p):
+            add(point, START, X[POINT, d], Z, d, START, n)
     for j in range(n):
         x = X[ORIGIN, j] + point[0, j]
-        point[0, j] = min(max(x, box[LEAST, j]), box[GREATEST, j])
+        above = max(x, box[LEAST, j])
+        point[0, j] = min(above, box[GREATEST, j])

@@ -38,6 +38,7 @@ LARGE = 1e280  #: Compiled laws do not accept squares beyond this.
 @in_place
 def finite(x: Array) -> bool:
     """True if every number of a vector is finite."""
+    # without branches, so that the processor handles several numbers at once
     wrong = 0
     for i in range(x.size):
         wrong |= not abs(x[i]) < math.inf
@@ -47,7 +48,9 @@ def finite(x: Array) -> bool:
 @in_place
 def out_of_range(squared: float) -> bool:
     """True if a square is nonzero, and not finite or near the limits of floating point."""
-    return not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
+    is_small = squared < LARGE
+    is_large_or_zero = (squared > 1.0 / LARGE) | (squared == 0.0)
+    return not (is_small & is_large_or_zero)
 
 
 @in_place
@@ -55,7 +58,8 @@ def in_range(X: Array) -> bool:
     """True if the squared norm of every row of X is zero or well within floating point."""
     wrong = 0
     for i in range(X.shape[0]):
-        wrong |= out_of_range(dot(X, i, X, i, START, X.shape[1]))
+        squared = dot(X, i, X, i, START, X.shape[1])
+        wrong |= out_of_range(squared)
     return wrong == 0
 
 
@@ -132,8 +136,9 @@ class QR(NamedTuple):
 def reflect(qr: QR, j: int, X: Array, row: int) -> None:
     """Apply the j-th reflection to a row of X."""
     v = qr.columns
-    scale = dot(v, j, X, row, j, v.shape[1]) * qr.scalars[BETA, j]
-    for i in range(j, v.shape[1]):
+    r = v.shape[1]
+    scale = dot(v, j, X, row, j, r) * qr.scalars[BETA, j]
+    for i in range(j, r):
         X[row, i] -= scale * v[j, i]
 
 
@@ -144,12 +149,19 @@ def make_reflection(qr: QR, j: int) -> None:
     The previous reflections must have been applied to the column.
     """
     v = qr.columns
-    size = np.sqrt(dot(v, j, v, j, j, v.shape[1]))
+    r = v.shape[1]
+    size = np.sqrt(dot(v, j, v, j, j, r))
+    # the sign without cancellation
     outward = np.copysign(size, v[j, j])
     v[j, j] += outward
-    # 1 / outward equals beta v[j, j] and saves another division
-    beta = 1.0 / (outward * v[j, j]) if size > 0.0 else 0.0
-    qr.scalars[INVERSE, j] = -beta * v[j, j] if size > 0.0 else math.inf
+    if size > 0.0:
+        beta = 1.0 / (outward * v[j, j])
+        # R[j, j] is −outward; 1 / outward equals beta v[j, j] and saves another division
+        inverse = -beta * v[j, j]
+    else:
+        beta = 0.0
+        inverse = math.inf
+    qr.scalars[INVERSE, j] = inverse
     qr.scalars[BETA, j] = beta
 
 
@@ -189,23 +201,14 @@ def solve_lower(qr: QR, c: int, X: Array, row: int) -> None:
 
 
 @in_place
-def factor(qr: QR) -> float:
-    """Compute the QR of the columns in place; return 1/‖R⁻¹‖_F.
+def squared_norm_of_inverse(qr: QR) -> float:
+    """Return ‖R⁻¹‖_F² by the columns of R⁻ᵀ, each of which solves Rᵀ x = e_k.
 
-    This is a lower bound of the least singular value.
+    The entries that are changed together are independent: the processor overlaps them.
     """
-    F = qr.columns
+    R = qr.columns
     scalars = qr.scalars
-    c, r = F.shape
-    # columns to the right are independent, and so are entries of a row of R⁻¹: the processor
-    # overlaps them
-    for j in range(c):
-        make_reflection(qr, j)
-        beta = scalars[BETA, j]
-        for other in range(j + 1, c):
-            scale = dot(F, j, F, other, j, r) * beta
-            for i in range(j, r):
-                F[other, i] -= scale * F[j, i]
+    c = R.shape[0]
     total = 0.0
     for k in range(c):
         for j in range(k, c):
@@ -214,6 +217,25 @@ def factor(qr: QR) -> float:
             entry = scalars[WORK, j] * scalars[INVERSE, j]
             total += entry * entry
             for i in range(j + 1, c):
-                scalars[WORK, i] -= F[i, j] * entry
-    bound: float = 1.0 / np.sqrt(total)
+                scalars[WORK, i] -= R[i, j] * entry
+    return total
+
+
+@in_place
+def factor(qr: QR) -> float:
+    """Compute the QR of the columns in place; return 1/‖R⁻¹‖_F.
+
+    This is a lower bound of the least singular value.
+    """
+    F = qr.columns
+    c, r = F.shape
+    # columns to the right are independent: the processor overlaps them
+    for j in range(c):
+        make_reflection(qr, j)
+        beta = qr.scalars[BETA, j]
+        for other in range(j + 1, c):
+            scale = dot(F, j, F, other, j, r) * beta
+            for i in range(j, r):
+                F[other, i] -= scale * F[j, i]
+    bound: float = 1.0 / np.sqrt(squared_norm_of_inverse(qr))
     return bound

@@ -24,7 +24,7 @@ from .workspace import Step
 SINGULAR = 1e-9
 #: Below this singular value, relative to the largest, its singular vector is only rounding.
 GONE = 1e-14
-#: Parts of the twists (3, n, 6): the columns of J, J̇ and J̈ for q̈ = 0.
+#: Parts of the twists T (3, n, 6): the columns (v, ω) of J, J̇ and J̈ for q̈ = 0.
 JACOBIAN = constant(0)
 FIRST = constant(1)
 SECOND = constant(2)
@@ -47,7 +47,8 @@ def tip_twists(step: Step, T: Array) -> None:
     n = len(step.joints)
     J = step.J_point
     body = step.bodies[n]
-    tip = plus(rotate(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
+    from_origin = rotate(matrix(body.R), vector(step.camera[0].tip_t))
+    tip = plus(from_origin, vector(body.origin))
     point_jacobian(step, n, tip, J)
     for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else 1.0
@@ -66,18 +67,22 @@ def write_rates(T: Array, qd: Array) -> None:
     twists, J̇_j = [J_j, V_j] with V_j = Σ J_k q̇_k of the joints k > j, and J̈_j = [J_j, V̇_j] +
     [J̇_j, V_j]. The columns are in the base's axes or in the tip's.
     """
-    # V_j and its derivative
-    after = np.zeros((2, 6))
+    sums = np.zeros((2, 6))
+    V = sums[0]
+    V_dot = sums[1]
     for j in range(T.shape[1] - 1, -1, -1):
+        J = T[JACOBIAN, j]
+        J_dot = T[FIRST, j]
+        J_ddot = T[SECOND, j]
         for i in range(6):
-            T[FIRST, j, i] = 0.0
-            T[SECOND, j, i] = 0.0
-        add_bracket(T[JACOBIAN, j], after[0], T[FIRST, j])
-        add_bracket(T[JACOBIAN, j], after[1], T[SECOND, j])
-        add_bracket(T[FIRST, j], after[0], T[SECOND, j])
+            J_dot[i] = 0.0
+            J_ddot[i] = 0.0
+        add_bracket(J, V, J_dot)
+        add_bracket(J, V_dot, J_ddot)
+        add_bracket(J_dot, V, J_ddot)
         for i in range(6):
-            after[0, i] += T[JACOBIAN, j, i] * qd[j]
-            after[1, i] += T[FIRST, j, i] * qd[j]
+            V[i] += J[i] * qd[j]
+            V_dot[i] += J_dot[i] * qd[j]
 
 
 @inner
@@ -114,35 +119,37 @@ def freest_axis(U: Array, count: int) -> int:
 def singular(M: Array, s: Array, U: Array) -> Array:
     """Write singular values and vectors of M (l, c), l ≥ c, and return [M v | v] (c, l + c).
 
-    The singular values s (c,) are decreasing, the unit vectors u are (c, l). The last u is
+    The singular values s (c,) are decreasing, the unit vectors u of U are (c, l). The last u is
     orthogonal to the others in any case. Otherwise w could not leave a singular configuration to a
     definite side.
     """
-    l, c = M.shape  # noqa: E741
-    last = c - 1
-    X = np.zeros((c, l + c))
-    for m in range(c):
-        X[m, l + m] = 1.0
-        for i in range(l):
+    long, short = M.shape
+    last = short - 1
+    X = np.zeros((short, long + short))
+    for m in range(short):
+        X[m, long + m] = 1.0
+        for i in range(long):
             X[m, i] = M[i, m]
-    orthogonalise(X, c, START, l)
-    sort_descending(X, l, s)
+    orthogonalise(X, short, START, long)
+    sort_descending(X, long, s)
     for m in range(last):
-        for i in range(l):
-            U[m, i] = X[m, i] / s[m] if s[m] > 0.0 else 0.0
+        is_zero = not s[m] > 0.0
+        for i in range(long):
+            U[m, i] = 0.0 if is_zero else X[m, i] / s[m]
     if s[last] <= GONE * s[0]:
         axis = freest_axis(U, last)
-        for i in range(l):
+        for i in range(long):
             U[last, i] = 1.0 if i == axis else 0.0
     else:
-        for i in range(l):
+        for i in range(long):
             U[last, i] = X[last, i]
     # Gram-Schmidt, repeated because of cancellation
     for _ in range(2):
         for m in range(last):
-            add(U, last, -dot(U, m, U, last, START, l), U, m, START, l)
-        size = np.sqrt(dot(U, last, U, last, START, l))
-        for i in range(l):
+            projection = dot(U, m, U, last, START, long)
+            add(U, last, -projection, U, m, START, long)
+        size = np.sqrt(dot(U, last, U, last, START, long))
+        for i in range(long):
             U[last, i] /= size
     return X
 
@@ -164,7 +171,8 @@ def product_of_others(s: Array, m: int) -> float:
     """Return the product of all singular values but s[m]."""
     product = 1.0
     for o in range(len(s)):
-        product *= 1.0 if o == m else s[o]
+        if o != m:
+            product *= s[o]
     return product
 
 
@@ -176,16 +184,65 @@ def log_determinant_rates(s: Array, PV: Array, D: Array, D2: Array) -> tuple[flo
     those of P, Ṗ and P̈ in this basis. Then (log det G)˙ = tr G⁻¹Ġ, and (log det G)¨ = tr G⁻¹G̈ −
     tr (G⁻¹Ġ)².
     """
-    l = D.shape[1]  # noqa: E741
-    rate = second = squared = 0.0
+    long = D.shape[1]
+    half_rate = 0.0
+    by_G_ddot = 0.0
+    by_G_dot = 0.0
     for m in range(len(s)):
         gain = max(s[m], SINGULAR) ** 2
-        rate += dot(D, m, PV, m, START, l) / gain
-        second += 2.0 * (dot(D2, m, PV, m, START, l) + dot(D, m, D, m, START, l)) / gain
+        PD = dot(D, m, PV, m, START, long)
+        PD2 = dot(D2, m, PV, m, START, long)
+        DD = dot(D, m, D, m, START, long)
+        half_rate += PD / gain
+        by_G_ddot += 2.0 * (PD2 + DD) / gain
         for o in range(len(s)):
-            G_dot = dot(D, m, PV, o, START, l) + dot(PV, m, D, o, START, l)
-            squared += G_dot * G_dot / (gain * max(s[o], SINGULAR) ** 2)
-    return rate, second - squared
+            other_gain = max(s[o], SINGULAR) ** 2
+            G_dot = dot(D, m, PV, o, START, long) + dot(PV, m, D, o, START, long)
+            by_G_dot += G_dot * G_dot / (gain * other_gain)
+    return half_rate, by_G_ddot - by_G_dot
+
+
+@inner
+def write_rates_in_basis(T: Array, first: int, count: int, W: Array, D: Array, D2: Array) -> None:
+    """Write the rows vᵀ Ṗ to D and vᵀ P̈ to D2, both (c, l), for the v in W of :func:`measure`."""
+    n = T.shape[1]
+    short, long = D.shape
+    is_wide = count <= n
+    for m in range(short):
+        for j in range(n):
+            for i in range(count):
+                # entry of P, which is J or Jᵀ
+                row = i if is_wide else j
+                column = j if is_wide else i
+                v = W[m, long + row]
+                D[m, column] += v * T[FIRST, j, first + i]
+                D2[m, column] += v * T[SECOND, j, first + i]
+
+
+@inner
+def write_slope(
+    T: Array, first: int, count: int, s: Array, W: Array, U: Array, slope: Array
+) -> None:
+    """Write ∂w/∂q (n,): the sum of all vᵀ (∂P/∂q_k) u, each times the other singular values."""
+    n = T.shape[1]
+    short, long = U.shape
+    is_wide = count <= n
+    change = np.zeros(6)
+    for k in range(n):
+        slope[k] = 0.0
+    for m in range(short):
+        others = product_of_others(s, m)
+        for j in range(n):
+            for k in range(j + 1, n):
+                for i in range(6):
+                    change[i] = 0.0
+                # ∂J_j/∂q_k = −[J_k, J_j]
+                add_bracket(T[JACOBIAN, j], T[JACOBIAN, k], change)
+                for i in range(count):
+                    row = i if is_wide else j
+                    column = j if is_wide else i
+                    v = W[m, long + row]
+                    slope[k] += others * v * U[m, column] * change[first + i]
 
 
 @inner
@@ -199,42 +256,23 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     ½ (log det G)˙ and ẅ = w (r² + ½ (log det G)¨).
     """
     n = T.shape[1]
-    is_wide = count <= n
-    c = min(count, n)
-    l = max(count, n)  # noqa: E741
-    M = np.empty((l, c))
-    s = np.zeros(c)
-    U = np.empty((c, l))
-    # rows vᵀ Ṗ and vᵀ P̈
-    D = np.zeros((c, l))
-    D2 = np.zeros((c, l))
-    change = np.zeros(6)
+    short = min(count, n)
+    long = max(count, n)
+    M = np.empty((long, short))
+    s = np.zeros(short)
+    U = np.empty((short, long))
+    D = np.zeros((short, long))
+    D2 = np.zeros((short, long))
     write_long_matrix(T, first, count, M)
     W = singular(M, s, U)  # [vᵀ P | vᵀ]
-    for k in range(n):
-        slope[k] = 0.0
-    bounded_product = 1.0
-    for m in range(c):
-        others = product_of_others(s, m)
-        bounded_product *= max(s[m], SINGULAR)
-        for j in range(n):
-            for i in range(count):
-                x, y = (i, j) if is_wide else (j, i)
-                v = W[m, l + x]
-                D[m, y] += v * T[FIRST, j, first + i]
-                D2[m, y] += v * T[SECOND, j, first + i]
-            for k in range(j + 1, n):
-                for i in range(6):
-                    change[i] = 0.0
-                # ∂J_j/∂q_k = −[J_k, J_j]
-                add_bracket(T[JACOBIAN, j], T[JACOBIAN, k], change)
-                for i in range(count):
-                    x, y = (i, j) if is_wide else (j, i)
-                    slope[k] += others * W[m, l + x] * U[m, y] * change[first + i]
+    write_rates_in_basis(T, first, count, W, D, D2)
+    write_slope(T, first, count, s, W, U, slope)
     rate, bend = log_determinant_rates(s, W, D, D2)
     product = 1.0
-    for m in range(c):
+    bounded_product = 1.0
+    for m in range(short):
         product *= s[m]
+        bounded_product *= max(s[m], SINGULAR)
     return product, bounded_product * (rate * rate + 0.5 * bend)
 
 
@@ -245,20 +283,21 @@ def manipulability_rows() -> WriteRows:
     least w, the scale, and the first and the number of the rows of the Jacobian that count.
     """
 
-    def rows(address: int, i: int) -> None:
+    def rows(address: int, number: int) -> None:
         step = load_step(address)
         n = len(step.qd)
-        part = step.parts[i]
-        minimum, scale, start, count = to_fixed_tuple(step.parameters[i], 4)
+        part = step.parts[number]
+        minimum, scale, start, count = to_fixed_tuple(step.parameters[number], 4)
         T = np.empty((3, n, 6))
         slope = np.empty(n)
-        rate = 0.0
         tip_twists(step, T)
-        w, bent = measure(T, int(start), int(count), slope)
+        w, w_bend = measure(T, int(start), int(count), slope)
         factor = -1.0 / scale
+        sigma = (minimum - w) / scale
+        sigma_dot = 0.0
         for j in range(n):
-            rate += factor * slope[j] * step.qd[j]
+            sigma_dot += factor * slope[j] * step.qd[j]
             step.rows.Lg[part.first, j] = part.K * factor * slope[j]
-        write_row(step, part.first, part.K, (minimum - w) / scale, rate, factor * bent)
+        write_row(step, part.first, part.K, sigma, sigma_dot, factor * w_bend)
 
     return rows

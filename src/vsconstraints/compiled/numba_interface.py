@@ -79,8 +79,8 @@ def stored_type(example: Any, layout: np.dtype[Any]) -> Stored:
         fields[name] = offset, kind
         if not accelerator.USED:
             _add_attribute(name)
-    described = repr([(name, offset, str(kind)) for name, (offset, kind) in fields.items()])
-    digest = hashlib.sha256(described.encode()).hexdigest()[:8]
+    described = [(name, offset, str(kind)) for name, (offset, kind) in fields.items()]
+    digest = hashlib.sha256(repr(described).encode()).hexdigest()[:8]
     return Stored(f"{type(example).__name__}_{digest}", fields)
 
 
@@ -112,11 +112,11 @@ def jit(signature: Signature, from_python: bool, options: dict[str, Any]) -> Cal
     Python calls the result, or compiled code calls it by its ``address``.
     """
     wanted = numba_signature(signature)
-    compiler: Callable[..., Any] = (
-        numba.njit(wanted, cache=True, **accelerator.ENTRY, **options)
-        if from_python
-        else numba.cfunc(wanted, cache=True, **options)
-    )
+    compiler: Callable[..., Any]
+    if from_python:
+        compiler = numba.njit(wanted, cache=True, **accelerator.ENTRY, **options)
+    else:
+        compiler = numba.cfunc(wanted, cache=True, **options)
     return compiler
 
 
@@ -155,9 +155,9 @@ def _add_attribute(name: str) -> None:
         if name not in structure.fields:
             return None
         offset, kind = structure.fields[name]
-        return (
-            _array_reader(offset, kind) if isinstance(kind, types.Array) else _reader(offset, kind)
-        )
+        if isinstance(kind, types.Array):
+            return _array_reader(offset, kind)
+        return _reader(offset, kind)
 
 
 def _load(builder: Any, address: Any, offset: int, kind: Any) -> Any:
@@ -176,9 +176,10 @@ def _reader(offset: int, kind: Any) -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, structure: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            (address,) = values
             if isinstance(kind, Stored):
-                return builder.add(values[0], llvm.Constant(WORD, offset))
-            return _load(builder, values[0], offset, context.get_value_type(kind))
+                return builder.add(address, llvm.Constant(WORD, offset))
+            return _load(builder, address, offset, context.get_value_type(kind))
 
         return kind(structure), generate
 
@@ -195,16 +196,18 @@ def _array_reader(offset: int, kind: Any) -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def data(typing_context: Any, structure: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            (address,) = values
             pointer = context.get_value_type(signature.return_type)
-            return _load(builder, values[0], offset, pointer)
+            return _load(builder, address, offset, pointer)
 
         return types.CPointer(kind.dtype)(structure), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
     def shape(typing_context: Any, structure: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            (address,) = values
             lengths = context.get_value_type(signature.return_type)
-            return _load(builder, values[0], offset + WORD_SIZE, lengths)
+            return _load(builder, address, offset + WORD_SIZE, lengths)
 
         return shape_type(structure), generate
 
@@ -219,7 +222,9 @@ def pointer_to_floats(typing_context: Any, address: Any) -> Any:
     """Convert an address to a pointer."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+        (number,) = values
+        pointer = context.get_value_type(signature.return_type)
+        return builder.inttoptr(number, pointer)
 
     return types.CPointer(FLOAT)(types.intp), generate
 
@@ -229,8 +234,9 @@ def write_word(typing_context: Any, structure: Any, offset: Any, value: Any) -> 
     """Write an integer to the memory of a structure."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place = builder.inttoptr(builder.add(values[0], values[1]), WORD.as_pointer())
-        builder.store(values[2], place)
+        base, distance, word = values
+        place = builder.add(base, distance)
+        builder.store(word, builder.inttoptr(place, WORD.as_pointer()))
         return context.get_dummy_value()
 
     return VOID(structure, INT, INT), generate
@@ -246,8 +252,9 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
     def as_numpy(condition: Any, x: Any, y: Any) -> Any:
         return np.where(condition, x, y)
 
-    numbers = types.Boolean, types.Number
-    return choose if all(isinstance(part, numbers) for part in (condition, x, y)) else as_numpy
+    number_types = types.Boolean, types.Number
+    are_numbers = all(isinstance(part, number_types) for part in (condition, x, y))
+    return choose if are_numbers else as_numpy
 
 
 def load_as(function: Callable[..., Any], example: Any) -> None:
@@ -300,12 +307,13 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
     @intrinsic  # type: ignore[untyped-decorator]
     def call_pointer(typing_context: Any, address: Any, arguments: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            count = len(signature.args[1])
-            given = [builder.extract_value(values[1], i) for i in range(count)]
-            kind = llvm.FunctionType(
-                context.get_value_type(result), [value.type for value in given]
-            )
-            answer = builder.call(builder.inttoptr(values[0], kind.as_pointer()), given)
+            number, packed = values
+            _, argument_types = signature.args
+            given = [builder.extract_value(packed, i) for i in range(len(argument_types))]
+            types_given = [value.type for value in given]
+            kind = llvm.FunctionType(context.get_value_type(result), types_given)
+            pointer = builder.inttoptr(number, kind.as_pointer())
+            answer = builder.call(pointer, given)
             return context.get_dummy_value() if result == VOID else answer
 
         return result(INT, arguments), generate
@@ -348,8 +356,10 @@ def fixed_tuple_as(function: Callable[..., Any]) -> None:
         @intrinsic  # type: ignore[untyped-decorator]
         def load(typing_context: Any, address: Any) -> Any:
             def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+                (number,) = values
                 numbers = context.get_value_type(kind)
-                return builder.load(builder.inttoptr(values[0], numbers.as_pointer()))
+                pointer = builder.inttoptr(number, numbers.as_pointer())
+                return builder.load(pointer)
 
             return kind(types.intp), generate
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..formulas.features import image_row, pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.tracking import demanded, gains, minimum_jerk, resting
 from ..formulas.vectors import matrix, rotate, vector
+from ..rows import Array
 from .compiler import in_place
 from .kinematics import put
 from .linear import START, constant
@@ -26,32 +29,24 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
     """
     eye = step.eye[0]
     task = step.task
-    wanted = step.goals[goal]
-    E, e, w = pose_error(
-        matrix(wanted.R),
-        vector(wanted.t),
-        matrix(step.camera_R),
-        vector(step.camera_t),
-        vector(step.last_error[3:]),
-        continues,
-    )
+    goal_R = matrix(step.goals[goal].R)
+    goal_t = vector(step.goals[goal].t)
+    R = matrix(step.camera_R)
+    origin = vector(step.camera_t)
+    last_theta_u = vector(step.last_error[3:])
+    v = vector(eye.velocity)
     omega = vector(eye.angular_velocity)
-    w_dot, L, L_dot = rotation_vector_rate(w, omega)
-    rate, drift, w_ddot = pose_rates(
-        E,
-        L,
-        L_dot,
-        vector(eye.velocity),
-        omega,
-        vector(eye.acceleration),
-        vector(eye.angular_acceleration),
-    )
-    put(e, task.error[:3])
-    put(w, task.error[3:])
-    put(rate, task.error_rate[:3])
-    put(w_dot, task.error_rate[3:])
-    put(drift, step.drift[:3])
-    put(w_ddot, step.drift[3:])
+    v_dot = vector(eye.acceleration)
+    omega_dot = vector(eye.angular_acceleration)
+    E, t, theta_u = pose_error(goal_R, goal_t, R, origin, last_theta_u, continues)
+    theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
+    t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+    put(t, task.error[:3])
+    put(theta_u, task.error[3:])
+    put(t_dot, task.error_rate[:3])
+    put(theta_u_dot, task.error_rate[3:])
+    put(t_ddot, step.drift[:3])
+    put(theta_u_ddot, step.drift[3:])
     J = step.camera_J
     for j in range(J.shape[1]):
         put(rotate(E, vector(J[:3, j])), task.J[:3, j])
@@ -59,35 +54,49 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
 
 
 @in_place
+def mixed(share: float, current: float, at_goal: float) -> float:
+    """Return the mean of a current value and that at the goal, which has the weight ``share``."""
+    return (1.0 - share) * current + share * at_goal
+
+
+@in_place
+def mixed_drift(step: Step, L: Any, L_goal: Array) -> float:
+    """Return the product of a row of the mixed interaction matrix and (v̇, ω̇) of the camera."""
+    eye = step.eye[0]
+    share = step.options[0].share
+    drift = 0.0
+    for i in range(3):
+        drift += mixed(share, L[i], L_goal[i]) * eye.acceleration[i]
+        drift += mixed(share, L[3 + i], L_goal[3 + i]) * eye.angular_acceleration[i]
+    return drift
+
+
+@in_place
 def write_image(step: Step, goal: int) -> None:
     """Write J_s, the error, ṡ, J̇_s q̇ + ∂ṡ/∂t and ∂s/∂t of markers: see :class:`.ImagePoints`."""
-    eye = step.eye[0]
     task = step.task
     share = step.options[0].share
+    is_mixed = share > 0.0
     J = step.camera_J
     for row in range(len(task.error)):
+        # x and y of the first marker, of the second one, and so on
         marker = step.seen[row // 2]
         c = row % 2
-        now = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
-        there = step.goal_interaction[goal, row]
-        drift = 0.0
-        for j in range(3):
-            linear = (1.0 - share) * now[j] + share * there[j]
-            angular = (1.0 - share) * now[3 + j] + share * there[3 + j]
-            drift += linear * eye.acceleration[j]
-            drift += angular * eye.angular_acceleration[j]
-        moving = 0.0
+        L = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
+        L_goal = step.goal_interaction[goal, row]
+        by_joints = 0.0
         for j in range(J.shape[1]):
-            entry = wanted = 0.0
+            entry = 0.0
+            entry_at_goal = 0.0
             for i in range(3):
-                entry += now[i] * J[i, j] + now[3 + i] * J[3 + i, j]
-                wanted += there[i] * J[i, j] + there[3 + i] * J[3 + i, j]
-            moving += entry * step.qd[j]
-            task.J[row, j] = (1.0 - share) * entry + share * wanted if share > 0.0 else entry
+                entry += L[i] * J[i, j] + L[3 + i] * J[3 + i, j]
+                entry_at_goal += L_goal[i] * J[i, j] + L_goal[3 + i] * J[3 + i, j]
+            by_joints += entry * step.qd[j]
+            task.J[row, j] = mixed(share, entry, entry_at_goal) if is_mixed else entry
         task.error[row] = marker.xy[c] - step.goal_points[goal, row]
         task.error_rate[row] = marker.velocity[c]
-        step.partial[row] = marker.velocity[c] - moving
-        step.drift[row] = drift if share > 0.0 else marker.drift[c]
+        step.partial[row] = marker.velocity[c] - by_joints
+        step.drift[row] = mixed_drift(step, L, L_goal) if is_mixed else marker.drift[c]
 
 
 @in_place
@@ -109,21 +118,22 @@ def complete_rates(step: Step, i: int, interval: float) -> None:
     options = step.options[0]
     task = step.task
     n = len(step.qd)
-    moving = 0.0
+    by_joints = 0.0
     for j in range(n):
-        moving += task.J[i, j] * step.qd[j]
+        by_joints += task.J[i, j] * step.qd[j]
     # the part of ṡ that the robot does not cause; ṡ itself if J_s is not that of the current image
     if options.feature == CAMERA_POSE:
-        step.partial[i] = task.error_rate[i] - moving
+        step.partial[i] = task.error_rate[i] - by_joints
     elif options.share > 0.0:
-        task.error_rate[i] = step.partial[i] + moving
+        task.error_rate[i] = step.partial[i] + by_joints
     if options.drift_by_differences:
         step.drift[i] = 0.0
         if interval > 0.0:
-            total = step.partial[i] - step.last_partial[i]
+            change = step.partial[i] - step.last_partial[i]
             for j in range(n):
-                total += (task.J[i, j] - step.last_J[i, j]) * step.qd[j]
-            step.drift[i] = total / interval
+                J_change = task.J[i, j] - step.last_J[i, j]
+                change += J_change * step.qd[j]
+            step.drift[i] = change / interval
     if options.velocity_by_differences and interval > 0.0:
         task.error_rate[i] = (task.error[i] - step.last_error[i]) / interval
 
@@ -140,9 +150,10 @@ def subtract_reference(
     """
     task = step.task
     reference = step.last_reference
-    s_ref = left * reference[AT_BEGINNING, i]
-    rate = left_dot * reference[AT_BEGINNING, i]
-    acceleration = left_ddot * reference[AT_BEGINNING, i]
+    at_beginning = reference[AT_BEGINNING, i]
+    s_ref = left * at_beginning
+    rate = left_dot * at_beginning
+    acceleration = left_ddot * at_beginning
     if step.options[0].reference_by_differences:
         rate = 0.0
         acceleration = 0.0
@@ -160,14 +171,15 @@ def subtract_reference(
 def write_rest(step: Step) -> None:
     """Write q̈₀, with continuous joints at the turn nearest to the posture."""
     options = step.options[0]
+    damping = options.rest_damping
+    stiffness = options.rest_stiffness
     rest = step.task.rest
     for j in range(rest.size):
         q = step.q[j]
+        posture = step.posture[j]
         if step.joints[j].continuous != 0:
-            q -= whole_turns(q - step.posture[j])
-        rest[j] = resting(
-            q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness
-        )
+            q -= whole_turns(q - posture)
+        rest[j] = resting(q, step.qd[j], posture, damping, stiffness)
 
 
 @in_place
@@ -185,12 +197,14 @@ def write_task(step: Step, t: float) -> None:
         write_image(step, goal)
     interval = max(t - last.time, 0.0) if continues else 0.0
     reach_in = step.goals[goal].reach_in
-    left = left_dot = left_ddot = 0.0
+    left = 0.0
+    left_dot = 0.0
+    left_ddot = 0.0
     if reach_in > 0.0:
         if not continues:
             last.began = t
         left, left_dot, left_ddot = minimum_jerk(t - last.began, reach_in)
-    squared = 0.0
+    squared_error = 0.0
     for i in range(k):
         complete_rates(step, i, interval)
         step.last_error[i] = task.error[i]
@@ -198,8 +212,8 @@ def write_task(step: Step, t: float) -> None:
             if not continues:
                 step.last_reference[AT_BEGINNING, i] = task.error[i]
             subtract_reference(step, i, left, left_dot, left_ddot, interval)
-        squared += task.error[i] * task.error[i]
-    Kp, Kv = gains(squared, options.Kp0, options.slope, options.damping)
+        squared_error += task.error[i] * task.error[i]
+    Kp, Kv = gains(squared_error, options.Kp0, options.slope, options.damping)
     for i in range(k):
         task.b[i] = demanded(task.error[i], task.error_rate[i], step.drift[i], Kp, Kv)
         step.last_partial[i] = step.partial[i]

@@ -123,7 +123,7 @@ def gather_walls(
             w += 1
     normals = blank(scratch, w, n)
     sides = vector(scratch, w)
-    W = vector(scratch, free)
+    of_demands = vector(scratch, free)
     which = integers(scratch, free)
     violation = vector(scratch, free)
     rows = matrix(scratch, KINDS, w)
@@ -134,11 +134,12 @@ def gather_walls(
                 slack[i] = max(0.0, -c[i])
             else:
                 sides[at] = c[i]
-                W[at] = weights[i]
+                of_demands[at] = weights[i]
                 which[at] = i
                 violation[at] = 0.0
                 copy(normals, at, A, i, n)
                 at += 1
+    # x ≤ greatest, then −x ≤ −least
     for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
         for j in range(n):
             if sign * box[end, j] < math.inf:
@@ -148,7 +149,7 @@ def gather_walls(
     limits = vector(scratch, w)
     held = flags(scratch, w)
     copy_vector(limits, sides)
-    return Inequalities(normals, sides, limits, held, rows, W, which, violation)
+    return Inequalities(normals, sides, limits, held, rows, of_demands, which, violation)
 
 
 @in_place
@@ -160,18 +161,21 @@ def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
     p = H.shape[0]
     n = X.shape[1]
     free = walls.violation.size
+    normals = walls.normals
     for i in range(walls.sides.size):
-        outside = 0.0
+        squared_in_basis = 0.0
         for d in range(p):
-            H[d, i] = walls.normals[i, d] if p == n else dot(walls.normals, i, Z, d, START, n)
-            outside += H[d, i] * H[d, i]
+            # an empty Z stands for the identity
+            H[d, i] = normals[i, d] if p == n else dot(normals, i, Z, d, START, n)
+            squared_in_basis += H[d, i] * H[d, i]
         if p < n:
+            squared = dot(normals, i, normals, i, START, n)
             # rows within the span of the violated ones are settled
-            squared = dot(walls.normals, i, walls.normals, i, START, n)
-            settled = outside <= DEPENDENT * DEPENDENT * squared
-            if settled or (i < free and walls.violation[i] > 0.0):
+            is_settled = squared_in_basis <= DEPENDENT * DEPENDENT * squared
+            is_violated = i < free and walls.violation[i] > 0.0
+            if is_settled or is_violated:
                 walls.limits[i] = math.inf
-        walls.rows[SIDE, i] = walls.limits[i] - dot(walls.normals, i, X, ORIGIN, START, n)
+        walls.rows[SIDE, i] = walls.limits[i] - dot(normals, i, X, ORIGIN, START, n)
         if not walls.rows[SIDE, i] > -math.inf:
             return False
     return True

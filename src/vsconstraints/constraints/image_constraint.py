@@ -254,7 +254,7 @@ class Polylines:
 
     def __init__(self, lines: Sequence[Array]) -> None:
         self.lines = tuple(lines)
-        self._prepared = prepared(lines) if lines else None
+        self._prepared = tuple(prepared(lines)) if lines else None
 
     def distance(self, points: Array) -> Array:
         """Return the distance (...) of points (..., 2) to the nearest polyline [px].

@@ -263,7 +263,7 @@ class DynamicPlant(Plant):
         self.workspace = Workspace(self.arm)
         self._mujoco = None
         self._loop = loop
-        self._compiled = load("drives")
+        self._compiled = load("substeps")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:

@@ -50,8 +50,10 @@ def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
 @formula
 def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
-    x_bend = power(np.abs(u) / a, n - 2.0)
-    y_bend = power(np.abs(v) / b, n - 2.0)
+    x = np.abs(u) / a
+    y = np.abs(v) / b
+    x_bend = power(x, n - 2.0)
+    y_bend = power(y, n - 2.0)
     x_dot = u_dot / a
     y_dot = v_dot / b
     bending = x_bend * x_dot**2 + y_bend * y_dot**2
@@ -74,8 +76,8 @@ def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 @formula
 def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
     """1 − (u² + v²)/r² and its derivatives."""
-    squared_radius = r * r
     squared_distance = u * u + v * v
+    squared_radius = r * r
     value = 1.0 - squared_distance / squared_radius
     du = -2.0 * u / squared_radius
     dv = -2.0 * v / squared_radius

@@ -6,7 +6,17 @@ from typing import Any
 
 from . import formula
 from .rotation import rotation_vector
-from .vectors import Matrix, Vector, cross, minus, plus, rotate, rotate_inverse, transposed_product
+from .vectors import (
+    Matrix,
+    Vector,
+    cross,
+    minus,
+    plus,
+    rotate,
+    rotate_inverse,
+    transposed_product,
+    vector,
+)
 
 MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker cannot be projected.
 
@@ -64,6 +74,7 @@ def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
 @formula
 def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Row c of L_sx, eq. (24), at the normalised point (x, y) and depth Z."""
+    # x for c = 0, y for c = 1
     of_x = 1.0 - c
     of_y = 1.0 * c
     linear, angular = interaction(of_x, of_y, x, y, Z)
@@ -85,17 +96,21 @@ def image_motion(
     P_dot = minus(cross(P, omega), v)
     turning = plus(cross(P, omega_dot), cross(P_dot, omega))
     P_ddot = minus(turning, v_dot)
-    Z = P[2]
+    X, Y, Z = vector(P)
     X_dot, Y_dot, Z_dot = P_dot
     X_ddot, Y_ddot, Z_ddot = P_ddot
-    x = P[0] / Z
-    y = P[1] / Z
-    # the first and second derivatives of x Z = X, and of y Z = Y
-    x_dot = (X_dot - x * Z_dot) / Z
-    y_dot = (Y_dot - y * Z_dot) / Z
-    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
-    y_ddot = (Y_ddot - y * Z_ddot - 2.0 * y_dot * Z_dot) / Z
+    x, x_dot, x_ddot = ratio(X, X_dot, X_ddot, Z, Z_dot, Z_ddot)
+    y, y_dot, y_ddot = ratio(Y, Y_dot, Y_ddot, Z, Z_dot, Z_ddot)
     return x, y, x_dot, y_dot, x_ddot, y_ddot
+
+
+@formula
+def ratio(X: Any, X_dot: Any, X_ddot: Any, Z: Any, Z_dot: Any, Z_ddot: Any) -> tuple[Any, Any, Any]:
+    """Quotient x = X/Z and two derivatives, from those of x Z = X."""
+    x = X / Z
+    x_dot = (X_dot - x * Z_dot) / Z
+    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    return x, x_dot, x_ddot
 
 
 @formula
@@ -107,5 +122,9 @@ def interaction(a: Any, b: Any, x: Any, y: Any, Z: Any) -> tuple[Vector, Vector]
         -b / Z,
         along / Z,
     )
-    angular = (along * y + b, -along * x - a, a * y - b * x)
+    angular = (
+        along * y + b,
+        -along * x - a,
+        a * y - b * x,
+    )
     return linear, angular

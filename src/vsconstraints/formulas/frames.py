@@ -38,16 +38,20 @@ def rotate_inverse_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 
 @formula
-def differences_in_image(function: Callable[..., Any], parameters: Any, y: Any, v: Any) -> Any:
-    """ẏᵀ H ẏ at y = (u, v), by central differences of a formula's gradient along ẏ (``v``)."""
-    u_dot = v[0]
-    v_dot = v[1]
+def differences_in_image(
+    function: Callable[..., Any], parameters: Any, y: Any, velocity: Any
+) -> Any:
+    """ẏᵀ H ẏ at y = (u, v), by central differences of a formula's gradient along the velocity ẏ."""
+    u = y[0]
+    v = y[1]
+    u_dot = velocity[0]
+    v_dot = velocity[1]
     speed = np.sqrt(u_dot * u_dot + v_dot * v_dot)
     h = IN_IMAGE / np.maximum(speed, TINY)
     du = h * u_dot
     dv = h * v_dot
-    _, ahead_u, ahead_v = function(y[0] + du, y[1] + dv, *parameters)
-    _, behind_u, behind_v = function(y[0] - du, y[1] - dv, *parameters)
+    _, ahead_u, ahead_v = function(u + du, v + dv, *parameters)
+    _, behind_u, behind_v = function(u - du, v - dv, *parameters)
     change_u = ahead_u - behind_u
     change_v = ahead_v - behind_v
     change = change_u * u_dot + change_v * v_dot
@@ -55,14 +59,16 @@ def differences_in_image(function: Callable[..., Any], parameters: Any, y: Any, 
 
 
 @formula
-def differences_in_space(function: Callable[..., Any], parameters: Any, y: Any, v: Any) -> Any:
-    """ẏᵀ H ẏ at y = (x, y, z), by central differences of a formula's gradient along ẏ (``v``)."""
-    speed = np.sqrt(dot(v, v))
+def differences_in_space(
+    function: Callable[..., Any], parameters: Any, y: Any, velocity: Any
+) -> Any:
+    """ẏᵀ H ẏ at y = (x, y, z), by central differences of a formula's gradient along ẏ."""
+    speed = np.sqrt(dot(velocity, velocity))
     h = IN_SPACE / np.maximum(speed, TINY)
-    step = times(h, v)
+    step = times(h, velocity)
     ahead = gradient_in_space(function, parameters, plus(y, step))
     behind = gradient_in_space(function, parameters, minus(y, step))
-    change = dot(minus(ahead, behind), v)
+    change = dot(minus(ahead, behind), velocity)
     return change / (2.0 * h)
 
 

@@ -28,6 +28,14 @@ INSIDE = 0.999  #: Newton's method starts within this share of the reach, becaus
 
 
 @formula
+def cubic(s: Any, k1: Any, k2: Any, k3: Any) -> tuple[Any, Any]:
+    """1 + k₁s + k₂s² + k₃s³ and its derivative with respect to s."""
+    value = 1.0 + s * (k1 + s * (k2 + s * k3))
+    slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
+    return value, slope
+
+
+@formula
 def brown_conrady(x: Any, y: Any, coefficients: Any) -> Distorted:
     """Radial and tangential distortion (Brown-Conrady).
 
@@ -35,30 +43,27 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> Distorted:
     k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
-    s = x * x + y * y  # r²
-    over = 1.0 + s * (k1 + s * (k2 + s * k3))
-    under = 1.0 + s * (k4 + s * (k5 + s * k6))
+    xx = x * x
+    yy = y * y
+    s = xx + yy  # r²
+    over, over_slope = cubic(s, k1, k2, k3)
+    under, under_slope = cubic(s, k4, k5, k6)
     c = over / under
-    # derivatives with respect to r²
-    over_slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
-    under_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6)
     c_slope = (over_slope - c * under_slope) / under
     # radial and both tangential terms of each coordinate
-    x_radial = x * c
     x_p1 = 2.0 * p1 * x * y
     x_p2 = p2 * (s + 2.0 * x * x)
-    x_d = x_radial + x_p1 + x_p2
-    y_radial = y * c
+    x_d = x * c + x_p1 + x_p2
     y_p1 = p1 * (s + 2.0 * y * y)
     y_p2 = 2.0 * p2 * x * y
-    y_d = y_radial + y_p1 + y_p2
+    y_d = y * c + y_p1 + y_p2
     # half of the derivatives, less the common c
-    xx = x * x * c_slope + p1 * y + 3.0 * p2 * x
-    xy = x * y * c_slope + p1 * x + p2 * y
-    yy = y * y * c_slope + 3.0 * p1 * y + p2 * x
-    dx_dx = c + 2.0 * xx
-    dx_dy = 2.0 * xy
-    dy_dy = c + 2.0 * yy
+    half_xx = xx * c_slope + p1 * y + 3.0 * p2 * x
+    half_xy = x * y * c_slope + p1 * x + p2 * y
+    half_yy = yy * c_slope + 3.0 * p1 * y + p2 * x
+    dx_dx = c + 2.0 * half_xx
+    dx_dy = 2.0 * half_xy
+    dy_dy = c + 2.0 * half_yy
     return x_d, y_d, dx_dx, dx_dy, dx_dy, dy_dy
 
 
@@ -98,15 +103,17 @@ def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> Disto
     is invertible everywhere. Farther out the polynomials of the lens may turn back.
     """
     r = np.sqrt(x * x + y * y)
-    beyond = 1.0 * (r > reach)
+    is_beyond = r > reach
+    beyond = 1.0 * is_beyond
     # factor that moves (x, y) to the nearest point within the reach
-    inwards = where(r > reach, reach / np.maximum(r, reach), 1.0)
+    inwards = where(is_beyond, reach / np.maximum(r, reach), 1.0)
     x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(inwards * x, inwards * y, coefficients)
     x_d = x_d / inwards
     y_d = y_d / inwards
     # along the radius the image grows in proportion to r: J p = p_d there, by J ← J + (p_d − J p)
     # pᵀ/r²
-    per_squared_radius = beyond / (r * r + (1.0 - beyond))
+    divisor = r * r + (1.0 - beyond)
+    per_squared_radius = beyond / divisor
     Jp_x = dx_dx * x + dx_dy * y
     Jp_y = dy_dx * x + dy_dy * y
     u = per_squared_radius * (x_d - Jp_x)
@@ -127,9 +134,11 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
 
     The error is the greater distance of both coordinates between the image of (x, y) and (X, Y).
     """
-    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = extended(lens, at[0], at[1], reach, coefficients)
-    error_x = image[0] - x_d
-    error_y = image[1] - y_d
+    x, y = at
+    X, Y = image
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = extended(lens, x, y, reach, coefficients)
+    error_x = X - x_d
+    error_y = Y - y_d
     determinant = dx_dx * dy_dy - dx_dy * dy_dx
     # Cramer's rule
     numerator_x = dy_dy * error_x - dx_dy * error_y
@@ -156,14 +165,11 @@ def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> Distorted:
     x = (u - u0) / Fu
     y = (v - v0) / Fv
     x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = extended(lens, x, y, reach, coefficients)
-    return (
-        Fu * x_d + u0,
-        Fv * y_d + v0,
-        dx_dx,
-        dx_dy * Fu / Fv,
-        dy_dx * Fv / Fu,
-        dy_dy,
-    )
+    u_d = Fu * x_d + u0
+    v_d = Fv * y_d + v0
+    du_dv = dx_dy * Fu / Fv
+    dv_du = dy_dx * Fv / Fu
+    return u_d, v_d, dx_dx, du_dv, dv_du, dy_dy
 
 
 @formula
@@ -172,8 +178,9 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
 
     They are evaluated at ideal pixels y = (u, v).
     """
+    a, b = half
     u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, y[0], y[1], eye)
-    value, slope_u, slope_v = superellipse(u, v, half[0], half[1], n)
+    value, slope_u, slope_v = superellipse(u, v, a, b, n)
     by_u = slope_u * du_du + slope_v * dv_du
     by_v = slope_u * du_dv + slope_v * dv_dv
     return value, by_u, by_v

@@ -54,17 +54,19 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
     period, by q̈ = −q̇²/(2d). A joint outside its range is stopped.
     """
     d = where(left < np.inf, left, 0.0)
-    ahead = d - 0.5 * period * speed
+    half_a_period_ahead = 0.5 * period * speed
+    ahead = d - half_a_period_ahead
     room = 4.0 * acceleration * np.maximum(ahead, 0.0)
     slowed = acceleration * period
     # root of the quadratic in a form without cancellation
     discriminant = slowed * slowed + 2.0 * room
     w = room / (slowed + np.sqrt(discriminant))
     slowing = (w - speed) / period
-    divisor = 2.0 * where(d > 0.0, d, 1.0)
+    is_inside = d > 0.0
+    divisor = 2.0 * where(is_inside, d, 1.0)
     turning_back = -speed * speed / divisor
     stopping_at_once = -speed / period
-    otherwise = where(d > 0.0, turning_back, stopping_at_once)
+    otherwise = where(is_inside, turning_back, stopping_at_once)
     bound = where(ahead >= 0.0, slowing, otherwise)
     return where(left < np.inf, bound, np.inf)
 

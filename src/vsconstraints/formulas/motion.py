@@ -35,10 +35,11 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
     """
     rate = length(angular_velocity)
     turning = rate if rate > 0.0 else 1.0
+    omega_x, omega_y, omega_z = vector(angular_velocity)
     axis = (
-        angular_velocity[0] / turning,
-        angular_velocity[1] / turning,
-        angular_velocity[2] / turning,
+        omega_x / turning,
+        omega_y / turning,
+        omega_z / turning,
     )
     angle_turned = rate * t
     R = turn_about(axis, np.sin(angle_turned), np.cos(angle_turned))
@@ -60,12 +61,12 @@ def carried(
     # v̇ + ω̇ × r + ω × (ω × r)
     x, y, z = vector(r)
     alpha_x, alpha_y, alpha_z = vector(alpha)
-    point_acceleration = (
-        acceleration[0] + alpha_y * z - alpha_z * y + centripetal[0],
-        acceleration[1] + alpha_z * x - alpha_x * z + centripetal[1],
-        acceleration[2] + alpha_x * y - alpha_y * x + centripetal[2],
+    without_centripetal = (
+        acceleration[0] + alpha_y * z - alpha_z * y,
+        acceleration[1] + alpha_z * x - alpha_x * z,
+        acceleration[2] + alpha_x * y - alpha_y * x,
     )
-    return plus(velocity, by_rotation), point_acceleration
+    return plus(velocity, by_rotation), plus(without_centripetal, centripetal)
 
 
 @formula
@@ -103,6 +104,8 @@ def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_
     holds the tolerances of all four.
     """
     at_rest = speed <= tolerance[3]
-    if by_pose:
-        return (distance <= tolerance[0]) & (turn <= tolerance[1]) & at_rest
-    return (away <= tolerance[2]) & at_rest
+    if not by_pose:
+        return (away <= tolerance[2]) & at_rest
+    is_near = distance <= tolerance[0]
+    is_turned = turn <= tolerance[1]
+    return is_near & is_turned & at_rest

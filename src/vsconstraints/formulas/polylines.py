@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,28 +19,41 @@ TINY = 1e-300  #: Least divisor, for segments without length.
 FIRST_U, FIRST_V, ALONG_U, ALONG_V, INVERSE, SPREAD = range(6)
 
 
-def prepared(
-    lines: Sequence[Array],
-) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:
-    """Arrays that :func:`search` needs for polylines (p, 2).
+class PreparedLines(NamedTuple):
+    """Arrays that :func:`search` needs for polylines of p vertices in all."""
 
-    All vertices; chords of blocks, groups and regions of them; the vertices before and after each
-    vertex, or itself at an end; and the squared half length of the longest segment (1,).
-    """
+    vertices: Array  #: (p, 2).
+    #: Chords (b, 6) of blocks of vertices, of groups of blocks and of regions of groups.
+    blocks: Array
+    groups: Array
+    regions: Array
+    before: IntArray  #: (p,) vertex before each one; itself at the beginning of a line.
+    after: IntArray  #: (p,) vertex after each one; itself at the end of a line.
+    half_length_squared: Array  #: (1,) squared half length of the longest segment.
+
+
+def prepared(lines: Sequence[Array]) -> PreparedLines:
+    """Arrays that :func:`search` needs for lines of vertices, (p, 2) each."""
     vertices = np.ascontiguousarray(np.concatenate(lines), dtype=np.float64)
     ends = np.cumsum([len(line) for line in lines])
+    first = np.concatenate(([0], ends[:-1]))
+    last = ends - 1
     after = np.arange(1, len(vertices) + 1)
+    after[last] = last
     before = np.arange(-1, len(vertices) - 1)
-    after[ends - 1] = ends - 1
-    starts = np.concatenate(([0], ends[:-1]))
-    before[starts] = starts
-    blocks = _chords(vertices, BLOCK)
-    groups = _chords(vertices, BLOCK**2)
-    regions = _chords(vertices, BLOCK**3)
+    before[first] = first
     segments = vertices[after] - vertices
     squared_lengths = (segments**2).sum(axis=1)
-    half_length_squared = 0.25 * squared_lengths.max(initial=0.0, keepdims=True)
-    return vertices, blocks, groups, regions, before, after, half_length_squared
+    longest = squared_lengths.max(initial=0.0, keepdims=True)
+    return PreparedLines(
+        vertices=vertices,
+        blocks=_chords(vertices, BLOCK),
+        groups=_chords(vertices, BLOCK**2),
+        regions=_chords(vertices, BLOCK**3),
+        before=before,
+        after=after,
+        half_length_squared=0.25 * longest,
+    )
 
 
 def _chords(vertices: Array, size: int) -> Array:
@@ -62,39 +75,41 @@ def _chords(vertices: Array, size: int) -> Array:
     away = relative - nearest
     distance = np.sqrt((away**2).sum(axis=1))
     spread = np.maximum.reduceat(distance, starts)
-    return np.column_stack((first, chord, inverse, spread))
+    columns = (first, chord, inverse, spread)
+    return np.column_stack(columns)
 
 
 @formula
-def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> float:
-    """Squared distance of (u, v) to the segment from (a, b) to (c, d)."""
-    along_u = c - a
-    along_v = d - b
+def to_segment(u: float, v: float, start: Array, end: Array) -> float:
+    """Squared distance of (u, v) to the segment between two vertices (2,)."""
+    along_u = end[0] - start[0]
+    along_v = end[1] - start[1]
+    from_u = u - start[0]
+    from_v = v - start[1]
     squared_length = along_u * along_u + along_v * along_v
-    from_u = u - a
-    from_v = v - b
     projection = from_u * along_u + from_v * along_v
-    s = projection / max(squared_length, TINY)
-    s = min(max(s, 0.0), 1.0)
-    away_u = from_u - s * along_u
-    away_v = from_v - s * along_v
-    return away_u * away_u + away_v * away_v
+    share = projection / max(squared_length, TINY)
+    share = min(max(share, 0.0), 1.0)
+    away_u = from_u - share * along_u
+    away_v = from_v - share * along_v
+    squared_distance: float = away_u * away_u + away_v * away_v
+    return squared_distance
 
 
 @formula
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """True if a block may contain a vertex within the bound."""
     limit = (bound + chords[i, SPREAD]) * SLACK
-    x = u - chords[i, FIRST_U]
-    y = v - chords[i, FIRST_V]
     along_u = chords[i, ALONG_U]
     along_v = chords[i, ALONG_V]
-    projection = x * along_u + y * along_v
-    s = projection * chords[i, INVERSE]
-    s = min(max(s, 0.0), 1.0)
-    x = x - s * along_u
-    y = y - s * along_v
-    squared_distance = x * x + y * y
+    from_u = u - chords[i, FIRST_U]
+    from_v = v - chords[i, FIRST_V]
+    projection = from_u * along_u + from_v * along_v
+    share = projection * chords[i, INVERSE]
+    share = min(max(share, 0.0), 1.0)
+    away_u = from_u - share * along_u
+    away_v = from_v - share * along_v
+    squared_distance = away_u * away_u + away_v * away_v
     return bool(squared_distance <= limit * limit)
 
 
@@ -103,15 +118,12 @@ def to_neighbours(
     vertices: Array, before: IntArray, after: IntArray, k: int, u: float, v: float
 ) -> float:
     """Squared distance of (u, v) to the two segments at vertex k."""
-    x = vertices[k, 0]
-    y = vertices[k, 1]
-    x_before = vertices[before[k], 0]
-    y_before = vertices[before[k], 1]
-    x_after = vertices[after[k], 0]
-    y_after = vertices[after[k], 1]
-    to_previous = to_segment(u, v, x, y, x_before, y_before)
-    to_next = to_segment(u, v, x, y, x_after, y_after)
-    return min(to_previous, to_next)
+    vertex = vertices[k]
+    previous = vertices[before[k]]
+    following = vertices[after[k]]
+    to_previous = to_segment(u, v, vertex, previous)
+    to_following = to_segment(u, v, vertex, following)
+    return min(to_previous, to_following)
 
 
 @formula
@@ -125,66 +137,87 @@ def squared_reach(least: float, half_length_squared: Array) -> float:
 
 
 @formula
+def may_be_nearer(
+    lines: PreparedLines, chords: Array, i: int, u: float, v: float, least: float
+) -> bool:
+    """True if a block may contain a vertex that matters; see :func:`squared_reach`."""
+    reach = np.sqrt(squared_reach(least, lines.half_length_squared))
+    return may_hold(chords, i, u, v, reach)
+
+
+@formula
 def search_block(
-    lines: tuple[Any, ...], block: int, u: float, v: float, nearest: int, least: float
+    lines: PreparedLines, block: int, u: float, v: float, nearest: int, least: float
 ) -> tuple[int, float]:
     """Return the nearest vertex so far and its squared distance, after a search of this block."""
-    vertices, _, _, _, before, after, half_length_squared = lines
-    reach = squared_reach(least, half_length_squared)
-    end = min((block + 1) * BLOCK, len(vertices))
-    for k in range(block * BLOCK, end):
+    vertices = lines.vertices
+    reach = squared_reach(least, lines.half_length_squared)
+    start = block * BLOCK
+    end = min(start + BLOCK, len(vertices))
+    for k in range(start, end):
         du = vertices[k, 0] - u
         dv = vertices[k, 1] - v
         if du**2 + dv**2 > reach:
             continue
-        squared = to_neighbours(vertices, before, after, k, u, v)
+        squared = to_neighbours(vertices, lines.before, lines.after, k, u, v)
         if squared < least:
             nearest = k
             least = squared
-            reach = squared_reach(least, half_length_squared)
+            reach = squared_reach(least, lines.half_length_squared)
     return nearest, least
 
 
 @formula
 def search_group(
-    lines: tuple[Any, ...], group: int, u: float, v: float, nearest: int, least: float
+    lines: PreparedLines, group: int, u: float, v: float, nearest: int, least: float
 ) -> tuple[int, float]:
     """Return the same as :func:`search_block`, after a search of this group of blocks."""
-    _, blocks, _, _, _, _, half_length_squared = lines
-    end = min((group + 1) * BLOCK, len(blocks))
-    for block in range(group * BLOCK, end):
-        bound = np.sqrt(squared_reach(least, half_length_squared))
-        if may_hold(blocks, block, u, v, bound):
+    blocks = lines.blocks
+    start = group * BLOCK
+    end = min(start + BLOCK, len(blocks))
+    for block in range(start, end):
+        if may_be_nearer(lines, blocks, block, u, v, least):
             nearest, least = search_block(lines, block, u, v, nearest, least)
     return nearest, least
 
 
 @formula
-def search(
-    points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray, found: Array
-) -> None:
-    """Write the distances of points (k, 2) to the lines of :func:`prepared` to ``found`` (k,).
+def search_region(
+    lines: PreparedLines, region: int, u: float, v: float, nearest: int, least: float
+) -> tuple[int, float]:
+    """Return the same as :func:`search_block`, after a search of this region of groups."""
+    groups = lines.groups
+    start = region * BLOCK
+    end = min(start + BLOCK, len(groups))
+    for group in range(start, end):
+        if may_be_nearer(lines, groups, group, u, v, least):
+            nearest, least = search_group(lines, group, u, v, nearest, least)
+    return nearest, least
 
-    A vertex of the closest segment is written to ``nearest``. The segment nearest to a
-    point has one end no farther than √(distance² + (length/2)²). With the length of the longest
-    segment, only vertices up to there matter, with the segments at them. Consecutive vertices form
-    blocks along chords, and only blocks that may contain such a vertex are searched. The search
-    starts at the vertex found ``stride`` points before, which belongs to the same marker.
+
+@formula
+def search(
+    points: Array, arrays: tuple[Any, ...], stride: int, nearest: IntArray, found: Array
+) -> None:
+    """Write the distances of points (k, 2) to polylines to ``found`` (k,).
+
+    ``arrays`` are those of :class:`PreparedLines`. A vertex of the closest segment is written to
+    ``nearest``. The segment nearest to a point has one end no farther than
+    √(distance² + (length/2)²). With the length of the longest segment, only vertices up to there
+    matter, with the segments at them. Consecutive vertices form blocks along chords, and only
+    blocks that may contain such a vertex are searched. The search starts at the vertex found
+    ``stride`` points before, which belongs to the same marker.
     """
-    vertices, _, groups, regions, before, after, half_length_squared = lines
+    # compiled code takes the arrays as a plain tuple
+    lines = PreparedLines(*arrays)
+    regions = lines.regions
     for i in range(len(points)):
         u = points[i, 0]
         v = points[i, 1]
         vertex = nearest[i - stride] if i >= stride else 0
-        least = to_neighbours(vertices, before, after, vertex, u, v)
+        least = to_neighbours(lines.vertices, lines.before, lines.after, vertex, u, v)
         for region in range(len(regions)):
-            bound = np.sqrt(squared_reach(least, half_length_squared))
-            if not may_hold(regions, region, u, v, bound):
-                continue
-            end = min((region + 1) * BLOCK, len(groups))
-            for group in range(region * BLOCK, end):
-                bound = np.sqrt(squared_reach(least, half_length_squared))
-                if may_hold(groups, group, u, v, bound):
-                    vertex, least = search_group(lines, group, u, v, vertex, least)
+            if may_be_nearer(lines, regions, region, u, v, least):
+                vertex, least = search_region(lines, region, u, v, vertex, least)
         nearest[i] = vertex
         found[i] = np.sqrt(least)

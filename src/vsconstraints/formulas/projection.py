@@ -9,7 +9,8 @@ import numpy as np
 from . import formula, where
 
 #: Errors below and above which the operator of joint speeds is the classical one and opens fully.
-CLOSED, OPENED = 0.1, 0.7
+CLOSED = 0.1
+OPENED = 0.7
 
 
 @formula
@@ -21,7 +22,8 @@ def opening(error: Any, closed: float, opened: float) -> Any:
     ViSP.
     """
     r = (error - closed) / (opened - closed)
-    exponent = 6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)
+    clipped = np.minimum(np.maximum(r, 0.0), 1.0)
+    exponent = 6.0 - 12.0 * clipped
     between = 1.0 / (1.0 + np.exp(exponent))
     from_closed = where(error < closed, 0.0, between)
     return where(error > opened, 1.0, from_closed)

@@ -26,6 +26,14 @@ def sign(x: Any) -> Any:
 
 
 @formula
+def divisor_of(length: Any) -> tuple[Any, Any]:
+    """Length, or 1 where it is zero, to divide by; and 1 where it is zero, else 0."""
+    is_zero = 1.0 * (length <= 0.0)
+    divisor = length + is_zero
+    return divisor, is_zero
+
+
+@formula
 def squared(x: Any, y: Any, z: Any) -> Any:
     """x² + y² + z²."""
     return x * x + y * y + z * z
@@ -38,8 +46,7 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     n is the outward direction.
     """
     d = np.sqrt(squared(x, y, z))
-    at_centre = 1.0 * (d <= 0.0)
-    divisor = d + at_centre
+    divisor, at_centre = divisor_of(d)
     dx = -x / divisor
     dy = -y / divisor
     dz = -z / divisor - at_centre
@@ -49,7 +56,8 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 @formula
 def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
-    d = np.maximum(np.sqrt(squared(x, y, z)), SMALL)
+    length = np.sqrt(squared(x, y, z))
+    d = np.maximum(length, SMALL)
     product = x * x_dot + y * y_dot + z * z_dot
     radial = product / d
     squared_speed = squared(x_dot, y_dot, z_dot)
@@ -84,12 +92,12 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     outside_y = np.maximum(beyond_y, 0.0)
     outside_z = np.maximum(beyond_z, 0.0)
     length = np.sqrt(squared(outside_x, outside_y, outside_z))
-    inside = 1.0 * (length <= 0.0)
-    divisor = length + inside
+    divisor, inside = divisor_of(length)
     # 1 for the nearest face of a point inside, else 0
     face_x = inside * (beyond_x >= beyond_yz)
-    face_y = (inside - face_x) * (beyond_y >= beyond_z)
-    face_z = inside - face_x - face_y
+    face_yz = inside - face_x
+    face_y = face_yz * (beyond_y >= beyond_z)
+    face_z = face_yz - face_y
     nx = sign(x) * (outside_x / divisor + face_x)
     ny = sign(y) * (outside_y / divisor + face_y)
     nz = sign(z) * (outside_z / divisor + face_z)
@@ -123,9 +131,10 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
 def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
     """Distance ρ from the z axis and its derivatives; on the axis, the direction is x."""
     rho = np.sqrt(x * x + y * y)
-    on_axis = 1.0 * (rho <= 0.0)
-    divisor = rho + on_axis
-    return rho, x / divisor + on_axis, y / divisor
+    divisor, on_axis = divisor_of(rho)
+    rx = x / divisor + on_axis
+    ry = y / divisor
+    return rho, rx, ry
 
 
 @formula
@@ -139,8 +148,7 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
     outside_side = np.maximum(beyond_side, 0.0)
     outside_end = np.maximum(beyond_end, 0.0)
     length = np.sqrt(outside_side * outside_side + outside_end * outside_end)
-    inside = 1.0 * (length <= 0.0)
-    divisor = length + inside
+    divisor, inside = divisor_of(length)
     # 1 for the nearest face of a point inside, else 0
     face_side = inside * (beyond_side >= beyond_end)
     face_end = inside - face_side
@@ -198,8 +206,7 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
     nearest = np.minimum(np.maximum(z, -h), h)
     away = z - nearest
     length = np.sqrt(squared(x, y, away))
-    on_segment = 1.0 * (length <= 0.0)
-    divisor = length + on_segment
+    divisor, on_segment = divisor_of(length)
     nx = x / divisor + on_segment
     ny = y / divisor
     nz = away / divisor

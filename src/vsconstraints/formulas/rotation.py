@@ -146,7 +146,8 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
     numerator = 1.0 - half * cot
     c = numerator / s
     # the numerator's derivative is (θ/4) (1 + cot²(θ/2)) − ½ cot(θ/2)
-    numerator_slope = 0.5 * half * (1.0 + cot * cot) - 0.5 * cot
+    squared_cosecant = 1.0 + cot * cot
+    numerator_slope = 0.5 * half * squared_cosecant - 0.5 * cot
     slope = numerator_slope / s - 2.0 * c / theta
     return c, slope / theta
 

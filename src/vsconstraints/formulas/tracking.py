@@ -41,8 +41,9 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
     τ is the elapsed share of the duration.
     """
     tau = min(max(elapsed / duration, 0.0), 1.0)
-    left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     remaining = 1.0 - tau
+    factor = 10.0 - 15.0 * tau + 6.0 * tau**2
+    left = 1.0 - tau**3 * factor
     slope = -30.0 * tau**2 * remaining**2
     bend = -60.0 * tau * remaining * (1.0 - 2.0 * tau)
     rate = slope / duration

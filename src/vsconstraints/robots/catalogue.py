@@ -17,9 +17,12 @@ PI = np.pi
 
 def planar_3r() -> Robot:
     """Planar arm of the first example (Table 1), without joint limits."""
-    return Robot.from_dh(
-        [[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R"
-    )
+    table = [
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, -PI],
+    ]
+    return Robot.from_dh(table, name="planar 3R")
 
 
 def viper_s650() -> Robot:
@@ -38,7 +41,8 @@ def viper_s650() -> Robot:
     ]
     low = [-170, -190, -209, -190, -120, -360]
     high = [170, 45, 76, 190, 120, 360]
-    return _in_degrees(table, low, high, [328, 300, 375, 375, 375, 600], "6R (Viper s650)")
+    speed = [328, 300, 375, 375, 375, 600]
+    return _in_degrees(table, low, high, speed, "6R (Viper s650)")
 
 
 def kuka_kr6() -> Robot:
@@ -57,7 +61,8 @@ def kuka_kr6() -> Robot:
     ]
     low = [-170, -10, -210, -185, -120, -350]
     high = [170, 225, 66, 185, 120, 350]
-    return _in_degrees(table, low, high, [360, 300, 360, 381, 388, 615], "KUKA KR6 R900 sixx")
+    speed = [360, 300, 360, 381, 388, 615]
+    return _in_degrees(table, low, high, speed, "KUKA KR6 R900 sixx")
 
 
 def ur5() -> Robot:
@@ -68,8 +73,9 @@ def ur5() -> Robot:
     MoveIt plan with 5 rad/s² (``ur_moveit_config/config/joint_limits.yaml``), and calls that
     conservative.
     """
+    limits = ActuatorLimits(acceleration=40.0)
     urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
-    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=40.0))
+    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=limits)
 
 
 def panda() -> Robot:
@@ -101,8 +107,9 @@ def free_camera() -> Robot:
         [0, 0, 0, -right],
         [0, 0, 0, right],
         [right, 0, 0, right],
+        [0.0, 0.0, 0.0, 0.0],
     ]
-    return Robot.from_dh([*table, [0, 0, 0, 0]], prismatic=[1, 2, 3], name="free camera")
+    return Robot.from_dh(table, prismatic=[1, 2, 3], name="free camera")
 
 
 READY_MADE: dict[str, Callable[[], Robot]] = {
@@ -131,7 +138,11 @@ def _in_degrees(
 ) -> Robot:
     """Return the arm of a DH table with ranges [°] and speeds [°/s]."""
     return Robot.from_dh(
-        table, q_min=np.deg2rad(low), q_max=np.deg2rad(high), qd_max=np.deg2rad(speed), name=name
+        table,
+        q_min=np.deg2rad(low),
+        q_max=np.deg2rad(high),
+        qd_max=np.deg2rad(speed),
+        name=name,
     )
 
 
@@ -143,4 +154,5 @@ def _example_robot(path: str) -> Path:
             "this arm's URDF comes with the package example-robot-data: pip install "
             "example-robot-data"
         ) from error
-    return Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / path
+    folder = package.locate_file("cmeel.prefix/share/example-robot-data/robots")
+    return Path(str(folder)) / path

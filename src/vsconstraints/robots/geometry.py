@@ -20,9 +20,9 @@ from ..qp.decomposition import svd
 from ..rows import Array
 from ..rows.readable import amounts, in_one_line
 
+#: Any number of numbers, two, and three, as arguments that files may give, too.
 Numbers = Sequence[float] | Array
 Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
-#: Three numbers as an argument that files may give, too; above, any and two numbers.
 Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
 TYPED = 1e-3  #: Largest error of an entry of a rotation that was typed or rounded.
 
@@ -50,18 +50,25 @@ def require_sign(
 
     Each field is one number, several, or None. The error names the field.
     """
-    for names, sign in ((positive, "positive"), (zero_or_more, "zero or more")):
-        for name in names:
-            value = getattr(of, name)
-            try:
-                numbers = np.atleast_1d(
-                    np.array(np.inf if value is None else value, dtype=np.float64)
-                )
-            except (TypeError, ValueError):
-                numbers = np.empty(0)
-            right = np.isfinite(numbers) & (numbers > 0.0 if sign == "positive" else numbers >= 0.0)
-            if value is not None and (numbers.ndim != 1 or not len(numbers) or not right.all()):
-                raise InvalidInput(f"{what}{name} must be {sign}, not {format_value(value)}")
+    for name in positive:
+        value = getattr(of, name)
+        if value is not None and not (_finite_numbers(value) > 0.0).all():
+            raise InvalidInput(f"{what}{name} must be positive, not {format_value(value)}")
+    for name in zero_or_more:
+        value = getattr(of, name)
+        if value is not None and not (_finite_numbers(value) >= 0.0).all():
+            raise InvalidInput(f"{what}{name} must be zero or more, not {format_value(value)}")
+
+
+def _finite_numbers(value: object) -> Array:
+    """Return one or several finite numbers as an array (k,), and (NaN,) for anything else."""
+    try:
+        numbers = np.atleast_1d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        return np.array([np.nan])
+    if numbers.ndim != 1 or len(numbers) == 0 or not np.isfinite(numbers).all():
+        return np.array([np.nan])
+    return numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +114,10 @@ class Pose:
             raise InvalidInput(
                 f"a pose's matrix must be 4 × 4 finite numbers; it has the shape {M.shape}"
             )
-        if M.shape == (4, 4) and (np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)) > 1e-9).any():
-            hint = "; is it transposed?" if np.array_equal(M[:, 3], (0.0, 0.0, 0.0, 1.0)) else ""
+        last_row = (0.0, 0.0, 0.0, 1.0)
+        if M.shape == (4, 4) and (np.abs(M[3] - last_row) > 1e-9).any():
+            is_transposed = np.array_equal(M[:, 3], last_row)
+            hint = "; is it transposed?" if is_transposed else ""
             raise InvalidInput(
                 f"the last row of a pose's matrix must be 0 0 0 1, not "
                 f"{format_value(M[3].tolist())}{hint}"
@@ -133,16 +142,17 @@ class Pose:
         value = vector(wxyz if xyzw is None else xyzw, 4, f"quaternion {order}")
         norm = float(np.linalg.norm(value))
         if abs(norm - 1.0) > TYPED:
-            nearest = (
-                f": {format_value(np.round(value / norm, 6).tolist())} has length 1"
-                if norm > 0.0
-                else ""
-            )
+            nearest = ""
+            if norm > 0.0:
+                unit = np.round(value / norm, 6).tolist()
+                nearest = f": {format_value(unit)} has length 1"
             raise InvalidInput(
                 f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} "
                 f"has{nearest}"
             )
-        w, x, y, z = value / norm if order == "wxyz" else np.roll(value, 1) / norm
+        if order == "xyzw":
+            value = np.roll(value, 1)
+        w, x, y, z = value / norm
         return cls(pin.Quaternion(w, x, y, z).matrix(), vector(xyz, 3, "xyz"))
 
     @classmethod
@@ -155,8 +165,7 @@ class Pose:
         if np.linalg.norm(turn) > 2.0 * np.pi + TYPED:
             raise InvalidInput(
                 f"rotation_vector is in radians and no longer than a turn (6.283), not "
-                f"{format_value(turn.tolist())}: are "
-                "these degrees?"
+                f"{format_value(turn.tolist())}: are these degrees?"
             )
         return cls(np.asarray(pin.exp3(turn)), vector(xyz, 3, "xyz"))
 
@@ -202,10 +211,11 @@ def require_rotation(R: Array) -> Array:
         )
     off = float(np.abs(R - nearest).max())
     if off > TYPED:
+        lengths = ", ".join(f"{length:.4g}" for length in np.linalg.norm(R, axis=0))
+        rounded = np.round(nearest, 6).tolist()
         raise InvalidInput(
             f"not a rotation: an entry is {off:.3g} away from the nearest one (columns of length "
-            f"{', '.join(f'{length:.4g}' for length in np.linalg.norm(R, axis=0))}), which is "
-            f"{format_value(np.round(nearest, 6).tolist())}"
+            f"{lengths}), which is {format_value(rounded)}"
         )
     return nearest
 
@@ -213,15 +223,20 @@ def require_rotation(R: Array) -> Array:
 def distance(a: Pose, b: Pose) -> tuple[float, float]:
     """Return translation [m] and angle [rad] between two poses."""
     d = a.t - b.t
+    translation = float(np.sqrt(d @ d))
     # accurate near zero, too, unlike the arc cosine of the trace
-    sine = np.linalg.norm(a.R - b.R) / np.sqrt(8.0)
-    return float(np.sqrt(d @ d)), 2.0 * float(np.arcsin(min(1.0, sine)))
+    sine_of_half = np.linalg.norm(a.R - b.R) / np.sqrt(8.0)
+    turn = 2.0 * float(np.arcsin(min(1.0, sine_of_half)))
+    return translation, turn
 
 
 def distances(R: Array, t: Array, pose: Pose) -> Array:
     """Return :func:`distance` (N, 2) between poses, R (N, 3, 3) and t (N, 3), and another pose."""
-    away = np.sqrt(((t - pose.t) ** 2).sum(axis=1))
-    return np.stack((away, angle(((R - pose.R) ** 2).sum(axis=(1, 2)))), axis=1)
+    squared_distance = ((t - pose.t) ** 2).sum(axis=1)
+    squared_difference = ((R - pose.R) ** 2).sum(axis=(1, 2))
+    translation = np.sqrt(squared_distance)
+    turn = angle(squared_difference)
+    return np.stack((translation, turn), axis=1)
 
 
 def skew(w: Array) -> Array:

@@ -64,9 +64,11 @@ class KinematicsEvaluator:
         self._tip = tip
         self._still = np.zeros(model.nv)
         self._points = []
-        for point, frame in zip(points, map(model.frames.__getitem__, frames), strict=True):
-            offset = pin.SE3(np.eye(3), vector(point.offset, 3, f"offset of {point.label}"))
-            self._points.append((frame.parentJoint, frame.placement * offset))
+        for point, index in zip(points, frames, strict=True):
+            frame = model.frames[index]
+            position = vector(point.offset, 3, f"offset of {point.label}")
+            placement = frame.placement * pin.SE3(np.eye(3), position)
+            self._points.append((frame.parentJoint, placement))
 
     def __call__(self, q: Array, qd: Array) -> Kinematics:
         """Return the kinematics at ``q`` and ``qd`` (n,)."""
@@ -76,19 +78,34 @@ class KinematicsEvaluator:
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
-        tip = pin.updateFramePlacement(model, data, self._tip)
-        # Pinocchio returns a Jacobian of one column as a vector
-        J = np.array(pin.getFrameJacobian(model, data, self._tip, local)).reshape(6, -1)
-        drift = np.array(pin.getFrameAcceleration(model, data, self._tip, local).vector)
+        placement = pin.updateFramePlacement(model, data, self._tip)
+        tip = Pose(np.array(placement.rotation), np.array(placement.translation))
+        J = as_matrix(pin.getFrameJacobian(model, data, self._tip, local))
+        acceleration = pin.getFrameAcceleration(model, data, self._tip, local)
         k = len(self._points)
         points = np.empty((k, 3))
         point_J = np.empty((k, 3, model.nv))
         point_drift = np.empty((k, 3))
         for i, (joint, place) in enumerate(self._points):
-            points[i] = (data.oMi[joint] * place).translation
-            point_J[i] = pin.getFrameJacobian(model, data, joint, place, world).reshape(6, -1)[:3]
+            in_base = data.oMi[joint] * place
+            points[i] = in_base.translation
+            twist_J = as_matrix(pin.getFrameJacobian(model, data, joint, place, world))
+            point_J[i] = twist_J[:3]
             point_drift[i] = pin.getFrameClassicalAcceleration(
                 model, data, joint, place, world
             ).linear
-        pose = Pose(np.array(tip.rotation), np.array(tip.translation))
-        return Kinematics(q.copy(), qd.copy(), pose, J, drift, points, point_J, point_drift)
+        return Kinematics(
+            q=q.copy(),
+            qd=qd.copy(),
+            tip=tip,
+            J=J,
+            drift=np.array(acceleration.vector),
+            points=points,
+            point_J=point_J,
+            point_drift=point_drift,
+        )
+
+
+def as_matrix(jacobian: Array) -> Array:
+    """Return a copy (6, n) of a Jacobian; Pinocchio returns one of a single column as a vector."""
+    return np.array(jacobian).reshape(6, -1)

@@ -63,10 +63,17 @@ class ActuatorLimits:
             raise InvalidInput(
                 f"limits of actuators need the sampling period in seconds, period=..., not {period}"
             )
-        acceleration, jerk = (
-            self.of_joint(name, len(ranges[0])) for name in ("acceleration", "jerk")
+        q_min, q_max, qd_max = ranges
+        n = len(q_min)
+        return JointLimits(
+            acceleration=self.of_joint("acceleration", n),
+            change=self.of_joint("jerk", n) * period,
+            q_min=q_min,
+            q_max=q_max,
+            qd_max=qd_max,
+            ranges=int(self.ranges),
+            period=float(period),
         )
-        return JointLimits(acceleration, jerk * period, *ranges, int(self.ranges), float(period))
 
 
 def per_joint(what: str, value: PerJoint, n: int) -> Array:
@@ -90,12 +97,9 @@ def _positive(name: str, value: object) -> PerJoint:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         numbers = np.empty((0, 0))
-    if (
-        numbers.ndim > 1
-        or numbers.size == 0
-        or not (numbers > 0.0).all()
-        or isinstance(value, bool | str)
-    ):
+    is_list = numbers.ndim <= 1 and numbers.size > 0
+    is_positive = bool((numbers > 0.0).all())
+    if not is_list or not is_positive or isinstance(value, bool | str):
         raise ConfigurationError(
             f"the limit of {name} must be a positive number, or one for each joint, so that a "
             f"joint can stand still: not {format_value(value)}"

@@ -30,13 +30,13 @@ def mesh_folders(
     ``ROS_PACKAGE_PATH`` with the subfolders that hold packages.
     """
     named = urdf.resolve().parents if package_dirs is None else package_dirs
-    shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
-    workspaces = [
-        folder
-        for path in _paths(environment, "ROS_PACKAGE_PATH")
-        for folder in _holding(Path(path), DEPTH)
-    ]
-    return list(dict.fromkeys([*map(Path, named), *shares, *workspaces]))
+    folders = [Path(folder) for folder in named]
+    for prefix in _paths(environment, "AMENT_PREFIX_PATH"):
+        folders.append(Path(prefix) / "share")
+    for path in _paths(environment, "ROS_PACKAGE_PATH"):
+        folders.extend(_holding(Path(path), DEPTH))
+    # without repetitions
+    return list(dict.fromkeys(folders))
 
 
 def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | None:
@@ -45,19 +45,24 @@ def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | N
     ``package://PACKAGE/PATH`` is searched in the folders, ``file://PATH`` is a path. A name without
     a scheme is searched beside the URDF, in the folders, and in the current folder.
     """
-    scheme, separator, rest = name.rpartition("://")
+    scheme, separator, path = name.rpartition("://")
+    searched = [Path(folder) for folder in folders]
+    places = []
     if scheme == "file":
-        places = [Path(rest)]
+        places = [Path(path)]
     elif scheme in IN_PACKAGES:
-        rest = rest.lstrip("/")
-        package, _, inside = rest.partition("/")
-        places = [Path(folder) / rest for folder in folders]
-        places += [Path(folder) / inside for folder in folders if Path(folder).name == package]
+        path = path.lstrip("/")
+        package, _, inside = path.partition("/")
+        places = [folder / path for folder in searched]
+        # a folder may be the package itself
+        places += [folder / inside for folder in searched if folder.name == package]
     elif not separator:
-        places = [base / name for base in (urdf.parent, *map(Path, folders), Path())]
-    else:
-        places = []
-    return next((place for place in places if place.is_file()), None)
+        current = Path()
+        places = [folder / name for folder in (urdf.parent, *searched, current)]
+    for place in places:
+        if place.is_file():
+            return place
+    return None
 
 
 def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
@@ -67,7 +72,8 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     except (OSError, ValueError, LookupError, ElementTree.ParseError):
         return []
     names = {mesh.get("filename", "") for mesh in _meshes(root)}
-    return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
+    files = [found_mesh(name, urdf, folders) for name in sorted(names)]
+    return [file for file in files if file is not None]
 
 
 Purpose = Literal["collision", "visual"]  #: Purpose of the geometry of a URDF's links.
@@ -91,16 +97,15 @@ def with_whole_paths(
                 places = ", ".join(map(str, folders)) or "no folder"
                 raise ConfigurationError(
                     f"{urdf}: the link {link.get('name')!r} has the mesh {name!r}, which is not "
-                    f"there (looked for in "
-                    f"{places}). package_dirs or ROS_PACKAGE_PATH name folders of packages; with "
-                    f"link_radius, links "
-                    "are capsules and need no mesh"
+                    f"there (looked for in {places}). package_dirs or ROS_PACKAGE_PATH name "
+                    "folders of packages; with link_radius, links are capsules and need no mesh"
                 )
             mesh.set("filename", str(file.resolve()))
             unit = unit_of_mesh(file)
             if unit != 1.0:
-                scale = [unit * float(factor) for factor in mesh.get("scale", "1 1 1").split()]
-                mesh.set("scale", " ".join(map(repr, scale)))
+                factors = mesh.get("scale", "1 1 1").split()
+                in_metres = [repr(unit * float(factor)) for factor in factors]
+                mesh.set("scale", " ".join(in_metres))
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -170,13 +175,12 @@ def _holding(folder: Path, depth: int) -> Iterator[Path]:
     yield folder
     if depth > 1:
         try:
-            inside = sorted(
-                path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")
-            )
+            inside = [path for path in folder.iterdir() if path.is_dir()]
         except OSError:  # missing, or without permission to read
             return
-        for path in inside:
-            if not _is_package(path):
+        for path in sorted(inside):
+            is_hidden = path.name.startswith(".")
+            if not is_hidden and not _is_package(path):
                 yield from _holding(path, depth - 1)
 
 

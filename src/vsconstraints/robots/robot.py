@@ -18,7 +18,7 @@ from ..formulas.rotation import whole_turns
 from ..rows import Array, BoolArray
 from ..rows.readable import amount, counted, in_one_line, span
 from .geometry import Numbers, Pose, skew, vector
-from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
+from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint, as_matrix
 from .limits import NO_LIMITS, ActuatorLimits
 from .urdf import UrdfSource, link_geometry, read_urdf
 
@@ -48,11 +48,10 @@ class Robot:
         source: UrdfSource | None = None,
         limits: ActuatorLimits = NO_LIMITS,
     ) -> None:
-        wrong = [
-            f"{joint} [{low:g}, {high:g}], speed {speed:g}"
-            for joint, low, high, speed in zip(model.names[1:], q_min, q_max, qd_max, strict=True)
-            if low > high or speed <= 0.0
-        ]
+        wrong = []
+        for joint, low, high, speed in zip(model.names[1:], q_min, q_max, qd_max, strict=True):
+            if low > high or speed <= 0.0:
+                wrong.append(f"{joint} [{low:g}, {high:g}], speed {speed:g}")
         if wrong:
             raise ConfigurationError(
                 f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}"
@@ -76,15 +75,22 @@ class Robot:
 
     @in_one_line
     def __repr__(self) -> str:
-        kinds = []
         slides = np.array(self.prismatic, dtype=np.bool_)
-        for kind, of, unit in (("revolute", ~slides, "rad"), ("prismatic", slides, "m")):
-            if of.any():
-                speed = self.qd_max[of].max()
-                fast = f", up to {amount(speed)} {unit}/s" if np.isfinite(speed) else ""
-                what = counted(int(of.sum()), f"{kind} joint")
-                kinds.append(f"{what} ({span(self.q_min[of], self.q_max[of], unit)}{fast})")
+        kinds = []
+        if not slides.all():
+            kinds.append(self._describe("revolute", ~slides, "rad"))
+        if slides.any():
+            kinds.append(self._describe("prismatic", slides, "m"))
         return f"<Robot {self.name}: {', '.join(kinds)}>"
+
+    def _describe(self, kind: str, chosen: BoolArray, unit: str) -> str:
+        """Describe number, ranges and speeds of the chosen joints, all of one kind."""
+        joints = counted(int(chosen.sum()), f"{kind} joint")
+        ranges = span(self.q_min[chosen], self.q_max[chosen], unit)
+        speed = self.qd_max[chosen].max()
+        if np.isfinite(speed):
+            return f"{joints} ({ranges}, up to {amount(speed)} {unit}/s)"
+        return f"{joints} ({ranges})"
 
     @property
     def n(self) -> int:
@@ -141,16 +147,16 @@ class Robot:
                 )
             data = joint.createData()
             joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
-            axes[i] = np.asarray(data.S).reshape(2, 3)[0 if self.prismatic[i] else 1]
+            linear, angular = np.asarray(data.S).reshape(2, 3)
+            axes[i] = linear if self.prismatic[i] else angular
         return axes
 
     @property
     def links(self) -> tuple[str, ...]:
         """Names of the frames to which points can be fixed."""
-        return (
-            "tip",
-            *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")),
-        )
+        names = [frame.name for frame in self.model.frames]
+        others = [name for name in names if name not in ("tip", "universe")]
+        return ("tip", *others)
 
     @classmethod
     def from_dh(
@@ -173,14 +179,10 @@ class Robot:
         limit has a wrong shape or is not a number.
         """
         model, frame = _read_dh(dh, prismatic, name)
-        low, high, speed = (
-            _joint_limits(np.full(model.nv, end) if value is None else value, model.nv, what)
-            for value, end, what in (
-                (q_min, -np.inf, "q_min"),
-                (q_max, np.inf, "q_max"),
-                (qd_max, np.inf, "qd_max"),
-            )
-        )
+        n = model.nv
+        low = _joint_limits(q_min, -np.inf, n, "q_min")
+        high = _joint_limits(q_max, np.inf, n, "q_max")
+        speed = _joint_limits(qd_max, np.inf, n, "qd_max")
         return cls(model, frame, name, low, high, speed, limits=limits)
 
     @classmethod
@@ -216,12 +218,19 @@ class Robot:
             Folders that ``package://`` paths of meshes start from; by default all folders above the
             file. Those in ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` are searched after them.
         """
-        model, frame, source, (low, high, speed, effort) = read_urdf(
-            urdf, tip, locked or {}, package_dirs
+        arm = read_urdf(urdf, tip, locked or {}, package_dirs)
+        if limits.effort is None and np.isfinite(arm.effort).any():
+            limits = replace(limits, effort=arm.effort.tolist())
+        return cls(
+            arm.model,
+            arm.tip_frame,
+            name or arm.model.name,
+            arm.q_min,
+            arm.q_max,
+            arm.qd_max,
+            arm.source,
+            limits,
         )
-        if limits.effort is None and np.isfinite(effort).any():
-            limits = replace(limits, effort=effort.tolist())
-        return cls(model, frame, name or model.name, low, high, speed, source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
         """Read the collision geometry of the URDF's links, in this robot's model.
@@ -263,8 +272,7 @@ class Robot:
         units = ["m" if slides else "rad" for slides in self.prismatic]
         return [
             f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.7g}, {beyond[i]:.3g} {units[i]} "
-            f"outside "
-            f"[{self.q_min[i]:.7g}, {self.q_max[i]:.7g}]"
+            f"outside [{self.q_min[i]:.7g}, {self.q_max[i]:.7g}]"
             for i in np.flatnonzero(beyond > tolerated)
         ]
 
@@ -320,18 +328,23 @@ class Robot:
         data = self._data
         frame = self.frame_id(link)
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        angular_J = np.array(pin.getFrameJacobian(model, data, frame, world)).reshape(6, -1)[3:]
-        angular_drift = np.array(pin.getFrameAcceleration(model, data, frame, world).angular)
-        J = np.concatenate((motion.point_J[0], angular_J))
-        drift = np.concatenate((motion.point_drift[0], angular_drift))
+        frame_J = as_matrix(pin.getFrameJacobian(model, data, frame, world))
+        frame_drift = pin.getFrameAcceleration(model, data, frame, world)
+        linear_J = motion.point_J[0]
+        angular_J = frame_J[3:]
+        J = np.concatenate((linear_J, angular_J))
+        drift = np.concatenate((motion.point_drift[0], frame_drift.angular))
         if axes == "base":
             return J, drift
         # the tip's axes turn with it: d/dt (Rᵀ a) = Rᵀ (ȧ − ω × a)
         R = motion.tip.R
-        spin = skew(R @ (motion.J[3:] @ qd))
-        turning = drift - np.concatenate((spin @ (J[:3] @ qd), spin @ (J[3:] @ qd)))
+        tip_omega = R @ (motion.J[3:] @ qd)
+        omega_cross = skew(tip_omega)
+        v = linear_J @ qd
+        omega = angular_J @ qd
+        turning = np.concatenate((omega_cross @ v, omega_cross @ omega))
         to_tip = np.kron(np.eye(2), R.T)
-        return to_tip @ J, to_tip @ turning
+        return to_tip @ J, to_tip @ (drift - turning)
 
     def kinematics(self, q: Array, qd: Array, points: Sequence[RobotPoint] = ()) -> Kinematics:
         """Return pose, Jacobian and exact J̇ q̇ of the tip and points at ``q`` and ``qd`` (n,)."""
@@ -351,7 +364,8 @@ def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[
         raise InvalidInput(
             f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}"
         ) from error
-    if rows.ndim != 2 or rows.shape[1] != 4 or len(rows) == 0:
+    is_table = rows.ndim == 2 and rows.shape[1] == 4
+    if not is_table or len(rows) == 0:
         raise InvalidInput(
             f"the DH table must be (n, 4): θ offset, d, a, α; it has the shape {rows.shape}"
         )
@@ -363,18 +377,26 @@ def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[
         raise InvalidInput(f"prismatic joints are numbers from 1 to {len(rows)}, not {unknown}")
     model = pin.Model()
     model.name = name
-    after = pin.SE3.Identity()
+    last_link = pin.SE3.Identity()
     for i, (theta, d, a, alpha) in enumerate(rows, start=1):
-        turn = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, theta)), np.zeros(3))
+        about_z = np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, theta))
+        about_x = np.asarray(pin.rpy.rpyToMatrix(alpha, 0.0, 0.0))
+        placement = last_link * pin.SE3(about_z, np.zeros(3))
         joint = pin.JointModelPZ() if i in prismatic else pin.JointModelRZ()
-        joint_id = model.addJoint(i - 1, joint, after * turn, f"joint {i}")
-        after = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(alpha, 0.0, 0.0)), np.array([a, 0.0, d]))
-        frame = model.addFrame(pin.Frame(f"link {i}", joint_id, after, pin.FrameType.BODY))
-    return model, int(frame)
+        joint_id = model.addJoint(i - 1, joint, placement, f"joint {i}")
+        last_link = pin.SE3(about_x, np.array([a, 0.0, d]))
+        frame = pin.Frame(f"link {i}", joint_id, last_link, pin.FrameType.BODY)
+        frame_id = model.addFrame(frame)
+    return model, int(frame_id)
 
 
-def _joint_limits(value: ArrayLike, n: int, what: str) -> Array:
-    """Return joint limits (n,), which may be infinite; raises InvalidInput that names ``what``."""
+def _joint_limits(value: ArrayLike | None, unlimited: float, n: int, what: str) -> Array:
+    """Return joint limits (n,), which may be infinite; None stands for ``unlimited`` joints.
+
+    Raises InvalidInput, which names ``what``, if the shape is wrong or a limit is not a number.
+    """
+    if value is None:
+        return np.full(n, unlimited)
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

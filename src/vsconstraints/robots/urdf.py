@@ -44,17 +44,25 @@ class UrdfSource:
     positions: Array  #: Its coordinates with these joints locked.
 
 
+class UrdfArm(NamedTuple):
+    """Arm of a URDF file with n driven joints; limits are infinite where there is none."""
+
+    model: pin.Model
+    tip_frame: int  #: Index of the tip's frame in the model.
+    source: UrdfSource
+    q_min: Array  #: (n,) lower coordinates [rad or m].
+    q_max: Array  #: (n,) upper coordinates [rad or m].
+    qd_max: Array  #: (n,) speeds [rad/s or m/s].
+    effort: Array  #: (n,) torques or forces [Nm or N].
+
+
 def read_urdf(
     path: str | Path,
     tip: str | None,
     locked: Mapping[str, float],
     package_dirs: Sequence[str | Path] | None,
-) -> tuple[pin.Model, int, UrdfSource, tuple[Array, Array, Array, Array]]:
-    """Read the arm of a URDF file: model, frame of the tip, source and limits.
-
-    See :meth:`.Robot.from_urdf`. Limits (n,) are the lower and upper coordinates, speeds and
-    efforts, infinite where there is no limit.
-    """
+) -> UrdfArm:
+    """Read the arm of a URDF file; see :meth:`.Robot.from_urdf`."""
     source = Path(path)
     file = _urdf_file(source)
     try:
@@ -64,44 +72,65 @@ def read_urdf(
             f"{str(source)!r} cannot be read as a URDF: {error} Its parser prints a reason on "
             f"stderr, if it has one"
         ) from error
-    bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
     if tip is None:
         tip = _only_tip(file, model, locked, source.name)
     elif tip not in bodies:
         raise unknown_name(f"link in {source.name}", tip, bodies)
     chain = set(_joints_of(model, tip))
     positions = _locked_positions(model, locked, file.mimics, source.name)
-    freeze = [i for i in range(1, model.njoints) if i not in chain or model.names[i] in locked]
+    freeze = []
+    for joint in range(1, model.njoints):
+        if joint not in chain or model.names[joint] in locked:
+            freeze.append(joint)
     own_names = _distinguish_joints(model, bodies)
-    folders = mesh_folders(source, package_dirs, os.environ)
-    origin = UrdfSource(source, tuple(map(str, folders)), model, tuple(freeze), positions)
+    folders = tuple(map(str, mesh_folders(source, package_dirs, os.environ)))
+    whole = UrdfSource(source, folders, model, tuple(freeze), positions)
     model = pin.buildReducedModel(model, freeze, positions)
     for i, joint_name in enumerate(model.names):
         model.names[i] = own_names.get(joint_name, joint_name)
     if model.nv == 0:
         raise ConfigurationError(f"no joint of {source.name} moves the link {tip!r}")
-    for joint, joint_name in zip(model.joints[1:], model.names[1:], strict=True):
-        if joint.nq != 1 or joint.nv != 1:
-            raise ConfigurationError(
-                f"joint {joint_name!r} of {source.name} is a {joint.shortname()}: "
-                "only revolute, continuous and prismatic joints can be driven; lock it with "
-                "locked={…}"
-            )
-        if joint_name in file.mimics:
-            raise ConfigurationError(
-                f"joint {joint_name!r} of {source.name} mimics another one and moves the tip: "
-                "every joint of an arm must be driven by itself; lock it with locked={…}"
-            )
-    # a missing or zero velocity or effort in the limit element means that there is no limit
-    speed, effort = (
-        np.where((limit <= 0.0) | (limit >= UNBOUNDED), np.inf, limit)
-        for limit in (np.array(model.upperVelocityLimit), np.array(model.effortLimit))
-    )
+    _require_driven(model, file.mimics, source.name)
     lower = np.array(model.lowerPositionLimit)
     upper = np.array(model.upperPositionLimit)
     lower[lower <= -UNBOUNDED] = -np.inf
     upper[upper >= UNBOUNDED] = np.inf
-    return model, model.getFrameId(tip), origin, (lower, upper, speed, effort)
+    return UrdfArm(
+        model=model,
+        tip_frame=model.getFrameId(tip),
+        source=whole,
+        q_min=lower,
+        q_max=upper,
+        qd_max=_stated_limits(model.upperVelocityLimit),
+        effort=_stated_limits(model.effortLimit),
+    )
+
+
+def _stated_limits(limits: Array) -> Array:
+    """Return limits of speed or effort (n,), infinite where the file states none.
+
+    A missing or zero attribute of the limit element means that there is no limit.
+    """
+    stated = np.array(limits)
+    is_unlimited = (stated <= 0.0) | (stated >= UNBOUNDED)
+    return np.where(is_unlimited, np.inf, stated)
+
+
+def _require_driven(model: pin.Model, mimics: Mapping[str, Mimic], file: str) -> None:
+    """Raise ConfigurationError unless every joint has one coordinate and is driven by itself."""
+    for joint, name in zip(model.joints[1:], model.names[1:], strict=True):
+        if joint.nq != 1 or joint.nv != 1:
+            raise ConfigurationError(
+                f"joint {name!r} of {file} is a {joint.shortname()}: "
+                "only revolute, continuous and prismatic joints can be driven; lock it with "
+                "locked={…}"
+            )
+        if name in mimics:
+            raise ConfigurationError(
+                f"joint {name!r} of {file} mimics another one and moves the tip: "
+                "every joint of an arm must be driven by itself; lock it with locked={…}"
+            )
 
 
 def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
@@ -109,7 +138,8 @@ def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.Geo
 
     Raises ConfigurationError, which names the mesh, if one is missing or cannot be read.
     """
-    text = with_whole_paths(_urdf_file(source.path).text, source.path, source.package_dirs, purpose)
+    file = _urdf_file(source.path)
+    text = with_whole_paths(file.text, source.path, source.package_dirs, purpose)
     kind = pin.GeometryType.COLLISION if purpose == "collision" else pin.GeometryType.VISUAL
     try:
         geometry = pin.buildGeomFromUrdfString(source.model, text, kind)
@@ -117,7 +147,10 @@ def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.Geo
         raise ConfigurationError(
             f"{purpose} geometry of {source.path} cannot be read: {error}"
         ) from error
-    return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
+    _, reduced = pin.buildReducedModel(
+        source.model, geometry, list(source.locked), source.positions
+    )
+    return reduced
 
 
 def _joint_of(model: pin.Model, link: str) -> int:
@@ -136,26 +169,28 @@ def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], nam
     Raises ConfigurationError if there are several, or if it may be a finger.
     """
     last = file.last_links()
-    moved = [
-        link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))
-    ]
+    moved = []
+    for link in last:
+        joints = [model.names[i] for i in _joints_of(model, link)]
+        if any(joint not in locked for joint in joints):
+            moved.append(link)
     if len(moved) > 1:
         shared = set.intersection(*(set(file.above(link)) for link in moved))
         branch = next(link for link in file.above(moved[0]) if link in shared)
         raise ConfigurationError(
             f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off "
-            f"{branch!r}. "
-            'Say which link carries the camera: tip = "…"'
+            f'{branch!r}. Say which link carries the camera: tip = "…"'
         )
-    tip = (moved or last)[0]
-    carrier = (file.above(tip)[1:2] or [tip])[0]
+    tip = moved[0] if moved else last[0]
+    carrier = file.parent.get(tip, tip)
     joint = model.names[_joint_of(model, tip)]
-    grips = any(word in f"{tip} {joint}".lower() for word in OF_GRIPPERS)
+    names = f"{tip} {joint}".lower()
+    grips = any(word in names for word in OF_GRIPPERS)
     if grips and _joint_of(model, tip) != _joint_of(model, carrier):
         raise ConfigurationError(
             f"the last link of {name}, {tip!r}, seems to be a part of a gripper that joint "
-            f"{joint!r} moves. "
-            f'Say which link carries the camera: tip = "{carrier}", or "{tip}" if it is that one'
+            f"{joint!r} moves. Say which link carries the camera: "
+            f'tip = "{carrier}", or "{tip}" if it is that one'
         )
     return tip
 

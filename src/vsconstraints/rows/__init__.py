@@ -76,7 +76,8 @@ class Rows:
             return "<Rows: none>"
         worst = int(np.argmax(self.phi))
         reached = [self.labels[i] for i in np.flatnonzero(self.phi >= 0.0)]
-        size = f"{counted(len(self.labels), 'row')} of {counted(np.shape(self.Lg)[-1], 'joint')}"
+        n = np.shape(self.Lg)[-1]
+        size = f"{counted(len(self.labels), 'row')} of {counted(n, 'joint')}"
         greatest = f"greatest φ {amount(self.phi[worst])} ({self.labels[worst]})"
         return f"<Rows: {size}, {greatest}, φ ≥ 0: {enumerated(reached) or 'none'}>"
 
@@ -86,7 +87,8 @@ class Rows:
         φ is linear in q̇. Of φ = σ + K σ̇ ≤ 0 this is K ∇σᵀ q̇ ≤ −σ − K ∂σ/∂t; a bound on speeds is
         one already. Both are G = L_gφ and h = L_gφ q̇ − φ at the present q̇, ``qd`` (n,).
         """
-        return self.Lg, self.Lg @ qd - self.phi
+        h = self.Lg @ qd - self.phi
+        return self.Lg, h
 
     @classmethod
     def none(cls, n: int) -> Rows:
@@ -115,7 +117,9 @@ class Task:
     @in_one_line
     def __repr__(self) -> str:
         k, n = np.shape(self.J)
-        error = f", ‖e‖ = {amount(np.linalg.norm(self.error))}" if len(self.error) else ""
+        error = ""
+        if len(self.error):
+            error = f", ‖e‖ = {amount(np.linalg.norm(self.error))}"
         size = f"{counted(k, 'feature')} of {counted(n, 'joint')}"
         return f"<Task: {size}{error}, ‖b‖ = {amount(np.linalg.norm(self.b))}>"
 
@@ -126,7 +130,8 @@ class Task:
         = ė − J q̇ contains everything that moves the error but the joints. Needs ``error``,
         ``error_rate`` and ``qd``.
         """
-        return self.J, self.J @ self.qd - self.error_rate - gain * self.error
+        v = self.J @ self.qd - self.error_rate - gain * self.error
+        return self.J, v
 
 
 @dataclass(slots=True)
@@ -187,7 +192,10 @@ AT_END = 1e-9
 
 def at_end(qdd: Any, least: Any, greatest: Any) -> Any:
     """True where an acceleration is at an end of its box, elementwise."""
-    return (qdd - least <= AT_END * abs(qdd)) | (greatest - qdd <= AT_END * abs(qdd))
+    rounding = AT_END * abs(qdd)
+    is_at_least = qdd - least <= rounding
+    is_at_greatest = greatest - qdd <= rounding
+    return is_at_least | is_at_greatest
 
 
 def in_box(rows: Rows, qdd: Array) -> Array:
@@ -201,6 +209,8 @@ def keep_box(rows: Rows, command: Command) -> None:
     Records the joints at an end of the box. A command of speeds stays as it is: the arm that
     follows it keeps its own limits.
     """
-    if len(rows.qdd_max) and command.status != "failed" and not len(command.qd):
+    has_box = len(rows.qdd_max) > 0
+    commands_speeds = len(command.qd) > 0
+    if has_box and not commands_speeds and command.status != "failed":
         command.qdd = in_box(rows, command.qdd)
         command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -26,19 +27,13 @@ class RowFactors:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            by_kind = isinstance(value, Mapping) and name != "speed_gain"
-            for kind, factor in value.items() if by_kind else [("", value)]:
-                number = (
-                    isinstance(factor, float | int)
-                    and factor is not True
-                    and 0.0 < factor < float("inf")
-                )
-                if not (number and isinstance(kind, str)):
-                    where = f"{name}.{kind}" if kind else name
-                    raise ConfigurationError(
-                        f"{where} of a law multiplies the scene's value and must be positive, "
-                        f"not {format_value(factor)}"
-                    )
+            if not isinstance(value, Mapping) or name == "speed_gain":
+                _require_factor(name, value)
+                continue
+            for kind, factor in value.items():
+                if not isinstance(kind, str):
+                    raise _not_positive(f"{name}.{kind}", factor)
+                _require_factor(f"{name}.{kind}" if kind else name, factor)
 
     def options(self) -> dict[str, Any]:
         """Return the factors that are not 1, by their names in files."""
@@ -46,19 +41,42 @@ class RowFactors:
 
     def of(self, kind: str) -> tuple[float, float]:
         """Return the factors on K and u⁺ of rows of a kind."""
-        both = (self.K, self.switching_gain)
-        K, gain = (value.get(kind, 1.0) if isinstance(value, Mapping) else value for value in both)
-        return K, gain * (self.speed_gain if kind == "speed" else 1.0)
+        K = _factor_of(self.K, kind)
+        gain = _factor_of(self.switching_gain, kind)
+        if kind == "speed":
+            gain *= self.speed_gain
+        return K, gain
 
     def remark(self, kinds: tuple[str, ...]) -> str:
         """Report named kinds that no row has; empty if there is none."""
-        tables = [value for value in self.options().values() if isinstance(value, Mapping)]
-        absent = dict.fromkeys(kind for table in tables for kind in table if kind not in kinds)
-        return (
-            f"factors of the law name {', '.join(absent)}, but there are no such rows"
-            if absent
-            else ""
-        )
+        absent = []
+        for value in self.options().values():
+            if isinstance(value, Mapping):
+                absent += [kind for kind in value if kind not in kinds and kind not in absent]
+        if not absent:
+            return ""
+        return f"factors of the law name {', '.join(absent)}, but there are no such rows"
+
+
+def _factor_of(value: float | Mapping[str, float], kind: str) -> float:
+    """Return the factor of a kind, from one for all kinds or from a table of them."""
+    if isinstance(value, Mapping):
+        return value.get(kind, 1.0)
+    return value
+
+
+def _require_factor(name: str, factor: object) -> None:
+    """Raise ConfigurationError unless a factor is a positive and finite number."""
+    is_number = isinstance(factor, float | int) and factor is not True
+    if not (is_number and 0.0 < factor < math.inf):  # type: ignore[operator]
+        raise _not_positive(name, factor)
+
+
+def _not_positive(name: str, factor: object) -> ConfigurationError:
+    return ConfigurationError(
+        f"{name} of a law multiplies the scene's value and must be positive, not "
+        f"{format_value(factor)}"
+    )
 
 
 FACTORS = tuple(each.name for each in fields(RowFactors))  #: Options of every law.

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
 
-
 ZERO_BELOW = 1e-9  #: Smaller numbers in a list are shown as zero.
 
 
@@ -36,26 +35,34 @@ def amount(value: float | np.floating[Any]) -> str:
 
 def amounts(values: Iterable[float], unit: str = "") -> str:
     """Format a few numbers with their unit: ``(0.1, 0, 0.4) m``."""
-    return (
-        f"({', '.join(amount(value if abs(value) > ZERO_BELOW else 0.0) for value in values)})"
-        f"{unit and ' '}{unit}"
-    )
+    shown = [value if abs(value) > ZERO_BELOW else 0.0 for value in values]
+    listed = ", ".join(amount(value) for value in shown)
+    return f"({listed}) {unit}" if unit else f"({listed})"
 
 
 def span(low: Array, high: Array, unit: str) -> str:
     """Format the span of ranges (n,): ``−6.28 to 6.28 rad``, or a note that there is none."""
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        return f"not all limited [{unit}]" if np.isfinite((low, high)).any() else "no ranges"
-    return f"{amount(low.min(initial=np.inf))} to {amount(high.max(initial=-np.inf))} {unit}"
+    is_limited = np.isfinite((low, high))
+    if is_limited.all():
+        least = low.min(initial=np.inf)
+        greatest = high.max(initial=-np.inf)
+        return f"{amount(least)} to {amount(greatest)} {unit}"
+    if is_limited.any():
+        return f"not all limited [{unit}]"
+    return "no ranges"
 
 
 def enumerated(names: Iterable[object], most: int = 3) -> str:
     """List the first few names: ``a, b, c and 4 more``."""
     texts = [str(name) for name in names]
+    first = ", ".join(texts[:most])
     left = len(texts) - most
-    return ", ".join(texts) if left <= 0 else f"{', '.join(texts[:most])} and {left} more"
+    return first if left <= 0 else f"{first} and {left} more"
 
 
 def counted(count: int, singular: str, several: str = "") -> str:
     """Format a count: ``1 marker``, ``4 markers``, ``2 families``."""
-    return f"{count} {singular if count == 1 else several or singular + 's'}"
+    if count == 1:
+        return f"1 {singular}"
+    plural = several or f"{singular}s"
+    return f"{count} {plural}"
