@@ -6,12 +6,14 @@ import math
 
 from ..rows import IntArray
 from . import samples
+from .codes import TOLERANCE
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import apply_law, is_answer, load_law
+from .memory import zeros
 from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
-from .workspace import TOLERANCE, Answer, zeros
+from .workspace import Answer
 
 for name in (
     "put",

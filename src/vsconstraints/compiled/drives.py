@@ -35,9 +35,9 @@ from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .kinematics import put
+from .memory import zeros
 from .parts import address, call_int_pointer, checked, struct_loader
 from .signatures import FLAG, INT, MATRIX, VOID, signature
-from .workspace import zeros
 
 register_formulas()
 

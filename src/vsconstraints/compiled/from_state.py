@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from ..rows import Array
+from .codes import NEEDS_PYTHON
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import apply_law, load_answer
 from .linear import copy_vector
 from .parts import call_int_pointer, checked, load_step
 from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
-from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
+from .workspace import Answer, LawArrays, Step
 
 REFUSED = -1  #: The step cannot be evaluated; the NumPy version reports the reason.
 

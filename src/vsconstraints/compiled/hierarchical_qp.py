@@ -10,15 +10,7 @@ import numpy as np
 from ..formulas.row import BOUND, share_within
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
-from .compiler import compiled, in_place
-from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
-from .laws import RESOLVER, load_law, within
-from .least_violation import GREATEST, LEAST
-from .linear import finite
-from .resolving import demanded, finished, follow_alone, measurable
-from .scratch import emptied, filled, flags, matrix
-from .walls import ALL_MET, Demands, Resolved, count_resisting
-from .workspace import (
+from .codes import (
     DAMPING,
     FAILED,
     LIMIT,
@@ -29,11 +21,16 @@ from .workspace import (
     SOLVED,
     STRICT,
     TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    TaskArrays,
 )
+from .compiler import compiled, in_place
+from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
+from .laws import RESOLVER, load_law, within
+from .least_violation import GREATEST, LEAST
+from .linear import finite
+from .resolving import demanded, finished, follow_alone, measurable
+from .scratch import emptied, filled, flags, matrix
+from .walls import ALL_MET, Demands, Resolved, count_resisting
+from .workspace import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place

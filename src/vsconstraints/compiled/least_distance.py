@@ -11,10 +11,11 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from . import linear as la
+from .codes import FAILED, INCOMPATIBLE, SOLVED
 from .compiler import in_place, inner
 from .linear import INVERSE, QR, START, constant
 from .scratch import empty_qr, integers
-from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
+from .workspace import Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms counts as met.
 #: A row of unit norm depends on the active rows if its part outside their span is below this.

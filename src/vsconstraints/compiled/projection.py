@@ -7,6 +7,7 @@ import numpy as np
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
 from ..rows import Array
+from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
 from .compiler import compiled, in_place
 from .laws import RESOLVER, fits, load_law
 from .linear import ONE, START, add, constant
@@ -14,7 +15,7 @@ from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, valid
 from .scratch import blank, emptied
 from .task_priority import pushed
-from .workspace import NEEDS_PYTHON, SOLVED, TOLERANCE, Answer, RowArrays, TaskArrays
+from .workspace import Answer, RowArrays, TaskArrays
 
 #: Options: the errors below and above which λ is 0 and 1.
 CLOSED = 1

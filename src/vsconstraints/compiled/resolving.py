@@ -8,11 +8,12 @@ import numpy as np
 
 from ..rows import Array
 from ..rows.checks import FARTHEST, ROUNDING
+from .codes import NEEDS_PYTHON, TOLERANCE
 from .compiler import in_place, inner
 from .laws import write_rates
 from .linear import START, copy_vector, dot, finite, in_range, out_of_range
 from .parts import call_int_pointer
-from .workspace import NEEDS_PYTHON, TOLERANCE, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place

@@ -15,7 +15,8 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .workspace import BOOL, F8, I8, LOOP_PARTS, Answer, Records, RowArrays, TaskArrays
+from .records import BOOL, F8, I8, LOOP_PARTS, Records
+from .workspace import Answer, RowArrays, TaskArrays
 
 #: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
 #: motion.

@@ -10,6 +10,7 @@ import numpy as np
 from ..formulas.row import BOUND
 from ..rows import Array, BoolArray
 from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
+from .codes import INCOMPATIBLE, LIMIT, NEEDS_PYTHON, SCALES, SOLVED, TOLERANCE
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, load_law, within
 from .least_squares import resolve
@@ -17,19 +18,7 @@ from .linear import ONE, START, away, constant, copy, copy_vector, length, squar
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, flags, matrix
-from .workspace import (
-    INCOMPATIBLE,
-    LIMIT,
-    NEEDS_PYTHON,
-    SCALES,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Rows of the workspace: the best q̈ so far, q̈ at s = 0, the unconstrained q̈, and q̈ at s = 1;
 #: number of rows.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..formulas.row import BOUND
 from ..rows import Array
+from .codes import DAMPING, INCOMPATIBLE, LIMIT, NEEDS_PYTHON, SHORT, SOLVED, TOLERANCE
 from .compiler import compiled, inner
 from .hierarchy import Aim, Priorities, aim_at, aim_at_task, hierarchy
 from .laws import RESOLVER, load_law, within
@@ -21,20 +22,7 @@ from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, filled, flags, matrix, vector
 from .walls import ALL_MET, Demands, Resolved, count_resisting
-from .workspace import (
-    DAMPING,
-    INCOMPATIBLE,
-    LIMIT,
-    NEEDS_PYTHON,
-    SHORT,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Damping relative to that of the hierarchy. The only gain of the task is 1, so that less damping
 #: suffices.

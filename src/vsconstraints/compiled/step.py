@@ -23,24 +23,14 @@ from .camera import (
     moved_since,
     place_camera,
 )
+from .codes import AGE, DEPTH, IMAGE, ORIENTATION, OWN, POSITION, SHAPE, SPEED, WORST
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, put
 from .parts import address as address_of
 from .parts import call_int_pointer, call_void_pointer, checked, load_step
 from .signatures import FLAGS, FLOAT, INT, MATRIX, STACK, VECTOR, VOID, signature
 from .visual_task import JUST_NOW, write_task
-from .workspace import (
-    AGE,
-    DEPTH,
-    IMAGE,
-    ORIENTATION,
-    OWN,
-    POSITION,
-    SHAPE,
-    SPEED,
-    WORST,
-    Step,
-)
+from .workspace import Step
 
 
 @in_place

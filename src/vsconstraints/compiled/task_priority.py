@@ -9,6 +9,7 @@ import numpy as np
 from ..formulas.row import EQUAL, PUSH
 from ..rows import Array, BoolArray
 from ..rows.tolerances import ZERO_GRADIENT
+from .codes import NEEDS_PYTHON, RANK_LOSS, SOLVED, TOLERANCE
 from .compiler import compiled, in_place
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
@@ -16,17 +17,7 @@ from .linear import QR, START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
 from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
-from .workspace import (
-    NEEDS_PYTHON,
-    RANK_LOSS,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place

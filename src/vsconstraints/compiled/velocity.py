@@ -14,25 +14,16 @@ import numpy as np
 from ..formulas.projection import CLOSED, OPENED, opening
 from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
 from ..rows import Array, BoolArray
+from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answer, load_law
 from .linear import finite
+from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
+from .records import BOOL, F8
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
-from .workspace import (
-    BOOL,
-    F8,
-    NEEDS_PYTHON,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-    zeros,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 class SpeedArrays(NamedTuple):

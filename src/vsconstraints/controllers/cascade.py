@@ -11,8 +11,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from ..compiled import load
-from ..compiled import workspace as codes
+from ..compiled import codes, load
 from ..errors import InvalidInput, SolverError
 from ..qp import SolverChain, Verified
 from ..qp.decomposition import svd

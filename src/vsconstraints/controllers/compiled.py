@@ -11,15 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import (
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-    Workspace,
-    zeros,
-)
+from ..compiled.memory import Workspace, zeros
+from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
@@ -39,7 +32,7 @@ SCRATCH = 32768
 class CompiledAnswer(NamedTuple):
     """Output of a compiled law.
 
-    ``code`` is one of :mod:`vsconstraints.compiled.workspace`. ``qdd`` is (n,), ``active`` (m,),
+    ``code`` is one of :mod:`vsconstraints.compiled.codes`. ``qdd`` is (n,), ``active`` (m,),
     and ``slack`` (m,), or (0,) for laws that do not measure it.
     """
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS
+from ..compiled.codes import NEEDS_PYTHON, RANK_LOSS
 from ..errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ..qp import SolverChain
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS, SOLVED
+from ..compiled.codes import NEEDS_PYTHON, RANK_LOSS, SOLVED
 from ..errors import SolverError
 from ..formulas import formula
 from ..formulas.row import BOUND, EQUAL, PUSH, Row

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..compiled import load
 from ..compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
-from ..compiled.workspace import Workspace
+from ..compiled.memory import Workspace
 from ..errors import ConfigurationError, SceneError, described
 from ..formulas.limits import JointLimits
 from ..plugins.extras import demand

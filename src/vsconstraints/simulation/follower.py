@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import Workspace, zeros
+from ..compiled.memory import Workspace, zeros
 from ..controllers.delay import split_delay
 from ..errors import ConfigurationError, SceneError, format_value
 from ..robots.limits import PerJoint, per_joint

@@ -10,8 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from ..compiled import load
+from ..compiled.memory import Workspace
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
-from ..compiled.workspace import Workspace
 from ..constraints import ConstraintSet
 from ..control.evaluator import Evaluation
 from ..controllers import Controller, Tracking

@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
+from ..compiled.memory import zeros
+from ..compiled.records import LOOP_PARTS
 from ..compiled.samples import Goals, Kept, Loop, Running
-from ..compiled.workspace import LOOP_PARTS, Answer, Size, Step, zeros
+from ..compiled.workspace import Answer, Size, Step
 from ..constraints import ConstraintSet
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
