@@ -32,10 +32,15 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
     copy_vector(target.last_error, source.last_error)
     copy_vector(target.last_partial, source.last_partial)
     copy_vector(target.last_command, source.last_command)
-    for i in range(source.last_J.shape[0]):
-        copy_vector(target.last_J[i], source.last_J[i])
-    for i in range(source.correction.shape[0]):
-        copy_vector(target.correction[i], source.correction[i])
+    copy_rows(target.last_J, source.last_J)
+    copy_rows(target.correction, source.correction)
+
+
+@in_place
+def copy_rows(target: Array, source: Array) -> None:
+    """Copy a matrix to another one of the same shape."""
+    for i in range(source.shape[0]):
+        copy_vector(target[i], source[i])
 
 
 @checked(Step, LawArrays, Answer)

@@ -1,4 +1,4 @@
-"""Program of a predictive law: rows and task predicted along a plan, as cost and rows, compiled."""
+"""Program of a predictive law: rows and task as predicted along a plan, compiled."""
 
 from __future__ import annotations
 

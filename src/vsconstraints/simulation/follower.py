@@ -27,7 +27,7 @@ MOST_TICKS = 1000
 
 @dataclass(frozen=True)
 class ArmInput:
-    """What an arm takes, and how its low-level loop follows it.
+    """Command that an arm takes, and the low-level loop that follows it.
 
     The other keys are those of a loop that follows velocities or positions. Raises
     ConfigurationError if a value is out of range, or a key has no meaning for the command.
