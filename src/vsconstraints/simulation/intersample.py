@@ -89,7 +89,9 @@ def intersample_clearance(
             kept = (may_be_deeper & is_relevant).any(axis=1)
             if not kept.any():
                 continue
-            candidates, first, last = candidates[kept], first[kept], last[kept]
+            candidates = candidates[kept]
+            first = first[kept]
+            last = last[kept]
             half = begin + 0.5 * width
             middle = look(periods[candidates], half)
             halves.append((begin, candidates, first, middle))
