@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from vsconstraints.controllers import PredictiveControl, Range
-from vsconstraints.controllers.predictive import Plan, whole_number
+from vsconstraints.controllers.planner import Plan
+from vsconstraints.controllers.predictive import whole_number
 from vsconstraints.controllers.ranges import option, positive_number
 from vsconstraints.controllers.resolver import row_weights
 from vsconstraints.rows import Array, BoolArray, Command, Rows, Task

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from numpy_form import believed, evaluate_rows, observe
 from scenes import NOW, random_scene, robot
 from vsconstraints.compiled import load
-from vsconstraints.compiled.workspace import Workspace
+from vsconstraints.compiled.memory import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.geometry import Pose, distance

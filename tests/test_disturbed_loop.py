@@ -14,7 +14,8 @@ from numpy_form import estimated_pose, observe
 from scenes import random_configuration, robot
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
-from vsconstraints.compiled.workspace import Step, Workspace
+from vsconstraints.compiled.memory import Workspace
+from vsconstraints.compiled.workspace import Step
 from vsconstraints.constraints import ConstraintSet, FieldOfView, RowBlock
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode

@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
-from vsconstraints.compiled.workspace import Workspace
+from vsconstraints.compiled.memory import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.dynamics import (
     ArmDynamics,

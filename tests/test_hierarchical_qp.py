@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 
 from oracle import KINDS, Problem, lexicographic_optimum, random_problem
 from vsconstraints.compiled import load
-from vsconstraints.compiled.workspace import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
+from vsconstraints.compiled.codes import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.compiled import CompiledAnswer
 from vsconstraints.controllers.least_norm import least_norm

@@ -196,7 +196,7 @@ class Stages:
 def test_iterations_of_all_stages_add_up(monkeypatch):
     stages = Stages(monkeypatch)
     code, iterations, qdd = stages.solve()
-    assert code == kernels.load("workspace").RELAXED_ROWS
+    assert code == kernels.load("codes").RELAXED_ROWS
     np.testing.assert_allclose(qdd, [3.0, 0.0, -5.0], atol=1e-9)
     steps = [added for _, added in stages.calls]
     assert len(steps) == 3
@@ -207,7 +207,7 @@ def test_iterations_of_all_stages_add_up(monkeypatch):
 def test_a_last_stage_without_numbers_keeps_the_answer_of_the_task(monkeypatch):
     stages = Stages(monkeypatch, kernels.load("hierarchy").NOT_A_NUMBER)
     code, _, qdd = stages.solve()
-    assert code == kernels.load("workspace").RELAXED_SHORT
+    assert code == kernels.load("codes").RELAXED_SHORT
     assert len(stages.calls) == 3
     # rows and task, but not the least acceleration
     np.testing.assert_allclose(qdd[:2], [3.0, 0.0], atol=1e-9)

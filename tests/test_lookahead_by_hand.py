@@ -17,12 +17,15 @@ import pytest
 
 from folder_laws import BarrierGovernor, GoalGovernor
 from scenes import Straight
-from vsconstraints.compiled import plan_program, predictive
-from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
+from vsconstraints.compiled import last_plan, plan_cost, plan_rows, predicted_program, predictive
+from vsconstraints.compiled.codes import FAILED
+from vsconstraints.compiled.least_distance import FORCE, NEW
+from vsconstraints.compiled.plan_arrays import Cost
+from vsconstraints.compiled.workspace import Answer, RowArrays, TaskArrays
 from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.controllers import PredictiveControl, Range
-from vsconstraints.controllers.predictive import Planner
+from vsconstraints.controllers.planner import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.rows.tolerances import PULLING
@@ -161,46 +164,44 @@ def test_limits_of_a_plan() -> None:
     plans.plan[:] = 1.0
     plans.seen[:, :2] = plans.seen[:, 2:4] = value
     plans.seen[:, 4:6] = gradient[..., 0] * np.array([0.5, 1.0])
-    predictive.set_box(plans, RowArrays(*(UNKNOWN,) * 10))
-    assert predictive.walk(plans) == 4
+    last_plan.set_box(plans, RowArrays(*(UNKNOWN,) * 10))
+    assert last_plan.walk(plans) == 4
     np.testing.assert_allclose(plans.times, [0.0, 0.5, 1.0, 2.0])
-    predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 4))
+    predicted_program.linearise(plans, 4, row_arrays(rows))
     # rows that change by 0.02, 0.03 and 0.04 over 0.01 rad, of scales above and below
-    predictive.limit(plans, 4, np.array([0.01, 1.0]))
+    predicted_program.limit(plans, 4, np.array([0.01, 1.0]))
     np.testing.assert_allclose(plans.row_factor, [[1 / 2, 1.0], [1 / 3, 1.0], [1 / 4, 1.0]])
     # the instant before counts by what is left of it, but for the brake
     steep = np.array([100.0, 2.0, 300.0, 4.0])
     plans.gradient[:, 0, 0] = steep
-    predictive.limit(plans, 4, np.array([0.01, 1.0]))
+    predicted_program.limit(plans, 4, np.array([0.01, 1.0]))
     np.testing.assert_allclose(1.0 / plans.row_factor[:, 0], [100.0 * exp(-0.25), 300.0, 4.0])
     plans.gradient[:, 0, 0] = gradient[:, 0, 0]
-    predictive.limit(plans, 4, rows.scale)
+    predicted_program.limit(plans, 4, rows.scale)
     limits = predictive.limits_of(plans, 4, rows.scale)
     space = plans.space
     f = exp(-0.25)
     space.u[:] = 1.1
-    plan_program.follow_block(1.0, space.u, space.x, 0, 1)
-    plan_program.move(limits, space.u, space.x, space.moved)
+    plan_cost.follow_block(1.0, space.u, space.x, 0, 1)
+    plan_rows.move(limits, space.u, space.x, space.moved)
     excess = [
         0.125 - f * 0.08, 0.3 - f * 0.1,
         0.35 - f * 0.125, 0.6 - f * 0.3,
         0.7 - 0.08 * exp(-1.0), -inf,
         1.1 - 2.0, -2.0 - 1.1,
     ]  # fmt: skip
-    np.testing.assert_allclose(
-        [plan_program.excess(limits, space, row) for row in range(8)], excess
-    )
+    np.testing.assert_allclose([plan_rows.excess(limits, space, row) for row in range(8)], excess)
     # w = √49 u − y
     plans.square[:] = 49.0
     plans.pull[:] = 0.0
-    cost = plan_program.Cost(
+    cost = Cost(
         1.0, 0.0, *(getattr(plans, name) for name in ("gains", "rest", "square", "pull", "free"))
     )
-    assert plan_program.factorise(cost, plans.factor)
+    assert plan_cost.factorise(cost, plans.factor)
     slopes = []
     for row in (0, 1, 2, 3, 4, 6, 7):
-        plan_program.differentiate(cost, plans.factor, limits, row, space.adjoint, space.work)
-        slopes.append(7.0 * space.work[plan_program.NEW, 0])
+        plan_rows.differentiate(cost, plans.factor, limits, row, space.adjoint, space.work)
+        slopes.append(7.0 * space.work[NEW, 0])
     np.testing.assert_allclose(slopes, [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
 
 
@@ -230,9 +231,9 @@ def test_a_plan_stays_near_to_what_joints_do_at_rest() -> None:
     best = np.linalg.lstsq(np.vstack(M), np.concatenate(y), rcond=None)[0]
     plans = planner(Rows.none(3), Task(np.ones((1, 3)), np.ones(1)), horizon=2, block=2).plans
     square = np.einsum("ki,kj->kij", J, J)
-    cost = plan_program.Cost(T, weight, gains, np.full((2, 2), 4.0), square, b * J, rest)
-    assert plan_program.factorise(cost, plans.factor)
-    plan_program.roll_out(cost, plans.factor, plans.space)
+    cost = Cost(T, weight, gains, np.full((2, 2), 4.0), square, b * J, rest)
+    assert plan_cost.factorise(cost, plans.factor)
+    plan_cost.roll_out(cost, plans.factor, plans.space)
     np.testing.assert_allclose(plans.space.u.ravel(), best, rtol=1e-9)
 
 
@@ -398,12 +399,12 @@ def test_a_plan_that_has_ended_is_forgotten(t: float, then: float, made: float) 
     braked anew.
     """
     plans = planner(Rows.none(1), Task(np.ones((1, 1)), np.zeros(1)), max_acceleration=9.0).plans
-    predictive.set_box(plans, row_arrays(Rows.none(1)))
+    last_plan.set_box(plans, row_arrays(Rows.none(1)))
     plans.plan[:] = 0.0
     plans.then[:] = -2.0
     plans.made[:] = made
     plans.now[:] = made + t, 0.0, -0.5
-    predictive.carry_on(plans)
+    last_plan.carry_on(plans)
     assert plans.plan[0, 0] == pytest.approx(then, abs=1e-12)
 
 
@@ -434,7 +435,7 @@ def test_where_no_plan_passes_the_check_the_last_one_goes_on(
     outputs = (np.zeros(1), np.zeros(1, dtype=np.bool_), np.zeros(1), np.zeros(1, dtype=np.int64))
     plans.plan[:, 0] = [1.0, 0.0]
     plans.now[0] = 0.1
-    plans.outcome[predictive.PREDICTED] = plans.outcome[predictive.ASKED] = predictive.walk(plans)
+    plans.outcome[predictive.PREDICTED] = plans.outcome[predictive.ASKED] = last_plan.walk(plans)
     plans.seen[:] = 0.0
     monkeypatch.setattr(predictive, "plan_best", lambda *_: (FAILED, 1))
     now = row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 4)
@@ -456,7 +457,7 @@ def test_rows_hold_whose_multipliers_are_no_rounding_of_the_greatest(
     acted = np.ones(2, dtype=np.bool_)
     plans.outcome[predictive.PREDICTED] = 2
     plans.space.active[:2] = [0, 1]
-    plans.space.work[plan_program.FORCE, :2] = [first, second * PULLING]
+    plans.space.work[FORCE, :2] = [first, second * PULLING]
     predictive.mark_active(
         plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2
     )
@@ -517,8 +518,8 @@ def test_a_joint_that_cannot_stop_in_a_block_goes_on_in_the_next() -> None:
         Rows.none(1), Task(np.eye(1), np.zeros(1)), horizon=4, max_acceleration=4.0
     ).plans
     plans.now[2] = 1.0
-    predictive.set_box(plans, row_arrays(Rows.none(1)))
-    predictive.brake(plans)
+    last_plan.set_box(plans, row_arrays(Rows.none(1)))
+    last_plan.brake(plans)
     np.testing.assert_allclose(plans.plan[:, 0], [-4.0, -4.0, -2.0, 0.0])
 
 
@@ -530,7 +531,7 @@ def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
         plans = planner(Rows.none(3), Task(np.eye(3), np.zeros(3))).plans
         plans.now[4:] = qd
         plans.most[:] = most
-        assert predictive.stopping_time(plans) == time
+        assert last_plan.stopping_time(plans) == time
 
 
 def test_options_are_those_that_are_documented() -> None:

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import load
+from vsconstraints.compiled.memory import Workspace
 from vsconstraints.compiled.signatures import INT, VECTOR, Reference, signature
-from vsconstraints.compiled.workspace import RowArrays, Size, Workspace
+from vsconstraints.compiled.workspace import RowArrays, Size
 from vsconstraints.errors import InvalidInput
 
 pytestmark = pytest.mark.skipif(not load("compiler").compiles(), reason="there is no compiler")

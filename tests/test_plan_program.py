@@ -8,8 +8,9 @@ from qpsolvers import solve_qp
 from scipy.optimize import linprog
 
 from vsconstraints.compiled import plan_program
-from vsconstraints.compiled.plan_program import Cost, Factor, Limits, Space, lengths_of
-from vsconstraints.compiled.workspace import RELAXED_ROWS, SOLVED, zeros
+from vsconstraints.compiled.codes import RELAXED_ROWS, SOLVED
+from vsconstraints.compiled.memory import zeros
+from vsconstraints.compiled.plan_arrays import Cost, Factor, Limits, Space, lengths_of
 from vsconstraints.rows import Array
 
 T = 0.05

@@ -15,10 +15,10 @@ import pytest
 
 from scenes import Straight
 from vsconstraints.bench.families.frozen import TestSet
-from vsconstraints.compiled import predictive
+from vsconstraints.compiled import last_plan
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking
-from vsconstraints.controllers.predictive import Planner
+from vsconstraints.controllers.planner import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -52,7 +52,7 @@ def test_states_along_a_plan_are_those_of_a_double_integrator(blocks: int, block
     n = 2
     plans = standing(n, horizon=blocks, block=block).plans
     plans.plan[:], plans.now[1:] = rng.normal(size=(blocks, n)), rng.normal(size=2 * n)
-    count = predictive.walk(plans)
+    count = last_plan.walk(plans)
     assert count == blocks + 1 + (block > 1) == len(set(plans.times[:count]))
     x = plans.now[1 : 1 + n].copy()
     v = plans.now[1 + n :].copy()
@@ -71,24 +71,24 @@ def test_states_along_a_plan_are_those_of_a_double_integrator(blocks: int, block
 def test_after_the_plan_all_joints_brake_together() -> None:
     plans = standing(2, np.array([1.0, 2.0]), horizon=2, block=3).plans
     qd = plans.now[3:] = np.array([0.5, -0.4])
-    count = predictive.walk(plans)
+    count = last_plan.walk(plans)
     # half a second for the first joint, which has the longest way to go
     assert plans.times[count - 1] == pytest.approx(0.06 + 0.5)
     np.testing.assert_allclose(plans.states[:, count - 1], [qd * (0.06 + 0.25), [0.0, 0.0]])
     plans = standing(2, np.array([1.0, np.inf]), horizon=2, block=3).plans
     plans.now[3:] = qd
-    assert predictive.walk(plans) == count - 1
+    assert last_plan.walk(plans) == count - 1
 
 
 def test_a_plan_that_goes_on_is_the_mean_of_what_comes() -> None:
     plans = standing(1, 100.0, horizon=3, block=4).plans
-    predictive.set_box(plans, Rows.none(1))
+    last_plan.set_box(plans, Rows.none(1))
     for after, means in ((0.01, [1.5, 3.5, 6.0]), (0.06, [4.0, 7.0, 9.0]), (0.0, [1.0, 3.0, 5.0])):
         plans.plan[:, 0] = [1.0, 3.0, 5.0]
         plans.then[:] = 9.0
         plans.made[:] = 2.0
         plans.now[0] = 2.0 + after
-        predictive.carry_on(plans)
+        last_plan.carry_on(plans)
         np.testing.assert_allclose(plans.plan[:, 0], means)
 
 

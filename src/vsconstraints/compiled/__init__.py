@@ -4,8 +4,9 @@ The formulas are in :mod:`vsconstraints.formulas`; this package contains the cod
 :func:`load` imports a module on first use, so that programs that do not need it do not wait for the
 compiler.
 
-- ``workspace`` declares the arrays that compiled functions share. ``parts`` accesses them, and
-  functions, by address.
+- ``workspace`` declares the arrays that compiled functions share, ``records`` the small structures
+  in them, and ``codes`` the integers that they exchange with Python. ``memory`` makes these arrays.
+  ``parts`` accesses them, and functions, by address.
 - ``step`` evaluates rows and task. ``*_rows`` contain the rows of each kind of constraint.
 - ``laws`` applies a law, i.e. a demand and a resolver. ``task_priority`` and ``hierarchical_qp``
   are resolvers.

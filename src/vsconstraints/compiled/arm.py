@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray, IntArray
-from .workspace import BOOL, F8, I8, V3, Records, record, zeros
+from .memory import zeros
+from .records import BOOL, F8, I8, V3, Records, record
 
 #: Joint controllers: computed torque; a speed loop inside a position loop; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)

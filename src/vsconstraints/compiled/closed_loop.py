@@ -6,24 +6,34 @@ import math
 
 from ..rows import IntArray
 from . import samples
+from .codes import TOLERANCE
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import apply_law, is_answer, load_law
+from .memory import zeros
 from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
-from .workspace import TOLERANCE, Answer, zeros
+from .workspace import Answer
 
 for name in (
     "put",
     "hold",
     "go_to_speeds",
+    "actuator_limits",
     "saturate",
+    "greatest_change",
     "judge_contact",
+    "nearness",
     "mark_acting",
     "camera_error",
     "feature_error",
     "fastest",
+    "score_command",
+    "score_row",
+    "score_activity",
     "score",
+    "score_goal",
+    "keep",
     "finish",
 ):
     in_place(getattr(samples, name))

@@ -8,11 +8,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..rows import Array
+from .codes import NEEDS_PYTHON
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
 from .laws import RESOLVER, answer_without_baseline, apply_law, is_answer, load_law, within
+from .memory import zeros
 from .parts import call_int_pointer, load_step, set_fields, struct_loader
-from .workspace import F8, NEEDS_PYTHON, Answer, RowArrays, TaskArrays, zeros
+from .records import F8
+from .workspace import Answer, RowArrays, TaskArrays
 
 
 class DelayArrays(NamedTuple):

@@ -21,9 +21,10 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
+from .memory import zeros
 from .parts import address, call_int_pointer, checked, struct_loader
+from .records import F8, I8
 from .signatures import FLOAT, INT, MATRIX, VOID, signature
-from .workspace import F8, I8, zeros
 
 #: Rows of the state of a joint: q, q̇ and the loop's acceleration a; wanted speed u; position
 #: reference r and ṙ; periods since a command was taken, from 0 to ``periods`` − 1. Two rows follow

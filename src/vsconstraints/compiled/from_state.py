@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from ..rows import Array
+from .codes import NEEDS_PYTHON
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import apply_law, load_answer
 from .linear import copy_vector
 from .parts import call_int_pointer, checked, load_step
 from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
-from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
+from .workspace import Answer, LawArrays, Step
 
 REFUSED = -1  #: The step cannot be evaluated; the NumPy version reports the reason.
 
@@ -31,10 +32,15 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
     copy_vector(target.last_error, source.last_error)
     copy_vector(target.last_partial, source.last_partial)
     copy_vector(target.last_command, source.last_command)
-    for i in range(source.last_J.shape[0]):
-        copy_vector(target.last_J[i], source.last_J[i])
-    for i in range(source.correction.shape[0]):
-        copy_vector(target.correction[i], source.correction[i])
+    copy_rows(target.last_J, source.last_J)
+    copy_rows(target.correction, source.correction)
+
+
+@in_place
+def copy_rows(target: Array, source: Array) -> None:
+    """Copy a matrix to another one of the same shape."""
+    for i in range(source.shape[0]):
+        copy_vector(target[i], source[i])
 
 
 @checked(Step, LawArrays, Answer)

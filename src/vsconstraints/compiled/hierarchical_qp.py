@@ -10,15 +10,7 @@ import numpy as np
 from ..formulas.row import BOUND, share_within
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
-from .compiler import compiled, in_place
-from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
-from .laws import RESOLVER, load_law, within
-from .least_violation import GREATEST, LEAST
-from .linear import finite
-from .resolving import demanded, finished, follow_alone, measurable
-from .scratch import emptied, filled, flags, matrix
-from .walls import ALL_MET, Demands, Resolved, count_resisting
-from .workspace import (
+from .codes import (
     DAMPING,
     FAILED,
     LIMIT,
@@ -29,11 +21,16 @@ from .workspace import (
     SOLVED,
     STRICT,
     TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    TaskArrays,
 )
+from .compiler import compiled, in_place
+from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
+from .laws import RESOLVER, load_law
+from .least_violation import GREATEST, LEAST
+from .linear import finite
+from .resolving import acceleration_box, demanded, finished, follow_alone, measurable
+from .scratch import emptied, filled, flags
+from .walls import ALL_MET, Demands, Resolved, count_resisting
+from .workspace import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place
@@ -70,34 +67,27 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
     tolerance = law.options[TOLERANCE]
-    bound = law.options[LIMIT]
     damping = law.options[DAMPING]
-    aim = law.options[OBJECTIVE]
+    objective = law.options[OBJECTIVE]
     m = rows.phi.size
-    n = answer.qdd.size
     qdd = answer.qdd
     scratch = emptied(law)
-    box = matrix(scratch, 2, n)
-    for j in range(n):
-        box[LEAST, j] = within(rows, j, -bound)
-        box[GREATEST, j] = within(rows, j, bound)
+    box = acceleration_box(rows, law.options[LIMIT], answer.qdd.size, scratch)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
-    kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
+    kappa = scale_down(law, rows, box, qdd) if objective == SCALED else 1.0
     weights = law.weights if law.weights.size == m else filled(scratch, m, 1.0)
     demands = Demands(rows.Lg, law.asked, rows.scale, weights)
     resolved = Resolved(qdd, answer.slack, answer.acted)
-    nearest = aim_at(qdd, scratch)
+    aim = aim_at(qdd, scratch)
     code = SOLVED
     answer.iterations[0] = 0
-    if count_resisting(demands, box, nearest.X, flags(scratch, m), resolved) != ALL_MET:
-        by_joints = aim in (NEAREST, SCALED)
-        wanted = (
-            nearest if by_joints else aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
-        )
-        priorities = Priorities(box, damping, tolerance, aim == STRICT)
-        code, answer.iterations[0] = hierarchy(demands, wanted, priorities, resolved, scratch)
+    if count_resisting(demands, box, aim.X, flags(scratch, m), resolved) != ALL_MET:
+        if objective not in (NEAREST, SCALED):
+            aim = aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
+        priorities = Priorities(box, damping, tolerance, objective == STRICT)
+        code, answer.iterations[0] = hierarchy(demands, aim, priorities, resolved, scratch)
     if code == FAILED:
         return FAILED
     if not finite(answer.slack):

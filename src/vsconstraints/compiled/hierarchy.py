@@ -13,6 +13,7 @@ import numpy as np
 from ..rows import Array
 from ..rows.tolerances import MET
 from . import levels
+from .codes import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from .compiler import inner
 from .least_distance import nearest
 from .least_residual import AIM, ROWS_OF_POINT, cut, least_residual
@@ -42,7 +43,7 @@ from .walls import (
     report,
     restate,
 )
-from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
+from .workspace import Scratch
 
 #: Code of a stage in which the side of a row is not a number.
 NOT_A_NUMBER = constant(-1)

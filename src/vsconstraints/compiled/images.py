@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray
-from .workspace import BOOL, F8, Scratch
+from .records import BOOL, F8
+from .workspace import Scratch
 
 
 class Images(NamedTuple):

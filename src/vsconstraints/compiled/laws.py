@@ -11,7 +11,9 @@ import numpy as np
 
 from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
+from .codes import NEEDS_PYTHON, RELAXED_ROWS, SOLVED
 from .compiler import IN_PLACE, compiled, in_place
+from .memory import zeros
 from .parts import (
     call_int_pointer,
     checked,
@@ -22,17 +24,7 @@ from .parts import (
     warn_refused,
 )
 from .signatures import CONSTANT, FLAGS, INT, INTEGERS, MATRIX, VECTOR, Reference, signature
-from .workspace import (
-    NEEDS_PYTHON,
-    RELAXED_ROWS,
-    SOLVED,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-    zeros,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 ROWS = Reference(zeros(RowArrays))
 TASK = Reference(zeros(TaskArrays))

@@ -11,10 +11,11 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from . import linear as la
+from .codes import FAILED, INCOMPATIBLE, SOLVED
 from .compiler import in_place, inner
 from .linear import INVERSE, QR, START, constant
 from .scratch import empty_qr, integers
-from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
+from .workspace import Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms counts as met.
 #: A row of unit norm depends on the active rows if its part outside their span is below this.
@@ -40,28 +41,34 @@ RATIO = constant(4)
 
 @in_place
 def normalise(G: Array, rows: Array, metric: QR) -> bool:
-    """Express the rows in u = R y + r, with unit norms. Return False if a side is not finite."""
+    """Express the rows in u = R y + r, with unit norms. Return False if a side is not finite.
+
+    Gᵀ y ≤ h is G'ᵀ u ≤ h + G'ᵀ r with RᵀG' = G. Absent rows count as infinitely long, so that their
+    scale becomes zero.
+    """
     p, m = G.shape
     R = metric.columns
+    # first the squared norms stand in place of the scales
     for i in range(m):
-        rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
+        rows[SCALE, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
     for j in range(p):
         for i in range(j):
             la.add(G, j, -R[j, i], G, i, START, m)
         for i in range(m):
             G[j, i] *= metric.scalars[INVERSE, j]
-            rows[EXCESS, i] += G[j, i] * G[j, i]
+            rows[SCALE, i] += G[j, i] * G[j, i]
         la.add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
         rows[MULTIPLIER, i] = 0.0
-        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / np.sqrt(rows[EXCESS, i])
-        if rows[EXCESS, i] > 0.0:
-            rows[SIDE, i] *= rows[EXCESS, i]
+        scale = 1.0 / np.sqrt(rows[SCALE, i])
+        rows[SCALE, i] = scale
+        if scale > 0.0:
+            rows[SIDE, i] *= scale
             if not abs(rows[SIDE, i]) < math.inf:
                 return False
     for j in range(p):
         for i in range(m):
-            G[j, i] *= rows[EXCESS, i]
+            G[j, i] *= rows[SCALE, i]
     return True
 
 
@@ -198,17 +205,22 @@ def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: floa
     the normals of those rows.
     """
     p, m = G.shape
-    met = size < math.inf
+    are_met = size < math.inf
     for i in range(m):
-        met = met and rows[EXCESS, i] <= OPTIMAL * (size + abs(rows[SIDE, i]))
+        allowed = OPTIMAL * (size + abs(rows[SIDE, i]))
+        are_met = are_met and rows[EXCESS, i] <= allowed
+    are_complementary = True
     la.copy(X, NEW, X, POINT, p)
     for i in range(q):
         row = active[i]
-        rows[MULTIPLIER, row] = X[FORCE, i]
-        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * size * size
+        force = X[FORCE, i]
+        rows[MULTIPLIER, row] = force
+        product = force * abs(rows[EXCESS, row])
+        are_complementary = are_complementary and product <= OPTIMAL * size * size
         for j in range(p):
-            X[NEW, j] += X[FORCE, i] * G[j, row]
-    return met and la.length(X, NEW, p) <= OPTIMAL * size
+            X[NEW, j] += force * G[j, row]
+    is_stationary = la.length(X, NEW, p) <= OPTIMAL * size
+    return are_met and are_complementary and is_stationary
 
 
 @inner

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..rows import Array, BoolArray
+from .codes import FAILED, SOLVED
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot, length
 from .scratch import filled, flags, matrix, vector
-from .workspace import FAILED, SOLVED, Scratch
+from .workspace import Scratch
 
 #: A row exceeded by less than this fraction of its terms counts as met during the iteration.
 ROUNDING = 1e-13

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import in_place
-from .workspace import F8
+from .records import F8
 
 
 def constant(value: int) -> int:

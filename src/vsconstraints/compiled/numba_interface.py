@@ -1,6 +1,6 @@
 """Memory and functions at addresses, in compiled code, by numba's public interface alone.
 
-Compiled code takes a structure of arrays by its address. :mod:`.workspace` describes this memory as
+Compiled code takes a structure of arrays by its address. :mod:`.memory` describes this memory as
 a record: integers, floats, inner records, and for each array the address of its data and its shape.
 A field of the structure is read when it is used.
 """
@@ -18,8 +18,8 @@ import numpy as np
 
 from ..formulas import where
 from . import accelerator
+from .memory import memory_layout
 from .signatures import ArrayType, Number, Reference, Signature
-from .workspace import memory_layout
 
 numba = import_module("numba")  # not typed
 llvm = import_module("llvmlite.ir")

@@ -7,11 +7,14 @@ from typing import Annotated, NamedTuple
 
 from ..formulas.innovation import observed_drift
 from ..rows import Array
+from .codes import NEEDS_PYTHON
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, is_answer, load_law
 from .linear import copy_vector
+from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
-from .workspace import F8, NEEDS_PYTHON, Answer, RowArrays, TaskArrays, zeros
+from .records import F8
+from .workspace import Answer, RowArrays, TaskArrays
 
 #: Rows of an observation.
 SIGMA, SIGMA_DOT, DRIFT = range(3)

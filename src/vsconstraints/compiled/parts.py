@@ -20,8 +20,9 @@ from ..rows import Array, IntArray
 from . import compiler, entry
 from .cache import identify
 from .compiler import IN_PLACE, OPTIONS, compiled, in_python
+from .memory import require_workspace, structure_at
 from .signatures import Signature
-from .workspace import Size, require_workspace, structure_at
+from .workspace import Size
 
 F = TypeVar("F", bound=Callable[..., Any])
 

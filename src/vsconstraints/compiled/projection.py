@@ -7,6 +7,7 @@ import numpy as np
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
 from ..rows import Array
+from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
 from .compiler import compiled, in_place
 from .laws import RESOLVER, fits, load_law
 from .linear import ONE, START, add, constant
@@ -14,7 +15,7 @@ from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, valid
 from .scratch import blank, emptied
 from .task_priority import pushed
-from .workspace import NEEDS_PYTHON, SOLVED, TOLERANCE, Answer, RowArrays, TaskArrays
+from .workspace import Answer, RowArrays, TaskArrays
 
 #: Options: the errors below and above which λ is 0 and 1.
 CLOSED = 1
@@ -30,20 +31,25 @@ ROWS_OF_X = constant(3)
 @in_place
 def direction(J: Array, e: Array, X: Array, along: Array) -> float:
     """Write J z to ``along`` (k,) and Jᵀe / ‖Jᵀe‖, or 0, to X[UNIT]; return ‖e‖."""
-    largest = error = size = 0.0
+    n = J.shape[1]
+    largest = 0.0
     for i in range(e.size):
         largest = max(largest, abs(e[i]))
+    # e is divided by its largest entry, so that no square leaves the range of floating point
+    squared_error = 0.0
     for i in range(e.size):
         share = e[i] / largest if largest > 0.0 else 0.0
-        error += share * share
-        for j in range(J.shape[1]):
+        squared_error += share * share
+        for j in range(n):
             along[i] += J[i, j] * X[Z, j]
-        add(X, UNIT, share, J, i, START, J.shape[1])
-    for j in range(J.shape[1]):
-        size += X[UNIT, j] * X[UNIT, j]
-    for j in range(J.shape[1] if size > 0.0 else 0):
-        X[UNIT, j] /= np.sqrt(size)
-    norm: float = largest * np.sqrt(error)
+        add(X, UNIT, share, J, i, START, n)
+    squared = 0.0
+    for j in range(n):
+        squared += X[UNIT, j] * X[UNIT, j]
+    if squared > 0.0:
+        for j in range(n):
+            X[UNIT, j] /= np.sqrt(squared)
+    norm: float = largest * np.sqrt(squared_error)
     return norm
 
 
@@ -59,7 +65,9 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     e = task.error
     J = task.J
     qdd = answer.qdd
-    if not valid(law, rows, task, answer) or e.size != task.b.size or not fits(e, e.size):
+    if not valid(law, rows, task, answer):
+        return NEEDS_PYTHON
+    if e.size != task.b.size or not fits(e, e.size):
         return NEEDS_PYTHON
     k, n = J.shape
     scratch = emptied(law)
@@ -70,10 +78,13 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     along = blank(scratch, 1, k)[0]
     if pushed(law, rows, answer.acted, X[Z]):
         error = direction(J, e, X, along)
-        call_int_pointer(law.track, (scratch, J, along, law.options[TOLERANCE], J[:0, 0], X[NULL]))
+        no_rest = J[:0, 0]
+        tolerance = law.options[TOLERANCE]
+        call_int_pointer(law.track, (scratch, J, along, tolerance, no_rest, X[NULL]))
         part = opening(error, law.options[CLOSED], law.options[OPENED])
         for j in range(n):
             X[NULL, j] = (1.0 - part) * (X[Z, j] - X[NULL, j])
+        # the pushes without their part along the unit vector, twice against rounding
         for _ in range(2):
             inner = 0.0
             for j in range(n):

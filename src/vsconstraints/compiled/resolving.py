@@ -8,11 +8,14 @@ import numpy as np
 
 from ..rows import Array
 from ..rows.checks import FARTHEST, ROUNDING
+from .codes import INCOMPATIBLE, NEEDS_PYTHON, TOLERANCE
 from .compiler import in_place, inner
-from .laws import write_rates
+from .laws import within, write_rates
+from .least_violation import GREATEST, LEAST
 from .linear import START, copy_vector, dot, finite, in_range, out_of_range
 from .parts import call_int_pointer
-from .workspace import NEEDS_PYTHON, TOLERANCE, Answer, LawArrays, RowArrays, TaskArrays
+from .scratch import matrix
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -21,20 +24,15 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
 
     Squares must be in range. Writes the squared norms of the row gradients.
     """
+    if not fit_together(law, rows, task, answer):
+        return False
     phi = rows.phi
     Lf = rows.Lf
     gain = rows.switching_gain
     scale = rows.scale
-    m = law.asked.size
     n = answer.qdd.size
-    if phi.size != m or Lf.size != m or gain.size != m or scale.size != m:
-        return False
-    if rows.Lg.shape[0] != m or rows.Lg.shape[1] != n:
-        return False
-    if n <= 0 or task.J.shape[1] != n or task.b.size != task.J.shape[0]:
-        return False
-    wrong = answer.acted.size != m
-    for i in range(m):
+    wrong = False
+    for i in range(phi.size):
         law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
         wrong |= out_of_range(law.squared[i])
         wrong |= not abs(phi[i]) < math.inf
@@ -43,6 +41,21 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         wrong |= not 0.0 < gain[i] < math.inf
         wrong |= not 0.0 < scale[i] < math.inf
     return not wrong and in_range(task.J) and finite(task.b)
+
+
+@in_place
+def fit_together(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
+    """True if rows, task and outputs have the sizes of the law."""
+    m = law.asked.size
+    n = answer.qdd.size
+    if rows.phi.size != m or rows.Lf.size != m or answer.acted.size != m:
+        return False
+    if rows.switching_gain.size != m or rows.scale.size != m:
+        return False
+    if rows.Lg.shape[0] != m or rows.Lg.shape[1] != n:
+        return False
+    k = task.b.size
+    return bool(n > 0 and task.J.shape[0] == k and task.J.shape[1] == n)
 
 
 @in_place
@@ -61,7 +74,8 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
 
     The ‖q̈‖ of that command is stored for the demand.
     """
-    tracked = law.tracked[: rows.phi.size if law.tracks else 0]
+    count = rows.phi.size if law.tracks else 0
+    tracked = law.tracked[:count]
     squared = 0.0
     for j in range(qdd.size):
         squared += qdd[j] * qdd[j]
@@ -76,9 +90,9 @@ def demanded(address: int, law: LawArrays, rows: RowArrays, qdd: Array, purpose:
 
     q̈ is the unconstrained command, if the demand uses it.
     """
-    code: int = call_int_pointer(
-        law.demand, (address, rows, rates(law, rows, qdd), purpose, law.after, law.asked)
-    )
+    tracked = rates(law, rows, qdd)
+    arguments = (address, rows, tracked, purpose, law.after, law.asked)
+    code: int = call_int_pointer(law.demand, arguments)
     return code == 0
 
 
@@ -94,10 +108,33 @@ def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
 
     q̈ is also reported as the command of the unconstrained baseline.
     """
-    call_int_pointer(
-        law.track, (law.scratch, task.J, task.b, law.options[TOLERANCE], task.rest, answer.qdd)
-    )
+    tolerance = law.options[TOLERANCE]
+    call_int_pointer(law.track, (law.scratch, task.J, task.b, tolerance, task.rest, answer.qdd))
     tell_alone(answer)
+
+
+@inner
+def acceleration_box(rows: RowArrays, bound: float, n: int, scratch: Scratch) -> Array:
+    """Return the least and the greatest q̈ (2, n) within ±bound and the limits of the rows."""
+    box = matrix(scratch, 2, n)
+    for j in range(n):
+        box[LEAST, j] = within(rows, j, -bound)
+        box[GREATEST, j] = within(rows, j, bound)
+    return box
+
+
+@inner
+def resolve_otherwise(
+    address: int, law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
+) -> int:
+    """Let the resolver answer that a law names in case its own has no answer.
+
+    Return its code, or ``INCOMPATIBLE`` if there is none.
+    """
+    if law.otherwise == 0:
+        return INCOMPATIBLE
+    code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
+    return code
 
 
 @in_place

@@ -15,7 +15,8 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .workspace import BOOL, F8, I8, LOOP_PARTS, Answer, Records, RowArrays, TaskArrays
+from .records import BOOL, F8, I8, LOOP_PARTS, Records
+from .workspace import Answer, RowArrays, TaskArrays
 
 #: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
 #: motion.
@@ -180,14 +181,26 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     given = plant.limits
     saturated = False
     for j in range(len(given.acceleration)):
-        limits = JointLimits(given.acceleration[j], given.change[j], 0.0, 0.0, 0.0, 0, given.period)
-        least, greatest = actuator_box(plant.last[j], limits)
+        least, greatest = actuator_box(plant.last[j], actuator_limits(given, j))
         qdd[j] = between(qdd[j], least, greatest)
         alone[j] = between(alone[j], least, greatest)
         saturated = saturated or at_end(qdd[j], least, greatest)
     for j in range(len(qdd)):
         plant.last[j] = qdd[j]
     return saturated
+
+
+def actuator_limits(given: JointLimits, j: int) -> JointLimits:
+    """Return the limits of joint j's actuator, without those of its range and speed."""
+    return JointLimits(
+        acceleration=given.acceleration[j],
+        change=given.change[j],
+        q_min=0.0,
+        q_max=0.0,
+        qd_max=0.0,
+        ranges=0,
+        period=given.period,
+    )
 
 
 def judge_contact(loop: Loop) -> None:
@@ -209,15 +222,23 @@ def judge_contact(loop: Loop) -> None:
         rate = rows.Lf[i]
         for j in range(len(loop.alone)):
             rate += rows.Lg[i, j] * loop.alone[j]
-        is_reached = max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0
+        phi_after = rows.phi[i] + loop.Ts[0] * rate
+        is_reached = max(rows.phi[i], phi_after) >= 0.0
         if not is_reached:
             continue
-        most = 0.0
-        for j in range(len(loop.alone)):
-            # the acceleration may be infinite
-            if rows.Lg[i, j] != 0.0:
-                most += abs(rows.Lg[i, j]) * acceleration[j]
+        most = greatest_change(rows, i, acceleration)
         shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
+
+
+def greatest_change(rows: RowArrays, i: int, acceleration: Array) -> float:
+    """Return Σⱼ|L_gφⱼ|aⱼ of row i, by which q̈ within its limits a (n,) can change φ̇."""
+    total = 0.0
+    for j in range(len(acceleration)):
+        effect = abs(rows.Lg[i, j])
+        # the acceleration may be infinite
+        if effect != 0.0:
+            total += effect * acceleration[j]
+    return total
 
 
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
@@ -239,9 +260,15 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
                 slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
         active[i] = slowed > NOTICED * rows.switching_gain[i]
         if active[i]:
-            nearest = max(nearest, min(rows.phi[i], 0.0) / rows.scale[i])
+            nearest = max(nearest, nearness(rows, i))
     for i in range(len(active)):
-        active[i] = active[i] and min(rows.phi[i], 0.0) / rows.scale[i] >= nearest
+        active[i] = active[i] and nearness(rows, i) >= nearest
+
+
+def nearness(rows: RowArrays, i: int) -> float:
+    """Return φ of row i relative to its scale, or 0 if φ is positive."""
+    relative: float = min(rows.phi[i], 0.0) / rows.scale[i]
+    return relative
 
 
 def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[float, float]:
@@ -275,18 +302,41 @@ def fastest(qd: Array) -> float:
 
 def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
     """Score sample k: its rows, q̈_c (n,), and its active rows (m,)."""
+    squared = score_command(scores, qdd)
+    changed = score_activity(scores, active, k)
+    for i in range(len(active)):
+        score_row(scores, rows, i)
+    if 0 < k < scores.common[0]:
+        scores.variation[0] += np.sqrt(squared)
+        scores.squared_variation[0] += squared
+        scores.switches[0] += changed
+
+
+def score_command(scores: Running, qdd: Array) -> float:
+    """Score q̈_c (n,) of a sample, and return the square of its change since the last one."""
     squared = 0.0
-    changed = False
     for j in range(len(qdd)):
         squared += (qdd[j] - scores.qdd[j]) ** 2
         scores.acceleration_max[j] = max(scores.acceleration_max[j], abs(qdd[j]))
         scores.qdd[j] = qdd[j]
+    return squared
+
+
+def score_row(scores: Running, rows: RowArrays, i: int) -> None:
+    """Score φ and σ of row i of a sample."""
+    phi = rows.phi[i]
+    sigma = rows.sigma[i]
+    scores.phi_max[i] = max(scores.phi_max[i], phi)
+    scores.sigma_max[i] = max(scores.sigma_max[i], sigma)
+    scores.outside[i] += sigma > 0.0
+    scores.positive[i] = scores.positive[i] + 1 if phi >= 0.0 else 0
+    scores.longest_positive[i] = max(scores.longest_positive[i], scores.positive[i])
+
+
+def score_activity(scores: Running, active: BoolArray, k: int) -> bool:
+    """Score the active rows (m,) of sample k; return True if they are others than in the last."""
+    changed = False
     for i in range(len(active)):
-        scores.phi_max[i] = max(scores.phi_max[i], rows.phi[i])
-        scores.sigma_max[i] = max(scores.sigma_max[i], rows.sigma[i])
-        scores.outside[i] += rows.sigma[i] > 0.0
-        scores.positive[i] = scores.positive[i] + 1 if rows.phi[i] >= 0.0 else 0
-        scores.longest_positive[i] = max(scores.longest_positive[i], scores.positive[i])
         changed = changed or active[i] != scores.active[i]
         scores.active[i] = active[i]
         if active[i]:
@@ -294,20 +344,33 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
             scores.last_active[i] = k
             if scores.first_active[i] < 0:
                 scores.first_active[i] = k
-    if 0 < k < scores.common[0]:
-        scores.variation[0] += np.sqrt(squared)
-        scores.squared_variation[0] += squared
-        scores.switches[0] += changed
+    return changed
 
 
 def finish(loop: Loop, k: int) -> None:
     """Score and record sample k, and move the robot to the end of its period."""
+    plant = loop.plant
+    qdd = loop.answer.qdd
+    at = k % len(loop.kept.states)
+    score_goal(loop, k)
+    is_saturated = saturate(plant, qdd, loop.alone)
+    loop.kept.saturated[at] = is_saturated
+    loop.scores.saturated[0] += is_saturated
+    judge_contact(loop)
+    active = loop.kept.active[at]
+    mark_acting(loop.true, qdd, loop.alone, active)
+    score(loop.scores, loop.true, qdd, active, k)
+    pushed = k % len(plant.push)
+    for j in range(plant.x.shape[1]):
+        plant.x[-1, j] = plant.push[pushed, j]
+    keep(loop, k)
+    hold(plant.transition, plant.x, plant.after)
+
+
+def score_goal(loop: Loop, k: int) -> None:
+    """Write the distances of sample k from its goal, and note if the goal is not reached."""
     kept = loop.kept
-    true = loop.true
     goals = loop.goals
-    x = loop.plant.x
-    # the records are ring buffers
-    at = k % len(kept.states)
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
     distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
@@ -317,22 +380,21 @@ def finish(loop: Loop, k: int) -> None:
     kept.camera_error[camera, 0] = distance
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away
-    if not reached(distance, turn, away, fastest(x[1]), goals.tolerance[goal], goals.by_pose[0]):
+    speed = fastest(loop.plant.x[1])
+    if not reached(distance, turn, away, speed, goals.tolerance[goal], goals.by_pose[0]):
         loop.scores.unreached[goal] = k
-    kept.saturated[at] = saturate(loop.plant, loop.answer.qdd, loop.alone)
-    loop.scores.saturated[0] += kept.saturated[at]
-    judge_contact(loop)
-    mark_acting(true, loop.answer.qdd, loop.alone, kept.active[at])
-    score(loop.scores, true, loop.answer.qdd, kept.active[at], k)
-    push = loop.plant.push
-    for j in range(x.shape[1]):
-        x[-1, j] = push[k % len(push), j]
-    put(x, kept.states[at])
+
+
+def keep(loop: Loop, k: int) -> None:
+    """Record sample k. The records are ring buffers."""
+    kept = loop.kept
+    at = k % len(kept.states)
+    camera = k % len(kept.camera_t)
+    put(loop.plant.x, kept.states[at])
     put(loop.task.error, kept.error[at])
     put(loop.camera_R, kept.camera_R[camera])
     put(loop.camera_t, kept.camera_t[camera])
     put(loop.pixels, kept.pixels[at])
     put(loop.points, kept.points[at])
-    put(true.phi, kept.phi[at])
-    put(true.sigma, kept.sigma[at])
-    hold(loop.plant.transition, x, loop.plant.after)
+    put(loop.true.phi, kept.phi[at])
+    put(loop.true.sigma, kept.sigma[at])

@@ -10,26 +10,15 @@ import numpy as np
 from ..formulas.row import BOUND
 from ..rows import Array, BoolArray
 from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
+from .codes import LIMIT, NEEDS_PYTHON, SCALES, SOLVED, TOLERANCE
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, load_law, within
 from .least_squares import resolve
 from .linear import ONE, START, away, constant, copy, copy_vector, length, squares
 from .parts import call_int_pointer
-from .resolving import demanded, finished, follow_alone, measurable
+from .resolving import demanded, finished, follow_alone, measurable, resolve_otherwise
 from .scratch import blank, emptied, flags, matrix
-from .workspace import (
-    INCOMPATIBLE,
-    LIMIT,
-    NEEDS_PYTHON,
-    SCALES,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Rows of the workspace: the best q̈ so far, q̈ at s = 0, the unconstrained q̈, and q̈ at s = 1;
 #: number of rows.
@@ -120,6 +109,7 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
     c = law.asked
     bound = law.options[LIMIT]
     m, n = rows.Lg.shape
+    side = n  # column of the sides
     at = START
     W = blank(scratch, m + 2 * n, n + 1)
     for i in range(m):
@@ -129,13 +119,19 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
         if acted[i]:
             for j in range(n):
                 W[at, j] = rows.Lg[i, j] / size if influenced else 0.0
-            W[at, n] = c[i] / size if influenced else c[i]
+            W[at, side] = c[i] / size if influenced else c[i]
             at += 1
-    for j in range(2 * n):
-        side = within(rows, j % n, bound) if j < n else -within(rows, j % n, -bound)
-        if side < math.inf:
-            W[at, j % n] = 1.0 if j < n else -1.0
-            W[at, n] = side
+    for j in range(n):
+        greatest = within(rows, j, bound)
+        if greatest < math.inf:
+            W[at, j] = 1.0
+            W[at, side] = greatest
+            at += 1
+    for j in range(n):
+        least = within(rows, j, -bound)
+        if least > -math.inf:
+            W[at, j] = -1.0
+            W[at, side] = -least
             at += 1
     return W[:at]
 
@@ -163,6 +159,28 @@ def resolve_saturated(
     rank = resolve(A[:count], J, b, tolerance, rest, qdd, scratch)[0]
     scratch.taken[0] = taken
     return rank
+
+
+@in_place
+def write_best(X: Array, share: float) -> None:
+    """Write the acceleration at a share of the task to X[BEST]."""
+    for j in range(X.shape[1]):
+        X[BEST, j] = X[NONE, j] + share * (X[WHOLE, j] - X[NONE, j])
+
+
+@in_place
+def report(held: BoolArray, answer: Answer) -> None:
+    """Mark the rows whose bounds are held, among those that have a bound; all rows are met.
+
+    ``held`` begins with the bounds of these rows, in order.
+    """
+    at = 0
+    for i in range(answer.acted.size):
+        answer.slack[i] = 0.0
+        if answer.acted[i]:
+            answer.acted[i] = held[at]
+            at += 1
+    answer.iterations[0] = 0
 
 
 @compiled(RESOLVER, from_python=False)
@@ -203,32 +221,24 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         bound, most, least = critical(W, held, X)
         if bound == NO_BOUND:
             break
-        if max(least, largest) <= most and most > largest:
+        is_feasible = least <= most
+        if is_feasible and most > largest:
             largest = most
+            write_best(X, most)
             for i in range(held.size):
                 kept[i] = held[i]
-            for j in range(n):
-                X[BEST, j] = X[NONE, j] + most * (X[WHOLE, j] - X[NONE, j])
         held[bound] = True
         copy(saturated, count, W, bound, n + 1)
         count += 1
         rank = resolve_saturated(saturated[:count], J, b, tolerance, rest, X[WHOLE], A, scratch)
-        if rank < count or (law.options[SCALES] != 0.0 and missed(J, X)):
-            if largest >= 0.0:
-                copy(X, WHOLE, X, BEST, n)
-                held = kept
-                break
-            if law.otherwise == 0:
-                return INCOMPATIBLE
-            code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
-            return code
+        is_missed = law.options[SCALES] != 0.0 and missed(J, X)
+        if rank < count or is_missed:
+            if largest < 0.0:
+                return resolve_otherwise(address, law, rows, task, answer)
+            copy(X, WHOLE, X, BEST, n)
+            held = kept
+            break
         resolve_saturated(saturated[:count], J, nothing, tolerance, rest, X[NONE], A, scratch)
     copy_vector(answer.qdd, X[WHOLE])
-    at = 0
-    for i in range(acted.size):
-        answer.slack[i] = 0.0
-        if acted[i]:
-            acted[i] = held[at]
-            at += 1
-    answer.iterations[0] = 0
+    report(held, answer)
     return finished(law, rows, answer.qdd, SOLVED)

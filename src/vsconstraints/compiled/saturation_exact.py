@@ -11,30 +11,24 @@ import numpy as np
 
 from ..formulas.row import BOUND
 from ..rows import Array
+from .codes import DAMPING, LIMIT, NEEDS_PYTHON, SHORT, SOLVED, TOLERANCE
 from .compiler import compiled, inner
 from .hierarchy import Aim, Priorities, aim_at, aim_at_task, hierarchy
-from .laws import RESOLVER, load_law, within
+from .laws import RESOLVER, load_law
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
 from .linear import ONE, START, add, apply, copy, dot, length
-from .parts import call_int_pointer
-from .resolving import demanded, finished, follow_alone, measurable
+from .resolving import (
+    acceleration_box,
+    demanded,
+    finished,
+    follow_alone,
+    measurable,
+    resolve_otherwise,
+)
 from .scratch import blank, emptied, filled, flags, matrix, vector
 from .walls import ALL_MET, Demands, Resolved, count_resisting
-from .workspace import (
-    DAMPING,
-    INCOMPATIBLE,
-    LIMIT,
-    NEEDS_PYTHON,
-    SHORT,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Damping relative to that of the hierarchy. The only gain of the task is 1, so that less damping
 #: suffices.
@@ -55,7 +49,8 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
     qr, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
     T = blank(scratch, ONE + n - rank, n)
     size = length(X, START, n)
-    add(T, START, 1.0 / size if size > 0.0 else 0.0, X, START, START, n)
+    if size > 0.0:
+        add(T, START, 1.0 / size, X, START, START, n)
     for d in range(n - rank):
         T[1 + d, rank + d] = 1.0
         apply(qr, rank, T, 1 + d)
@@ -74,20 +69,23 @@ def to_coordinates(
     p = T.shape[0]
     upper = m
     lower = m + n
-    A = matrix(scratch, m + 2 * n, p)
-    c = vector(scratch, m + 2 * n)
-    scale = filled(scratch, m + 2 * n, 1.0)
-    for d in range(p):
-        for i in range(m):
+    count = m + 2 * n
+    A = matrix(scratch, count, p)
+    c = vector(scratch, count)
+    scale = filled(scratch, count, 1.0)
+    weights = filled(scratch, count, 1.0)
+    for i in range(m):
+        for d in range(p):
             A[i, d] = dot(demands.A, i, T, d, START, n)
-            c[i] = demands.c[i]
-            scale[i] = max(demands.scale[i], np.sqrt(law.squared[i]))
-        for j in range(n):
+        c[i] = demands.c[i]
+        scale[i] = max(demands.scale[i], np.sqrt(law.squared[i]))
+    for j in range(n):
+        for d in range(p):
             A[upper + j, d] = T[d, j]
-            c[upper + j] = box[GREATEST, j]
             A[lower + j, d] = -T[d, j]
-            c[lower + j] = -box[LEAST, j]
-    return Demands(A, c, scale, filled(scratch, m + 2 * n, 1.0))
+        c[upper + j] = box[GREATEST, j]
+        c[lower + j] = -box[LEAST, j]
+    return Demands(A, c, scale, weights)
 
 
 @inner
@@ -131,7 +129,6 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
     tolerance = law.options[TOLERANCE]
-    bound = law.options[LIMIT]
     damping = law.options[DAMPING]
     m, n = rows.Lg.shape
     qdd = answer.qdd
@@ -140,11 +137,8 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
     X = aim_at(qdd, scratch).X
-    box = matrix(scratch, 2, n)
+    box = acceleration_box(rows, law.options[LIMIT], n, scratch)
     acted = flags(scratch, m + 2 * n)
-    for j in range(n):
-        box[LEAST, j] = within(rows, j, -bound)
-        box[GREATEST, j] = within(rows, j, bound)
     own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
     unscaled = Resolved(qdd, answer.slack, answer.acted)
     if count_resisting(own, box, X, acted, unscaled) == ALL_MET:
@@ -160,15 +154,12 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     found = Resolved(vector(scratch, p), vector(scratch, m + 2 * n), acted)
     code, _ = hierarchy(demands, aim, priorities, found, scratch)
     if code not in (SOLVED, SHORT):
-        if law.otherwise == 0:
-            return INCOMPATIBLE
-        answered: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
-        return answered
+        return resolve_otherwise(address, law, rows, task, answer)
     for j in range(n):
-        qdd[j] = 0.0
+        total = 0.0
         for d in range(p):
-            qdd[j] += found.qdd[d] * T[d, j]
-        qdd[j] = min(max(qdd[j], box[LEAST, j]), box[GREATEST, j])
+            total += found.qdd[d] * T[d, j]
+        qdd[j] = min(max(total, box[LEAST, j]), box[GREATEST, j])
     for i in range(m):
         answer.acted[i] = acted[i]
     answer.iterations[0] = 0

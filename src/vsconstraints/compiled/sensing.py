@@ -31,9 +31,10 @@ from .images import Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
+from .memory import zeros
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
 from .signatures import FLAG, FLOAT, INT, INTEGERS, MATRIX, VECTOR, signature
-from .workspace import Scratch, Step, zeros
+from .workspace import Scratch, Step
 
 in_place(images.usable)
 register_formulas()

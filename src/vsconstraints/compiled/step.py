@@ -11,7 +11,7 @@ from ..formulas.innovation import MEMORY, depth_innovation, image_innovation, sl
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle
 from ..formulas.rotation import whole_turns
-from ..formulas.vectors import matrix, plus, rotate, times, vector
+from ..formulas.vectors import Vector, matrix, plus, rotate, times, vector
 from ..rows import Array, BoolArray
 from .camera import (
     carry,
@@ -23,24 +23,14 @@ from .camera import (
     moved_since,
     place_camera,
 )
+from .codes import AGE, DEPTH, IMAGE, ORIENTATION, OWN, POSITION, SHAPE, SPEED, WORST
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, put
 from .parts import address as address_of
 from .parts import call_int_pointer, call_void_pointer, checked, load_step
 from .signatures import FLAGS, FLOAT, INT, MATRIX, STACK, VECTOR, VOID, signature
 from .visual_task import JUST_NOW, write_task
-from .workspace import (
-    AGE,
-    DEPTH,
-    IMAGE,
-    ORIENTATION,
-    OWN,
-    POSITION,
-    SHAPE,
-    SPEED,
-    WORST,
-    Step,
-)
+from .workspace import Step
 
 
 @in_place
@@ -53,31 +43,15 @@ def see(step: Step, i: int, t: float) -> bool:
     camera = step.camera[0]
     marker = step.seen[i]
     P = in_camera(step, i)
+    if not P[2] >= MINIMUM_DEPTH:
+        return False
+    if step.measurement[0].given:
+        P = measured_position(step, i, t, P)
+    P = times(camera.depth_factor, P)
     v = vector(eye.velocity)
     omega = vector(eye.angular_velocity)
     v_dot = vector(eye.acceleration)
     omega_dot = vector(eye.angular_acceleration)
-    if not P[2] >= MINIMUM_DEPTH:
-        return False
-    if step.measurement[0].given:
-        # the detector's values; a missing pixel keeps the last measured offset from the model
-        x = P[0] / P[2]
-        y = P[1] / P[2]
-        pixel_u = step.measured[i, 0]
-        pixel_v = step.measured[i, 1]
-        depth = step.measured[i, 2]
-        dx = dy = dz = 0.0
-        if step.measurement[0].time < t - JUST_NOW:
-            dx, dy, dz = moved_since(step, i)
-        Z = max(depth + dz, MINIMUM_DEPTH) if depth >= MINIMUM_DEPTH else P[2]
-        step.depth_ratio[i] = Z / P[2] if depth >= MINIMUM_DEPTH else depth / P[2]
-        if not (math.isnan(pixel_u) or math.isnan(pixel_v)):
-            step.correction[i, 0] = (pixel_u - camera.offset[0]) / camera.focal[0] + dx - x
-            step.correction[i, 1] = (pixel_v - camera.offset[1]) / camera.focal[1] + dy - y
-        x = x + step.correction[i, 0]
-        y = y + step.correction[i, 1]
-        P = (x * Z, y * Z, Z)
-    P = times(camera.depth_factor, P)
     x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
     marker.xy[0] = x
     marker.xy[1] = y
@@ -89,6 +63,37 @@ def see(step: Step, i: int, t: float) -> bool:
     step.pixels[i, 0] = camera.focal[0] * x + camera.offset[0]
     step.pixels[i, 1] = camera.focal[1] * y + camera.offset[1]
     return True
+
+
+@in_place
+def measured_position(step: Step, i: int, t: float, P: Vector) -> Vector:
+    """Return the measured position of a marker in the camera's frame; P is that of the model.
+
+    A missing pixel keeps the last measured offset from the model, and a missing depth is that of
+    the model. An old measurement is moved by what the model has moved since.
+    """
+    camera = step.camera[0]
+    model_x = P[0] / P[2]
+    model_y = P[1] / P[2]
+    pixel_u = step.measured[i, 0]
+    pixel_v = step.measured[i, 1]
+    depth = step.measured[i, 2]
+    dx = dy = dz = 0.0
+    if step.measurement[0].time < t - JUST_NOW:
+        dx, dy, dz = moved_since(step, i)
+    Z = P[2]
+    step.depth_ratio[i] = depth / P[2]
+    if depth >= MINIMUM_DEPTH:
+        Z = max(depth + dz, MINIMUM_DEPTH)
+        step.depth_ratio[i] = Z / P[2]
+    if not (math.isnan(pixel_u) or math.isnan(pixel_v)):
+        measured_x = (pixel_u - camera.offset[0]) / camera.focal[0]
+        measured_y = (pixel_v - camera.offset[1]) / camera.focal[1]
+        step.correction[i, 0] = measured_x + dx - model_x
+        step.correction[i, 1] = measured_y + dy - model_y
+    x = model_x + step.correction[i, 0]
+    y = model_y + step.correction[i, 1]
+    return x * Z, y * Z, Z
 
 
 @in_place
@@ -110,19 +115,26 @@ def write_innovation(step: Step, t: float) -> None:
         innovation[AGE] = t - measurement.time
         innovation[DEPTH] = depth_innovation(step.depth_ratio)
     if measurement.pose_given:
-        R, origin = from_target(step, matrix(step.target_R), vector(step.target_t))
-        squared_distance = 0.0
-        difference = 0.0
-        for i in range(3):
-            squared_distance += (step.camera_t[i] - origin[i]) ** 2
-            for j in range(3):
-                difference += (step.camera_R[i, j] - R[i][j]) ** 2
-        innovation[POSITION] = np.sqrt(squared_distance)
-        innovation[ORIENTATION] = angle(difference)
+        distance, turned = pose_innovation(step)
+        innovation[POSITION] = distance
+        innovation[ORIENTATION] = turned
     for j in range(len(step.slip)):
         innovation[SPEED] = max(innovation[SPEED], abs(step.slip[j]) / MEMORY)
     for i in range(len(step.bounds)):
         innovation[WORST] = max(innovation[WORST], innovation[i] / step.bounds[i])
+
+
+@in_place
+def pose_innovation(step: Step) -> tuple[float, float]:
+    """Return distance [m] and angle [rad] of the measured camera pose from that of the model."""
+    R, origin = from_target(step, matrix(step.target_R), vector(step.target_t))
+    squared_distance = 0.0
+    squared_difference = 0.0
+    for i in range(3):
+        squared_distance += (step.camera_t[i] - origin[i]) ** 2
+        for j in range(3):
+            squared_difference += (step.camera_R[i, j] - R[i][j]) ** 2
+    return np.sqrt(squared_distance), angle(squared_difference)
 
 
 @in_place
@@ -144,8 +156,11 @@ def write_box(step: Step, j: int) -> None:
 
 
 @in_place
-def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
-    """Evaluate a step as :func:`evaluate_step` does; return False if that is impossible."""
+def take_state(step: Step, t: float, q: Array, qd: Array) -> bool:
+    """Store time and state of the joints, and their slip since the previous sample.
+
+    Return False if q or q̇ has another size or stride, or if a number is not finite.
+    """
     n = len(step.joints)
     if q.size != n or qd.size != n or not abs(t) < np.inf:
         return False
@@ -163,17 +178,12 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
         step.q[i] = q[i]
         step.qd[i] = qd[i]
     step.time[0] = t
-    move(step, q, qd)
-    place_camera(step, t)
-    move_camera(step, t)
-    keep_view(step, t)
-    measurement = step.measurement[0]
-    if (measurement.given or measurement.pose_given) and measurement.time < t - JUST_NOW:
-        look_back(step)
-    for i in range(len(step.seen)):
-        if not see(step, i, t):
-            return False
-    write_innovation(step, t)
+    return True
+
+
+@in_place
+def move_points(step: Step) -> None:
+    """Write position, velocity and drift of the robot points."""
     for i in range(len(step.places)):
         point = step.robot_points[i]
         spot = step.places[i]
@@ -183,6 +193,26 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
         put(velocity, spot.velocity)
         put(drift, spot.drift)
         put(position, step.points[i])
+
+
+@in_place
+def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
+    """Evaluate a step as :func:`evaluate_step` does; return False if that is impossible."""
+    if not take_state(step, t, q, qd):
+        return False
+    move(step, q, qd)
+    place_camera(step, t)
+    move_camera(step, t)
+    keep_view(step, t)
+    measurement = step.measurement[0]
+    is_measured = measurement.given or measurement.pose_given
+    if is_measured and measurement.time < t - JUST_NOW:
+        look_back(step)
+    for i in range(len(step.seen)):
+        if not see(step, i, t):
+            return False
+    write_innovation(step, t)
+    move_points(step)
     for i in range(len(step.parts)):
         call_void_pointer(step.parts[i].address, (address, i))
     error = step.gradient_error[0]
@@ -242,12 +272,9 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
     """
     step = load_step(address)
     M = len(step.seen)
-    if (
-        pixels.shape[0] != M
-        or pixels.shape[1] != 2
-        or depth.size != M
-        or not -np.inf < taken <= t + JUST_NOW
-    ):
+    if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M:
+        return 1
+    if not -np.inf < taken <= t + JUST_NOW:
         return 1
     # calls of the entry point skip the check of types, so that other strides are possible
     if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
@@ -287,7 +314,5 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
         for i in range(len(step.robot_points)):
             point = step.robot_points[i]
             body = step.bodies[point.body]
-            put(
-                plus(vector(body.origin), rotate(matrix(body.R), vector(point.offset))),
-                points[k, i],
-            )
+            offset = rotate(matrix(body.R), vector(point.offset))
+            put(plus(vector(body.origin), offset), points[k, i])

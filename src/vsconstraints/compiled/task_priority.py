@@ -9,6 +9,7 @@ import numpy as np
 from ..formulas.row import EQUAL, PUSH
 from ..rows import Array, BoolArray
 from ..rows.tolerances import ZERO_GRADIENT
+from .codes import NEEDS_PYTHON, RANK_LOSS, SOLVED, TOLERANCE
 from .compiler import compiled, in_place
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
@@ -16,17 +17,7 @@ from .linear import QR, START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
 from .signatures import FLOAT, INT, MATRIX, VECTOR, signature
-from .workspace import (
-    NEEDS_PYTHON,
-    RANK_LOSS,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -81,20 +72,21 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     for i in range(m):
         acted[i] = law.asked[i] != math.inf
     acting = gather(law, rows, acted, -math.inf, A)
-    if (
-        not (tracked and (acting == 0 or bring(qr, least, A[:acting], tolerance, qdd, scratch)))
-        and resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)[0] < acting
-    ):
-        # dependent rows that are active before they reach their boundary are met in the
-        # least-squares sense
-        reached = gather(law, rows, acted, 0.0, A)
+    is_resolved = tracked and (acting == 0 or bring(qr, least, A[:acting], tolerance, qdd, scratch))
+    if is_resolved:
+        return finished(law, rows, qdd, SOLVED)
+    rank, _, _ = resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)
+    if rank == acting:
+        return finished(law, rows, qdd, SOLVED)
+    # dependent rows that are active before they reach their boundary are met in the least-squares
+    # sense
+    reached = gather(law, rows, acted, 0.0, A)
+    if reached < acting:
         unused = matrix(scratch, 1, n)[0]
-        if (
-            reached == acting
-            or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached
-        ):
-            return RANK_LOSS if checkable(law, rows, qdd) else NEEDS_PYTHON
-    return finished(law, rows, qdd, SOLVED)
+        rank, _, _ = resolve(A[:reached], J, b, tolerance, rest, unused, scratch)
+        if rank == reached:
+            return finished(law, rows, qdd, SOLVED)
+    return RANK_LOSS if checkable(law, rows, qdd) else NEEDS_PYTHON
 
 
 @compiled(signature(INT, SCRATCH, MATRIX, VECTOR, FLOAT, VECTOR, VECTOR), from_python=False)

@@ -14,25 +14,16 @@ import numpy as np
 from ..formulas.projection import CLOSED, OPENED, opening
 from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
 from ..rows import Array, BoolArray
+from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answer, load_law
 from .linear import finite
+from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
+from .records import BOOL, F8
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
-from .workspace import (
-    BOOL,
-    F8,
-    NEEDS_PYTHON,
-    SOLVED,
-    TOLERANCE,
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-    zeros,
-)
+from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 class SpeedArrays(NamedTuple):
@@ -80,9 +71,12 @@ def complete(
     """True if rows and task are :func:`.valid` and contain everything that the law uses."""
     k, n = task.J.shape
     m = rows.phi.size
-    if task.qd.size != n or law.speeds.size != n or task.error.size != k:
+    if task.qd.size != n or law.speeds.size != n:
         return False
-    if task.error_rate.size != k or (own.task_weights.size != k and own.task_weights.size > 0):
+    if task.error.size != k or task.error_rate.size != k:
+        return False
+    has_weights = own.task_weights.size > 0
+    if has_weights and own.task_weights.size != k:
         return False
     uses_sigma = own.speed > 0.0 or own.zone > 0.0
     if uses_sigma and (rows.sigma.size != m or rows.K.size != m):
@@ -168,11 +162,12 @@ def project(
     taken = own.scratch.taken[0]
     image = vector(own.scratch, k)
     pull = vector(own.scratch, n)
-    along = size = 0.0
     for i in range(k):
         image[i] = 0.0
         for j in range(n):
             image[i] += task.J[i, j] * x[j]
+    along = 0.0
+    size = 0.0
     for j in range(n):
         pull[j] = 0.0
         for i in range(k):
@@ -181,10 +176,37 @@ def project(
         along += pull[j] * x[j]
     resolve_rate(law, task, image, out)
     for j in range(n):
-        out[j] = x[j] - out[j]
+        in_null_space = x[j] - out[j]
+        out[j] = in_null_space
         if size > 0.0:
-            out[j] = norm_share * (x[j] - pull[j] * along / size) + (1.0 - norm_share) * out[j]
+            keeps_norm = x[j] - pull[j] * along / size
+            out[j] = norm_share * keeps_norm + (1.0 - norm_share) * in_null_space
     own.scratch.taken[0] = taken
+
+
+@in_place
+def is_avoided(own: SpeedArrays, law: LawArrays, rows: RowArrays, i: int) -> bool:
+    """True if row i is one of those that are avoided, and the arm is in its outer zone."""
+    if not own.avoided[i] or not rows.K[i] > 0.0 or not law.squared[i] > 0.0:
+        return False
+    return bool(rows.sigma[i] > -zone_width(own, rows, i))
+
+
+@in_place
+def zone_width(own: SpeedArrays, rows: RowArrays, i: int) -> float:
+    """Return the distance from its boundary at which row i begins to be avoided."""
+    width: float = 2.0 * own.zone * rows.scale[i]
+    return width
+
+
+@in_place
+def norm_share_of(task: TaskArrays) -> float:
+    """Return λ̄ of :func:`project` for the error of the task."""
+    squared = 0.0
+    for i in range(task.error.size):
+        squared += task.error[i] * task.error[i]
+    share: float = opening(np.sqrt(squared), CLOSED, OPENED)
+    return share
 
 
 @compiled(RESOLVER, from_python=False)
@@ -199,30 +221,28 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
     own.scratch.taken[0] = 0
     v = vector(own.scratch, task.b.size)
     primary = vector(own.scratch, n)
-    g = vector(own.scratch, n)
+    gradient = vector(own.scratch, n)
     along = vector(own.scratch, n)
     write_task(own, task, v)
     resolve_rate(law, task, v, primary)
-    error = 0.0
-    for i in range(task.error.size):
-        error += task.error[i] * task.error[i]
-    norm_share = opening(np.sqrt(error), CLOSED, OPENED)
+    norm_share = norm_share_of(task)
     for j in range(n):
         answer.qdd[j] = primary[j]
     for i in range(rows.phi.size):
-        width = 2.0 * own.zone * rows.scale[i]
-        length = np.sqrt(law.squared[i])
         answer.acted[i] = False
-        if not (own.avoided[i] and rows.K[i] > 0.0 and rows.sigma[i] > -width and length > 0.0):
+        if not is_avoided(own, law, rows, i):
             continue
-        speed = effect = 0.0
+        length = np.sqrt(law.squared[i])
         for j in range(n):
-            g[j] = rows.Lg[i, j] / length
-        project(own, law, task, norm_share, g, along)
+            gradient[j] = rows.Lg[i, j] / length
+        project(own, law, task, norm_share, gradient, along)
+        speed = 0.0
+        effect = 0.0
         for j in range(n):
-            speed += g[j] * primary[j]
-            effect += g[j] * along[j]
+            speed += gradient[j] * primary[j]
+            effect += gradient[j] * along[j]
         if abs(speed) < abs(effect):
+            width = zone_width(own, rows, i)
             depth = max((rows.sigma[i] + width) / (own.full * width), 0.0)
             factor = opening(depth, 0.0, 1.0) * (1.0 + own.tune) * abs(speed / effect)
             for j in range(n):
@@ -276,6 +296,35 @@ def damper_gradients(own: SpeedArrays, rows: RowArrays) -> Array:
     return G
 
 
+@in_place
+def write_damped_task(own: SpeedArrays, task: TaskArrays, v: Array, J: Array) -> None:
+    """Write W J and W v of the task J q̇ = v and, if J has more rows, √μ q̇ = 0."""
+    k, n = task.J.shape
+    write_task(own, task, v[:k])
+    for i in range(k):
+        weight = own.task_weights[i] if own.task_weights.size > 0 else 1.0
+        v[i] *= weight
+        for j in range(n):
+            J[i, j] = weight * task.J[i, j]
+    for i in range(J.shape[0] - k):
+        v[k + i] = 0.0
+        for j in range(n):
+            J[k + i, j] = np.sqrt(own.damping) if i == j else 0.0
+
+
+@in_place
+def speed_bound(own: SpeedArrays, rows: RowArrays, task: TaskArrays, i: int) -> float:
+    """Return h of row i, G q̇ ≤ h."""
+    h = -rows.phi[i]
+    for j in range(task.qd.size):
+        h += rows.Lg[i, j] * task.qd[j]
+    if own.speed > 0.0:
+        damper = own.speed, own.influence, own.security
+        h = damped_bound(h, rows.sigma[i], rows.K[i], rows.scale[i], *damper)
+    bound: float = h
+    return bound
+
+
 @inner
 def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     """Write rows and task of the quadratic program, with q̇ in place of q̈.
@@ -290,26 +339,11 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     none = rows.phi[:0]
     v = vector(own.scratch, k + damped)
     J = matrix(own.scratch, k + damped, n)
-    write_task(own, task, v[:k])
-    for i in range(k):
-        weight = own.task_weights[i] if own.task_weights.size > 0 else 1.0
-        v[i] *= weight
-        for j in range(n):
-            J[i, j] = weight * task.J[i, j]
-    for i in range(damped):
-        v[k + i] = 0.0
-        for j in range(n):
-            J[k + i, j] = np.sqrt(own.damping) if i == j else 0.0
+    write_damped_task(own, task, v, J)
     phi = vector(own.scratch, m)
     drift = vector(own.scratch, m)
     for i in range(m):
-        h = -rows.phi[i]
-        for j in range(n):
-            h += rows.Lg[i, j] * task.qd[j]
-        if own.speed > 0.0:
-            damper = own.speed, own.influence, own.security
-            h = damped_bound(h, rows.sigma[i], rows.K[i], rows.scale[i], *damper)
-        phi[i] = -h
+        phi[i] = -speed_bound(own, rows, task, i)
         drift[i] = 0.0
     G = damper_gradients(own, rows) if own.speed > 0.0 else rows.Lg
     gains = rows.switching_gain, rows.scale
@@ -323,7 +357,9 @@ def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     """Compute the command of :class:`vsconstraints.controllers.velocity.QuadraticVelocity`."""
     law = load_law(address)
     own = load_speeds(law.demand)
-    if not complete(own, law, rows, task, answer) or not write_box(own, law, rows, task):
+    if not complete(own, law, rows, task, answer):
+        return NEEDS_PYTHON
+    if not write_box(own, law, rows, task):
         return NEEDS_PYTHON
     if not has_room(own, rows, task):
         return NEEDS_PYTHON

@@ -9,10 +9,11 @@ from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.tracking import demanded, gains, minimum_jerk, resting
 from ..formulas.vectors import matrix, rotate, vector
 from ..rows import Array
+from .codes import CAMERA_POSE, IMAGE_POINTS
 from .compiler import in_place
 from .kinematics import put
 from .linear import START, constant
-from .workspace import CAMERA_POSE, IMAGE_POINTS, Step
+from .workspace import Step
 
 JUST_NOW = 1e-9  #: Tolerance [s] of a goal's time, for rounding.
 #: Rows of the last reference (3, k): error at its beginning, its last value, and its last rate.

@@ -1,156 +1,42 @@
 """Arrays of compiled functions, declared once: every field with its type and shape.
 
 A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of
-:class:`Size`. Records are arrays whose fields compiled code takes as attributes.
+:class:`Size`. :mod:`.memory` makes the arrays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from types import SimpleNamespace
-from typing import Annotated, Any, NamedTuple, get_type_hints
-from weakref import WeakValueDictionary
+from functools import lru_cache
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InvalidInput, format_value
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
-
-#: Codes of compiled functions: solved; the NumPy version has to answer; no answer passes the check;
-#: rows contradict each other; active rows have lost full row rank. Codes of the hierarchy: bounds
-#: are violated; levels 2 and 3 may be improved; both.
-SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
-CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
-#: Objectives below the rows: the task, then the least acceleration; the distance to the
-#: unconstrained command, in joint space, or in task space with a small part in joint space; the
-#: distance to a share of that command.
-STRICT, NEAREST, WEIGHED, SCALED = range(4)
-#: Options of a resolver: rank tolerance; of a hierarchy also greatest |q̈|, damping and objective;
-#: of a saturation also 1 if it scales the task.
-TOLERANCE, LIMIT, DAMPING, OBJECTIVE, SCALES = range(5)
-STAGE = 1  #: Option of a law that looks ahead, whose only other option is the rank tolerance.
-#: Gains of a predicted task: K_p(0), its slope and K_v/√K_p; d and (d/2)² of q̈₀.
-KP0, KP_SLOPE, KV_FACTOR, REST_DAMPING, REST_STIFFNESS = range(5)
-#: Entries of the innovation of a step: those of ``INNOVATIONS`` in
-#: :mod:`vsconstraints.vision.measurement`, then the greatest ratio of one of them to its bound.
-IMAGE, SHAPE, POSITION, ORIENTATION, AGE, SPEED, DEPTH, WORST = range(8)
-
-Records = Any
-
-
-def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
-    """Return a type of records of floats.
-
-    A field is a name or (name, shape). ``#name`` is an integer, (name, type) another record.
-    """
-    columns: list[Any] = []
-    for field in fields:
-        name, shape = (field, ()) if isinstance(field, str) else field
-        nested = isinstance(shape, np.dtype)
-        columns.append(
-            (name, shape) if nested else (name[1:], "i8") if name[0] == "#" else (name, "f8", shape)
-        )
-    return np.dtype(columns)
-
-
-F8 = np.dtype("f8")
-I8 = np.dtype("i8")
-BOOL = np.dtype("?")
-V3 = (3,)
-M3 = (3, 3)
-POSE = ("R", M3), ("t", V3)
-
-#: d(t) of :class:`vsconstraints.vision.motion.Motion`; the third coordinate of a motion in the
-#: image is zero.
-MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
-#: Placement on the previous body, axis there, and 1 if the joint moves along it. ``continuous``: 1
-#: if the joint turns without limits, so that its angles count modulo 2π.
-JOINT = record(*POSE, ("axis", V3), "#prismatic", "#continuous")
-#: Pose in the last body, or in the base frame if ``fixed``; pose of the tip in the last body; focal
-#: lengths and offset of pixels; factor of believed depths.
-CAMERA = record(
-    *POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed"
+from .memory import fields, shape_of, zeros
+from .records import (
+    BODY,
+    BOOL,
+    CAMERA,
+    EYE,
+    F8,
+    GOAL,
+    GRADIENT_ERROR,
+    I8,
+    JOINT,
+    MARKER,
+    MEASUREMENT,
+    PART,
+    PLACE,
+    POINT,
+    SAMPLE,
+    TARGET,
+    TASK,
+    VIEW,
+    VIEWS,
+    Records,
 )
-#: See :class:`vsconstraints.vision.motion.TargetMotion`.
-TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3), ("centre", V3))
-#: Robot point: its body (0 is the base) and its place in the frame of that body.
-POINT = record("#body", ("offset", V3))
-#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is the share of the goal's L: 0,
-#: 1 or a half.
-TASK = record(
-    "#feature",
-    "share",
-    "#drift_by_differences",
-    "#velocity_by_differences",
-    "#reference_by_differences",
-    "Kp0",
-    "slope",
-    "damping",
-    "rest_damping",
-    "rest_stiffness",
-)
-#: Start time of a goal, duration in which s_ref gets there (0: at once), and the camera's pose
-#: there.
-GOAL = record("from_time", "reach_in", *POSE)
-#: Constraint: function of its rows; first row and number of rows; K; margin; frame of its formula
-#: (in the image R[:2, :2] and t[:2]); motion of the forbidden region.
-PART = record(
-    "#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION)
-)
-#: Body in the base frame, for q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin,
-#: ω̇, v̇.
-BODY = record(
-    ("R", M3),
-    ("origin", V3),
-    ("axis", V3),
-    ("angular_velocity", V3),
-    ("velocity", V3),
-    ("angular_acceleration", V3),
-    ("acceleration", V3),
-)
-#: Marker in the image: normalised coordinates, their first and, for q̈ = 0, second derivative, and
-#: Z.
-MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
-#: Robot point in the base frame, its velocity and, for q̈ = 0, its acceleration.
-PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
-#: Camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (for q̈ = 0) relative to the
-#: target, in the camera's axes.
-EYE = record(
-    ("R", M3),
-    ("origin", V3),
-    ("velocity", V3),
-    ("angular_velocity", V3),
-    ("acceleration", V3),
-    ("angular_acceleration", V3),
-)
-#: 1 if pixels are measured, 1 if the camera's pose is measured, and the time of the measurement.
-MEASUREMENT = record("#given", "#pose_given", "time")
-#: Camera's pose in the target's frame at some time, as far as the motion is known.
-VIEW = record("time", ("R", M3), ("t", V3))
-#: Function that applies an error to gradients, or 0; 1 if it applies to φ and L_fφ too.
-GRADIENT_ERROR = record("#address", "#in_phi")
-#: Previous sample; goal −1 if there is none; time of its goal's first sample; number of views so
-#: far.
-SAMPLE = record("time", "#goal", "began", "#views")
-#: Addresses that a closed loop uses, 0 where Python does the work: function that evaluates a step;
-#: step of the controller and of the simulated world; law, and law of the unconstrained baseline;
-#: function that writes measurements to the controller's step, and its workspace; function that
-#: moves a plant without a transition matrix, and its workspace.
-LOOP_PARTS = record(
-    "#evaluate",
-    "#believed",
-    "#true",
-    "#law",
-    "#baseline",
-    "#observe",
-    "#sensing",
-    "#move",
-    "#plant",
-)
-VIEWS = 256  #: Number of samples whose camera pose is stored.
 
 
 class RowArrays(NamedTuple):
@@ -346,44 +232,6 @@ OUTPUTS = (
 )
 
 
-@cache
-def fields(kind: Any) -> dict[str, Any]:
-    """Return the declared types of a structure's fields, by name."""
-    return get_type_hints(kind, include_extras=True)
-
-
-def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
-    """Return the shape of a declared array; a letter that ``lengths`` lacks stands for 1."""
-    _, *shape = declared.__metadata__
-    return tuple([length if type(length) is int else lengths.get(length, 1) for length in shape])
-
-
-def zeros(
-    kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None
-) -> Any:
-    """Return a structure of zeros, with arrays of their declared types and shapes.
-
-    ``known`` contains fields that exist already. ``lengths`` are those of the letters in the
-    declarations; see :func:`shape_of`.
-    """
-    values = dict(known or {})
-    lengths = lengths or {}
-    for name, declared in fields(kind).items():
-        if name in values:
-            continue
-        if hasattr(declared, "__metadata__"):
-            values[name] = np.zeros(shape_of(declared, lengths), declared.__metadata__[0])
-        elif declared in (int, float):
-            values[name] = declared(0)
-        elif declared is JointLimits:
-            values[name] = JointLimits(
-                *(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0
-            )
-        else:
-            values[name] = zeros(declared, lengths, known)
-    return kind(**{name: values[name] for name in kind._fields})
-
-
 @dataclass(frozen=True)
 class Size:
     """Numbers of joints n, markers M, robot points P, rows m, features k, goals and constraints.
@@ -426,11 +274,14 @@ class Size:
     def step(self, limits: JointLimits | None = None) -> tuple[Step, Array]:
         """Return a step of this size, of zeros, and the array that contains all its outputs."""
         outputs = self.outputs
-        out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
-        views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
-        step: Step = zeros(
-            Step, self.lengths, views if limits is None else {**views, "limits": limits}
-        )
+        last_place, _ = outputs[OUTPUTS[-1]]
+        out = np.zeros(last_place.stop)
+        known: dict[str, Any] = {}
+        for name, (place, shape) in outputs.items():
+            known[name] = out[place].reshape(shape)
+        if limits is not None:
+            known["limits"] = limits
+        step: Step = zeros(Step, self.lengths, known)
         step.bodies["R"][0] = np.eye(3)
         step.bounds[:] = np.inf
         return step, out
@@ -448,93 +299,3 @@ def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
         places[name] = slice(begin, end), shape
         begin = end
     return places
-
-
-#: Memory of an array with d dimensions: where its numbers begin, and its shape.
-ARRAYS = [np.dtype([("address", "i8"), ("shape", "i8", (d,))]) for d in range(5)]
-
-
-def _is_float(structure: Any, name: str) -> bool:
-    """True if a number of a structure is a float, even if an integer was given for it."""
-    kind: Any = type(structure)
-    return fields(kind).get(name) is float or isinstance(getattr(structure, name), float)
-
-
-def memory_layout(structure: Any) -> np.dtype[Any]:
-    """Return the record that holds a structure: its numbers, records and references to arrays."""
-    columns: list[Any] = []
-    for name in structure._fields:
-        part = getattr(structure, name)
-        if isinstance(part, tuple):
-            columns.append((name, memory_layout(part)))
-        elif isinstance(part, np.ndarray):
-            columns.append((name, ARRAYS[part.ndim]))
-        else:
-            columns.append((name, "f8" if _is_float(structure, name) else "i8"))
-    return np.dtype(columns)
-
-
-def _memory(structure: Any) -> tuple[Any, ...]:
-    """Return the values of the record that holds a structure."""
-    values: list[Any] = []
-    for part in structure:
-        if isinstance(part, tuple):
-            values.append(_memory(part))
-        elif isinstance(part, np.ndarray):
-            if not part.flags.c_contiguous:
-                raise InvalidInput("compiled functions take contiguous arrays only")
-            values.append((part.ctypes.data, part.shape))
-        else:
-            values.append(part)
-    return tuple(values)
-
-
-#: Workspaces by their addresses.
-_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()
-
-
-class Workspace:
-    """Structure (a named tuple) that compiled functions take by its address.
-
-    Its arrays are not copied. Functions that take a workspace check its kind. It lives as long as a
-    user holds it.
-    """
-
-    __slots__ = ("__weakref__", "_in_python", "_record", "address", "structure")
-
-    def __init__(self, structure: Any) -> None:
-        self._record = np.array([_memory(structure)], dtype=memory_layout(structure))
-        self.structure = structure
-        self.address = int(self._record.ctypes.data)
-        self._in_python: Any = None
-        _workspaces[self.address] = self
-
-    def in_python(self) -> Any:
-        """Return the structure as functions that run in Python take it."""
-        if self._in_python is None:
-            self._in_python = _in_python(self.structure)
-        return self._in_python
-
-
-def require_workspace(given: object, kind: type, function: str) -> int:
-    """Return the address of a workspace of the given kind of structure.
-
-    Raise InvalidInput, which names the function, for anything else.
-    """
-    if isinstance(given, Workspace) and type(given.structure) is kind:
-        return given.address
-    what = type(given.structure).__name__ if isinstance(given, Workspace) else format_value(given)
-    raise InvalidInput(f"{function} takes a workspace of {kind.__name__}, not {what}")
-
-
-def structure_at(address: int) -> Any:
-    """Return the structure of the workspace at an address, for functions that run in Python."""
-    return _workspaces[int(address)].in_python()
-
-
-def _in_python(part: Any) -> Any:
-    """Return a structure whose fields can be set, with fields of records as attributes."""
-    if isinstance(part, tuple):
-        fields = part._asdict()  # type: ignore[attr-defined]
-        return SimpleNamespace(**{name: _in_python(field) for name, field in fields.items()})
-    return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, OWN, Size, Step, Workspace
+from ..compiled.codes import CAMERA_POSE, IMAGE_POINTS, OWN
+from ..compiled.memory import Workspace
+from ..compiled.workspace import Size, Step
 from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits

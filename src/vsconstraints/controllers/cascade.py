@@ -11,8 +11,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from ..compiled import load
-from ..compiled import workspace as codes
+from ..compiled import codes, load
 from ..errors import InvalidInput, SolverError
 from ..qp import SolverChain, Verified
 from ..qp.decomposition import svd
@@ -61,17 +60,23 @@ class Target(NamedTuple):
         The residual is relevant if level 2 alone does not have it, and if it exceeds the
         tolerances.
         """
+        is_redundant = bool((self.gains == 0.0).any())
+        if not (self.strict and is_redundant):
+            return False
         offset = self.directions.T @ (x - self.center)
+        residual = float(np.linalg.norm(self.gains * offset))
         distance = float(np.linalg.norm(offset))
         allowed = limit.STRICT * distance + limit.MET * float(np.linalg.norm(x))
-        redundant = self.strict and bool((self.gains == 0.0).any())
-        return redundant and bool(np.linalg.norm(self.gains * offset) > allowed)
+        return residual > allowed
 
     def cut(self) -> float:
         """Return the relative gain below which level 2 alone leaves directions unused."""
-        kept = self.gains[self.gains > 0.0]
-        well = kept.min(initial=np.inf) >= limit.WELL_CONDITIONED * kept.max(initial=0.0)
-        return self.tolerance if well else max(self.tolerance, float(np.sqrt(self.damping)))
+        used = self.gains[self.gains > 0.0]
+        least = used.min(initial=np.inf)
+        greatest = used.max(initial=0.0)
+        if least >= limit.WELL_CONDITIONED * greatest:
+            return self.tolerance
+        return max(self.tolerance, float(np.sqrt(self.damping)))
 
 
 class Optimum(NamedTuple):
@@ -93,23 +98,64 @@ class Optimum(NamedTuple):
     iterations: int = 0
 
 
+class Walls(NamedTuple):
+    """Inequalities A x ≤ c, A (w, n) and c (w,)."""
+
+    A: Array
+    c: Array
+
+    @classmethod
+    def with_box(cls, A: Array, c: Array, box: Array) -> Self:
+        """Return the rows A x ≤ c, then the finite ends of the box (2, n)."""
+        n = A.shape[1]
+        least, greatest = box
+        ends = np.concatenate((greatest, -least))
+        is_bounded = np.isfinite(ends)
+        faces = np.vstack((np.eye(n), -np.eye(n)))
+        return cls(np.vstack((A, faces[is_bounded])), np.concatenate((c, ends[is_bounded])))
+
+    def terms(self, x: Array) -> Array:
+        """Return the size (w,) of the terms of A x − c."""
+        size: Array = np.linalg.norm(self.A, axis=1) * np.linalg.norm(x) + np.abs(self.c)
+        return size
+
+    def with_room(self, x: Array, room: float) -> Self:
+        """Relax the sides so that x meets them.
+
+        ``room`` is the tolerance for rounding, as a fraction of the terms.
+        """
+        wide = np.maximum(self.c, self.A @ x) + room * self.terms(x)
+        return self._replace(c=wide)
+
+    def not_constant_along(self, Z: Array) -> BoolArray:
+        """Return a mask (w,) of the walls that are not constant along Z (n, p)."""
+        along = np.linalg.norm(self.A @ Z, axis=1)
+        norms = np.linalg.norm(self.A, axis=1)
+        mask: BoolArray = along > limit.DEPENDENT * norms
+        return mask
+
+    def part(self, mask: BoolArray) -> Self:
+        """Return some of the walls."""
+        return type(self)(self.A[mask], self.c[mask])
+
+
 def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
     """Compute the command of a :class:`.Hierarchy` for the bounds c (m,) of the rows."""
-    tracking = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest)
+    tolerance = resolver.rank_tolerance
+    damping = resolver.damping
+    tracking = least_norm(task.J, task.b, tolerance, task.rest)
     n = task.J.shape[1]
     box = resolver.box(rows, n)
     center, active = resolver.center(rows, tracking.qdd, c, box)
-    cost = Target.of(
-        tracking, resolver.damping, resolver.rank_tolerance, resolver.aim == codes.STRICT
-    )
     if resolver.aim in (codes.NEAREST, codes.SCALED):
-        cost = Target(
-            center, np.eye(n), np.ones(n), resolver.damping, resolver.rank_tolerance, False
-        )
+        cost = Target(center, np.eye(n), np.ones(n), damping, tolerance, strict=False)
+    else:
+        cost = Target.of(tracking, damping, tolerance, strict=resolver.aim == codes.STRICT)
     which = np.flatnonzero(c < np.inf)
-    fixed = np.linalg.norm(rows.Lg[which], axis=1) <= limit.ZERO_GRADIENT * rows.scale[which]
-    free = which[~fixed]
-    stuck = which[fixed]
+    lengths = np.linalg.norm(rows.Lg[which], axis=1)
+    is_fixed = lengths <= limit.ZERO_GRADIENT * rows.scale[which]
+    free = which[~is_fixed]
+    stuck = which[is_fixed]
     weights = row_weights([rows.labels[i] for i in free], resolver.weights or {})
     try:
         best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
@@ -151,40 +197,32 @@ def descend(
     the least violation is computed at once. Rows that rounding makes incompatible are relaxed by
     just that rounding. Raises SolverError if the least violation is not found.
     """
-    walls, sides = _with_box(A, c, box)
+    m, n = A.shape
+    walls = Walls.with_box(A, c, box)
     if solvers.preferred.recognises_infeasibility:
         try:
-            return _with_hard_rows(len(c), cost, walls, sides, box, solvers)
+            return _with_hard_rows(m, cost, walls, box, solvers)
         except SolverError:
             pass  # the rows are incompatible, or the solver failed: the least violation decides
 
     least = _least_violation(A, c, weights, cost, box)
     # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
-    sides = _with_room(walls, sides, least.x, limit.RELAXED)
-    pinned_axes = np.eye(len(least.x))[least.pinned]
+    walls = walls.with_room(least.x, limit.RELAXED)
+    pinned_axes = np.eye(n)[least.pinned]
     equal, free = _split(np.vstack((A[least.violated], pinned_axes)))
     # rows within the span of the violated ones are determined by the equalities
-    others = _seen(walls, free)
-    others[: len(c)] &= ~least.violated
-    found = _within_equalities(least.x, equal, free, cost, walls[others], sides[others], solvers)
+    others = walls.not_constant_along(free)
+    others[:m] &= ~least.violated
+    found = _within_equalities(least.x, equal, free, cost, walls.part(others), solvers)
     x = np.clip(found.x, *box)
-    holding = np.zeros(len(walls), dtype=np.bool_)
+    holding = np.zeros(len(walls.c), dtype=np.bool_)
     holding[others] = found.holding
     violation = np.where(least.violated, np.maximum(A @ x - c, 0.0), 0.0)
-    return found._replace(x=x, violation=violation, holding=least.violated | holding[: len(c)])
-
-
-def _with_box(A: Array, c: Array, box: Array) -> tuple[Array, Array]:
-    """Return walls (w, n) and sides (w,): the rows A x ≤ c, then the finite ends of the box."""
-    n = A.shape[1]
-    ends = np.concatenate((box[1], -box[0]))
-    bounded = np.isfinite(ends)
-    faces = np.vstack((np.eye(n), -np.eye(n)))
-    return np.vstack((A, faces[bounded])), np.concatenate((c, ends[bounded]))
+    return found._replace(x=x, violation=violation, holding=least.violated | holding[:m])
 
 
 def _with_hard_rows(
-    m: int, cost: Target, walls: Array, sides: Array, box: Array, solvers: SolverChain
+    m: int, cost: Target, walls: Walls, box: Array, solvers: SolverChain
 ) -> Optimum:
     """Minimise the cost within the walls, of which the first m are rows, and all can be met.
 
@@ -192,9 +230,10 @@ def _with_hard_rows(
     makes ‖K Vᵀ(x − center)‖ the norm of u. Raises SolverError if there is no answer.
     """
     T: Array = cost.directions / cost.stiffness
-    found = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
+    found = _nearest(cost.center, T, walls, solvers, first_only=True)
     if cost.damped(found.x):
-        found = _strictly(found, cost, np.empty((0, cost.center.size)), walls, sides, solvers)
+        no_equalities = np.empty((0, cost.center.size))
+        found = _strictly(found, cost, no_equalities, walls, solvers)
     x = np.clip(found.x, *box)
     return found._replace(x=x, violation=np.zeros(m), holding=found.holding[:m])
 
@@ -216,37 +255,32 @@ def _least_violation(
     every point of least violation. The pull is the gradient Σ wᵢ² eᵢ Aᵢ of ½‖W max(0, Ax − c)‖²
     with the excess e.
     """
-    x = np.clip(cost.center, *box)
-    if load("level_by_level").violate_least(*_contiguous(A, c, weights, box), x) != 0:
+    least, greatest = box
+    x = np.clip(cost.center, least, greatest)
+    code = load("level_by_level").violate_least(*_contiguous(A, c, weights, box), x)
+    if code != codes.SOLVED:
         raise SolverError(
             "the least violation of the rows was not found within the limit of iterations"
         )
     excess = A @ x - c
-    violated = excess > limit.SIGNIFICANT * _terms(A, c, x)
+    violated = excess > limit.SIGNIFICANT * Walls(A, c).terms(x)
     weighted = weights[violated] ** 2 * excess[violated]
     forces = A[violated] * weighted[:, None]
     pull = np.abs(forces.sum(axis=0))
-    pulled = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
-    at_bound = (x <= box[0]) | (x >= box[1])
-    pinned = pulled & at_bound
-    return LeastViolation(x, violated, pinned)
+    is_pulled = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
+    is_at_bound = (x <= least) | (x >= greatest)
+    return LeastViolation(x, violated, is_pulled & is_at_bound)
 
 
 def _within_equalities(
-    x: Array,
-    equal: Array,
-    free: Array,
-    cost: Target,
-    walls: Array,
-    sides: Array,
-    solvers: SolverChain,
+    x: Array, equal: Array, free: Array, cost: Target, walls: Walls, solvers: SolverChain
 ) -> Optimum:
     """Minimise the cost from x along the columns of ``free`` (n, p), within the walls.
 
     ``equal`` (n − p, n) spans the other directions. Without a choice, x is the answer; if the
     solvers fail, it is the answer with a shortfall.
     """
-    found = Optimum(x, np.empty(0), np.zeros(len(walls), dtype=np.bool_), None)
+    found = Optimum(x, np.empty(0), np.zeros(len(walls.c), dtype=np.bool_), None)
     if not free.shape[1]:
         return found
     center = cost.center
@@ -254,11 +288,11 @@ def _within_equalities(
     if len(equal):
         center, metric = _restricted(cost, x, free)
     try:
-        found = _nearest(center, metric, walls, sides, solvers)
+        found = _nearest(center, metric, walls, solvers)
     except SolverError as error:
         found = found._replace(shortfall=str(error), fallback=str(error))
     if found.shortfall or cost.damped(found.x):
-        found = _strictly(found, cost, equal, walls, sides, solvers)
+        found = _strictly(found, cost, equal, walls, solvers)
     return found
 
 
@@ -279,9 +313,10 @@ def _restricted(cost: Target, x: Array, free: Array) -> tuple[Array, Array]:
 
 
 def _nearest(
-    center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, *, first_only: bool = False
+    center: Array, T: Array, walls: Walls, solvers: SolverChain, *, first_only: bool = False
 ) -> Optimum:
-    """Solve  min ½‖u‖²  subject to  A x ≤ c, x = center + T u."""
+    """Solve  min ½‖u‖²  within the walls, x = center + T u."""
+    A, c = walls
     problem = scale(A @ T, c - A @ center)
     if problem.size <= 0.0:
         return Optimum(center, np.empty(0), np.zeros(c.size, dtype=np.bool_), None)
@@ -292,48 +327,51 @@ def _nearest(
         verified = Verified(preferred.solve(*data), preferred.name)
     else:
         verified = solvers.solve(*data)
-    x = center + T @ (problem.size * verified.answer.x)
-    multipliers = verified.answer.multipliers
+    answer = verified.answer
+    x = center + T @ (problem.size * answer.x)
     # the check of the solver is relative to the distance from the minimiser without rows, which
     # may be very long
     excess = A @ x - c
     norms = np.linalg.norm(A, axis=1)
-    allowed = limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms
+    allowed = limit.MISSED * walls.terms(x) + limit.NEGLIGIBLE * norms
     if (excess > allowed).any():
         raise SolverError(
             f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, due to rounding"
         )
-    holding = multipliers > limit.PULLING * multipliers.max()
-    iterations = verified.answer.iterations
     return Optimum(
-        x, np.empty(0), holding, verified, fallback=verified.fallback, iterations=iterations
+        x,
+        violation=np.empty(0),
+        holding=answer.multipliers > limit.PULLING * answer.multipliers.max(),
+        verified=verified,
+        fallback=verified.fallback,
+        iterations=answer.iterations,
     )
 
 
 def _strictly(
-    found: Optimum, cost: Target, equal: Array, walls: Array, sides: Array, solvers: SolverChain
+    found: Optimum, cost: Target, equal: Array, walls: Walls, solvers: SolverChain
 ) -> Optimum:
     """Solve level 2 alone from a point that meets all rows, then level 3 if a choice is left.
 
     If level 3 has no answer, that of level 2 is returned with a shortfall.
     """
-    sides = _with_room(walls, sides, found.x, limit.MET)
+    walls = walls.with_room(found.x, limit.MET)
     G: Array = cost.gains[:, None] * cost.directions.T
     x = found.x.copy()
     holding = found.holding.copy()
-    given = _contiguous(G, cost.center, equal, walls, sides)
+    given = _contiguous(G, cost.center, equal, walls.A, walls.c)
     if not load("level_by_level").track_best(*given, x, holding, cost.cut()):
         unfound = "level 2 was not found within the limit of iterations"
         return found._replace(x=x, shortfall=found.shortfall or unfound)
     used = G[cost.gains > 0.0]
-    _, N = _split(np.vstack((equal, walls[holding], used)))
+    _, N = _split(np.vstack((equal, walls.A[holding], used)))
     if not N.shape[1]:
         return found._replace(x=x, holding=holding, shortfall="")
-    free = _seen(walls, N)
+    free = walls.not_constant_along(N)
     # the point of the null space N nearest to the center
     center = x - N @ (N.T @ (x - cost.center))
     try:
-        last = _nearest(center, N, walls[free], sides[free], solvers)
+        last = _nearest(center, N, walls.part(free), solvers)
     except (SolverError, InvalidInput) as error:
         return found._replace(x=x, holding=holding, shortfall=f"level 3: {error}")
     holding[free] |= last.holding
@@ -344,29 +382,6 @@ def _strictly(
         shortfall="",
         iterations=found.iterations + last.iterations,
     )
-
-
-def _terms(A: Array, c: Array, x: Array) -> Array:
-    """Return the size (m,) of the terms of A x − c."""
-    size: Array = np.linalg.norm(A, axis=1) * np.linalg.norm(x) + np.abs(c)
-    return size
-
-
-def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:
-    """Relax the sides so that x meets them.
-
-    ``room`` is the tolerance for rounding, as a fraction of the terms.
-    """
-    wide: Array = np.maximum(sides, walls @ x) + room * _terms(walls, sides, x)
-    return wide
-
-
-def _seen(walls: Array, Z: Array) -> BoolArray:
-    """Return a mask (w,) of the walls that are not constant along Z (n, p)."""
-    along = np.linalg.norm(walls @ Z, axis=1)
-    norms = np.linalg.norm(walls, axis=1)
-    seen: BoolArray = along > limit.DEPENDENT * norms
-    return seen
 
 
 def _split(A: Array) -> tuple[Array, Array]:

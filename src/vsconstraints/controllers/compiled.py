@@ -11,15 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import (
-    Answer,
-    LawArrays,
-    RowArrays,
-    Scratch,
-    TaskArrays,
-    Workspace,
-    zeros,
-)
+from ..compiled.memory import Workspace, zeros
+from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
@@ -39,7 +32,7 @@ SCRATCH = 32768
 class CompiledAnswer(NamedTuple):
     """Output of a compiled law.
 
-    ``code`` is one of :mod:`vsconstraints.compiled.workspace`. ``qdd`` is (n,), ``active`` (m,),
+    ``code`` is one of :mod:`vsconstraints.compiled.codes`. ``qdd`` is (n,), ``active`` (m,),
     and ``slack`` (m,), or (0,) for laws that do not measure it.
     """
 
@@ -101,6 +94,7 @@ class CompiledLaw:
 
     __slots__ = (
         "_follow",
+        "_follow_whole",
         "_whole",
         "arrays",
         "complete",
@@ -122,6 +116,7 @@ class CompiledLaw:
     ) -> None:
         laws = load("laws")
         parts = load("parts")
+        formula = type(demand).formula
         form = (
             len(demand.parameters),
             len(demand.remembers),
@@ -129,47 +124,45 @@ class CompiledLaw:
             demand.everywhere,
             demand.ahead,
         )
-        compiled_demand = laws.demand(type(demand).formula, *form)
-        self.complete = resolver.compiles and compiled_demand is not None
-        m = len(labels)
-        kernel = _function(resolver.kernel)
-        otherwise = None
+        bounds = laws.demand(formula, *form)
+        self.complete = resolver.compiles and bounds is not None
+        if bounds is None:
+            bounds = laws.require_part(formula, *map(int, form))
+        otherwise = 0
         if resolver.compiles and resolver.otherwise is not None:
-            otherwise = _function(resolver.otherwise)
+            otherwise = parts.address(_function(resolver.otherwise))
+        m = len(labels)
+        room = SCRATCH * (1 + m // 32)
         self.arrays = LawArrays(
-            parts.address(kernel),
-            parts.address(
-                compiled_demand or laws.require_part(type(demand).formula, *map(int, form))
-            ),
-            parts.address(load("task_priority").track),
-            parts.address(otherwise) if otherwise else 0,
-            int(resolver.tracks(demand)),
-            math.nan if period is None else period,
-            resolver.options,
-            np.array([*demand.parameters, demand.margin]),
-            resolver.row_weights(labels),
-            memory,
-            last_rates,
-            UNKNOWN,
-            np.empty(m),
-            np.empty(m),
-            np.empty_like(memory),
-            np.empty(m),
-            np.full(1, math.nan),
-            Scratch(np.empty(SCRATCH * (1 + m // 32)), np.zeros(1, COUNT)),
-            zeros(RowArrays),
-            zeros(TaskArrays),
-            zeros(Answer),
+            resolver=parts.address(_function(resolver.kernel)),
+            demand=parts.address(bounds),
+            track=parts.address(load("task_priority").track),
+            otherwise=otherwise,
+            tracks=int(resolver.tracks(demand)),
+            period=math.nan if period is None else period,
+            options=resolver.options,
+            parameters=np.array([*demand.parameters, demand.margin]),
+            weights=resolver.row_weights(labels),
+            memory=memory,
+            last_rates=last_rates,
+            speeds=UNKNOWN,
+            squared=np.empty(m),
+            asked=np.empty(m),
+            after=np.empty_like(memory),
+            tracked=np.empty(m),
+            effort=np.full(1, math.nan),
+            scratch=Scratch(np.empty(room), np.zeros(1, COUNT)),
+            rows=zeros(RowArrays),
+            task=zeros(TaskArrays),
+            answer=zeros(Answer),
         )
         self.labels = labels
         self.remark = resolver.remark(labels)
         self.measures = resolver.measures
         self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.used})
         self.workspace = Workspace(self.arrays)
-        self._follow = [
-            function.bind(self.workspace, typed=True)
-            for function in (laws.follow, laws.follow_whole)
-        ]
+        self._follow = laws.follow.bind(self.workspace, typed=True)
+        self._follow_whole = laws.follow_whole.bind(self.workspace, typed=True)
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """Return the compiled function for these rows and this task, with its input arguments.
@@ -199,10 +192,10 @@ class CompiledLaw:
             rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
         ):
             _, _, *arguments = self.call(rows, task)
-            code = self._follow[1](*arguments, qdd, active, slack, count)
+            code = self._follow_whole(*arguments, qdd, active, slack, count)
         else:  # the same as in call(), inlined because a call takes longer
             of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
-            code = self._follow[0](of_rows, J, task.b, qdd, active, slack, count)
+            code = self._follow(of_rows, J, task.b, qdd, active, slack, count)
         iterations = count.item() if self.measures else 0
         return CompiledAnswer(code, qdd, active, slack, iterations)
 
@@ -214,14 +207,15 @@ class CompiledLaw:
         ``purpose``.
         """
         arrays = self.arrays
-        parts = load("parts")
         arrays.squared[:] = (rows.Lg * rows.Lg).sum(axis=1)
-        arrays.effort[0] = math.nan if tracking is None else np.linalg.norm(tracking)
-        tracked = UNKNOWN if tracking is None else rows.Lg @ tracking
+        arrays.effort[0] = math.nan
+        tracked = UNKNOWN
+        if tracking is not None:
+            arrays.effort[0] = np.linalg.norm(tracking)
+            tracked = rows.Lg @ tracking
+        inputs = self.workspace.address, arrays_of(rows), tracked, purpose
         outputs = arrays.after, arrays.asked
-        parts.call_int_pointer(
-            arrays.demand, (self.workspace.address, arrays_of(rows), tracked, purpose, *outputs)
-        )
+        load("parts").call_int_pointer(arrays.demand, (*inputs, *outputs))
         c: Array = arrays.asked.copy()
         return c
 
@@ -260,17 +254,29 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
-    of_rows = {field.name: getattr(rows, field.name) for field in fields(rows)}
+    of_rows = _fields_of(rows)
     labels = of_rows.pop("labels")
-    of_task = {field.name: getattr(task, field.name) for field in fields(task)}
+    of_task = _fields_of(task)
     arrays = [*of_rows.values(), *of_task.values()]
-    are_numbers = all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays)
-    are_usual = all(type(array) is np.ndarray and array.flags.carray for array in arrays)
-    if are_usual or not are_numbers:
+    if all(map(_is_usual, arrays)) or not all(map(_is_numeric, arrays)):
         return None
-    copied_rows = {name: np.array(array, order="C") for name, array in of_rows.items()}
-    copied_task = {name: np.array(array, order="C") for name, array in of_task.items()}
-    return Rows(labels=labels, **copied_rows), Task(**copied_task)
+    return Rows(labels=labels, **_copies(of_rows)), Task(**_copies(of_task))
+
+
+def _fields_of(structure: Rows | Task) -> dict[str, Any]:
+    return {field.name: getattr(structure, field.name) for field in fields(structure)}
+
+
+def _is_numeric(array: Any) -> bool:
+    return type(array) in ARRAYS and array.dtype == np.float64
+
+
+def _is_usual(array: Any) -> bool:
+    return type(array) is np.ndarray and array.flags.carray
+
+
+def _copies(arrays: dict[str, Any]) -> dict[str, Array]:
+    return {name: np.array(array, order="C") for name, array in arrays.items()}
 
 
 class BoundLaw:

@@ -16,6 +16,7 @@ from .ranges import positive_number
 from .velocity.base import commands_velocity
 
 MAX_PENDING = 100  #: Largest number of pending commands.
+ROUNDING = 1e-9  #: Largest part of a period that counts as rounding of a whole number of periods.
 
 
 def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
@@ -29,8 +30,10 @@ def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
             f"{name} must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not "
             f"{delay} s"
         )
-    whole = int(np.floor(periods + 1e-9))
-    return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
+    whole = int(np.floor(periods + ROUNDING))
+    has_rest = periods - whole > ROUNDING
+    rest = max(delay - whole * Ts, 0.0) if has_rest else 0.0
+    return whole, rest
 
 
 class DelayCompensated(Wrapper):
@@ -88,7 +91,9 @@ class DelayCompensated(Wrapper):
         kernels.foresee(own)
         remark = ""
         try:
-            then = self.model.at(own.now[0], own.now[1 : 1 + n].copy(), own.now[1 + n :].copy())
+            q = own.now[1 : 1 + n].copy()
+            qd = own.now[1 + n :].copy()
+            then = self.model.at(own.now[0], q, qd)
             ahead = replace(then.rows, qdd_min=rows.qdd_min, qdd_max=rows.qdd_max)
             task = then.task
         except (SceneError, InvalidInput) as error:
@@ -131,10 +136,8 @@ class DelayCompensated(Wrapper):
         assert self.period is not None
         if self._parts is None or law not in (0, self._parts.law):
             delay = split_delay("command_delay of a law", self.command_delay, self.period)
-            loop, step = (
-                each.packed.workspace.address if law else 0
-                for each in (self.model.loop, self.model.step)
-            )
+            loop = self.model.loop.packed.workspace.address if law else 0
+            step = self.model.step.packed.workspace.address if law else 0
             speeds = commands_velocity(self.law)
             streams = self.model.streams
             if streams is None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS
+from ..compiled.codes import NEEDS_PYTHON, RANK_LOSS
 from ..errors import ConfigurationError, InvalidInput, SolverError, format_value
 from ..qp import SolverChain
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
@@ -82,10 +82,11 @@ class Law(Controller):
 
     def _part_of(self, option: str) -> str | None:
         """Return the part that has this option, ``"demand"`` or ``"resolver"``, or None."""
-        parts = [part for part in ("demand", "resolver") if part in vars(self)]
-        return next(
-            (part for part in parts if option in _options_of(vars(self)[part].__class__)), None
-        )
+        for name in ("demand", "resolver"):
+            part = vars(self).get(name)
+            if part is not None and option in _options_of(part.__class__):
+                return name
+        return None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_compiled": None}
@@ -157,8 +158,9 @@ class Law(Controller):
         law = self._compile(rows)
         tracking = track(task, self.rank_tolerance) if resolver.tracks(demand) else None
         c = law.demanded(rows, tracking, resolver.purpose)
-        if np.isnan(c).any():
-            names = ", ".join(rows.labels[i] for i in np.flatnonzero(np.isnan(c)))
+        undefined = np.flatnonzero(np.isnan(c))
+        if undefined.size:
+            names = ", ".join(rows.labels[i] for i in undefined)
             raise SolverError(f"the demand {demand.name!r} is not a number for {names}")
         command = resolver.solve(rows, task, c, self.solvers)
         self.memory[:] = law.arrays.after

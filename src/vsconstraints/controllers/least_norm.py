@@ -69,7 +69,8 @@ def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array
     # the squares of very large and very small numbers would leave the range of floating point
     size = np.abs(A).max(axis=1)
     direction = np.divide(A, size[:, None], out=np.zeros_like(A), where=size[:, None] > 0.0)
-    length = np.sqrt(np.einsum("ij,ij->i", direction, direction))
+    squared = np.einsum("ij,ij->i", direction, direction)
+    length = np.sqrt(squared)
     influenced = size * length > ZERO_GRADIENT * rows.scale[which]
     direction[~influenced] = 0.0
     length[~influenced] = 1.0

@@ -46,11 +46,8 @@ class Observed(Wrapper):
         elif name == "law" and hasattr(value, "fading"):
             value = copy(value)  # leaves the caller's law unchanged
         super().__setattr__(name, value)
-        if (
-            name in ("law", "observer")
-            and hasattr(self, "observer")
-            and hasattr(self.law, "fading")
-        ):
+        is_complete = hasattr(self, "law") and hasattr(self, "observer")
+        if name in ("law", "observer") and is_complete and hasattr(self.law, "fading"):
             self.law.fading = self.observer
         if name in ("observer", "dead_time", "law", "period"):
             self._parts = None
@@ -64,23 +61,24 @@ class Observed(Wrapper):
         own = self._arrays(rows)
         kernels = load("observer")
         kernels.correct(own, arrays_of(rows))
-        phi, Lf, sigma, sigma_dot = (
-            part.copy() for part in (own.phi, own.Lf, own.sigma, own.sigma_dot)
+        corrected = replace(
+            rows,
+            phi=own.phi.copy(),
+            Lf=own.Lf.copy(),
+            sigma=own.sigma.copy(),
+            sigma_dot=own.sigma_dot.copy(),
         )
-        command = self.law.command(
-            replace(rows, phi=phi, Lf=Lf, sigma=sigma, sigma_dot=sigma_dot), task
-        )
+        command = self.law.command(corrected, task)
         own.seen[:] = own.after
         return command
 
     def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         inner = self.law.bind(rows, task, active, qdd)
-        if (
-            inner is None
-            or type(self).command is not Controller.command
-            or type(self).solve is not Observed.solve
-        ):
+        replaced = (
+            type(self).command is not Controller.command or type(self).solve is not Observed.solve
+        )
+        if inner is None or replaced:
             return None
         own = self._arrays(rows, inner.workspace.address)
         law = Wrapped(inner.law, own, load("observer").observe)
@@ -96,8 +94,9 @@ class Observed(Wrapper):
         uses = "sigma", "sigma_dot", "K", "period"
         require_known("a law with an observer", rows, uses, self.period, remembered)
         if made is None or law not in (0, made.law):
-            numbers = self.period, self.observer, float(self.dead_time)
-            fresh = load("observer").ObserverArrays.of(len(rows.labels), law, *numbers)
+            fresh = load("observer").ObserverArrays.of(
+                len(rows.labels), law, self.period, self.observer, float(self.dead_time)
+            )
             made = fresh if made is None else fresh._replace(seen=made.seen, after=made.after)
             self._parts = rows.labels, made
         return made

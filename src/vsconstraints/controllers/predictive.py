@@ -5,35 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled import load
-from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED, zeros
-from ..errors import InvalidInput, SolverError, format_value
-from ..rows import Array, BoolArray, Command, IntArray, Rows, Task, keep_box
+from ..errors import InvalidInput, format_value
+from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
 from .base import Controller, fault_of, require_known, require_model
-from .compiled import COUNT, BoundLaw, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
-from .demands import Nothing
-from .least_norm import RANK_TOLERANCE
+from .compiled import BoundLaw
+from .planner import Plan, Planner
 from .ranges import GAINS, ROWS, Range, option, positive_number, share_number
-from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
 MAX_BLOCKS = 100  #: Largest horizon, in blocks.
 MAX_PERIODS = 10_000
-#: Predicted quantities, in the order of the compiled law.
-PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
 CHECKED = "ok", "relaxed"  #: Statuses that imply a check by the compiled law.
-
-
-class Plan(NamedTuple):
-    """Planned q̈ of the blocks (H, n), q̈ after them (n,), and the time of planning [s]."""
-
-    qdd: Array
-    then: Array
-    made: float
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -183,198 +169,6 @@ class PredictiveControl(Controller):
         Model and period are known.
         """
         return Planner(self, self.model, self.period or np.nan, shape)
-
-
-class Planner(Wrapped):
-    """The compiled law for the rows of a model, see :mod:`vsconstraints.compiled.predictive`.
-
-    ``compiled`` is true if the model is compiled too. Otherwise Python predicts, between two calls
-    of the compiled law.
-    """
-
-    answers = SOLVED, RELAXED_ROWS
-
-    def __init__(
-        self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]
-    ) -> None:
-        kernels = load("predictive")
-        k, n = shape
-        m = len(model.labels)
-        H = law.horizon
-        T = law.block * period
-        times, block = instants(H, T, period)
-        N = len(times)
-        step: Any = getattr(model, "step", None)
-        loop: Any = getattr(model, "loop", None)
-        self.compiled = step is not None and loop is not None
-        begins, out = self._layout(step if self.compiled else None, (m, n, k))
-        most = np.inf if law.max_acceleration is None else law.max_acceleration
-        self.model = model
-        self.shape = shape
-        self._begins = begins
-        lengths = load("plan_program").lengths_of(H, N, n, m)
-        known = {
-            "loop": loop.packed.workspace.address if self.compiled else 0,
-            "step": step.packed.workspace.address if self.compiled else 0,
-            "frozen": int(self.compiled and model.frozen),
-            "fading": law.fading,
-            "period": period,
-            "length": T,
-            "approach": law.approach * T,
-            "damping": law.damping,
-            "margin": law.margin,
-            "tracking": tracking_of(model.task, n, k),
-            "most": np.minimum(most, model.acceleration),
-            "K": np.array(model.K, dtype=np.float64),
-            "weights": row_weights(model.labels, law.weights or {}) * np.ones(m),
-            "at": np.array(begins),
-            "out": out,
-            "times": times,
-            "block": block,
-            "since": np.clip(times - T * block, 0.0, T),
-            "made": np.full(1, np.nan),
-            "by_speed": (np.asarray(model.K) == 0.0).astype(np.int64),
-            "p": lengths["p"],
-        }
-        self.plans = zeros(kernels.PlanArrays, {**lengths, "outputs": out.size}, known)
-        inner = CompiledLaw(Nothing(), Priority(), model.labels)
-        super().__init__(
-            inner, self.plans, kernels.look_ahead, options=np.array([RANK_TOLERANCE, kernels.ALL])
-        )
-        self.remark = law.remark(model.labels)
-        self.measures = True
-
-    @staticmethod
-    def _layout(step: Any, sizes: tuple[int, int, int]) -> tuple[list[int], Array]:
-        """Return the first entries of the parts of a prediction, and the array of one prediction.
-
-        It is the output of the compiled ``step``, in which absent parts begin at −1. If Python
-        predicts, the parts follow each other; ``sizes`` are the numbers m, n and k of rows, joints
-        and features.
-        """
-        if step is not None:
-            parts = [step.packed.parts[name][0] for name in PREDICTED]
-            return [part.start if part.stop > part.start else -1 for part in parts], step.out
-        m, n, k = sizes
-        # in the order of PREDICTED: φ, σ, L_gφ, J, b, e and q̈₀
-        ends = np.cumsum([m, m, m * n, k * n, k, k, n])
-        return [0, *ends[:-1].tolist()], np.empty(int(ends[-1]))
-
-    @property
-    def plan(self) -> Plan | None:
-        """The last plan; None if there is none."""
-        plans = self.plans
-        if np.isnan(plans.made[0]):
-            return None
-        return Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
-
-    def solve(self, rows: Rows, task: Task) -> Command:
-        """Compute the command.
-
-        Raises SolverError if a number leaves the range of floating point, or if the plan has no
-        unique optimum.
-        """
-        kernels = load("predictive")
-        plans = self.plans
-        m = len(self.labels)
-        active = np.zeros(m, dtype=np.bool_)
-        qdd = np.zeros(self.shape[1])
-        slack = np.zeros(m)
-        solve, *arguments = self.call(rows, task)
-
-        def ask(stage: int) -> int:
-            self.arrays.options[1] = stage
-            code: int = solve(*arguments, qdd, active, slack, np.zeros(1, COUNT))
-            self.arrays.options[1] = kernels.ALL
-            return code
-
-        if self.compiled:
-            code = ask(kernels.ALL)
-        else:
-            now = self.model.present
-            plans.now[:] = np.concatenate(([now.t], now.q, now.qd))
-            code = ask(kernels.PROPOSE)
-            if code == SOLVED and self._predict() < 2:
-                ask(kernels.BRAKE)
-                self._predict()
-            code = ask(kernels.CONCLUDE) if code == SOLVED else code
-        command = self.command(CompiledAnswer(code, qdd, active, slack, 0), self.labels)
-        if command is not None:
-            return command
-        predicted, asked, _, outcome = plans.outcome.tolist()
-        if code == NEEDS_PYTHON:
-            raise SolverError("numbers are beyond the range of floating point")
-        if predicted >= 2 and outcome == RANK_LOSS:
-            raise SolverError(
-                f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}"
-            )
-        short = ""
-        if predicted < asked:
-            short = (
-                f"no more than {plans.times[predicted]:.3g} s are predicted, since a marker is "
-                f"then not in front of the camera"
-            )
-        if predicted >= 2 and outcome != FAILED:
-            command = self._answer(qdd, active, slack)
-        else:
-            why = (
-                f"braking: {short}"
-                if predicted < 2
-                else "the previous plan is continued: no better one passes the check"
-            )
-            command = Command(qdd, "suboptimal", active, self.labels, reason=why)
-        command.remark = "; ".join(filter(None, (short, self.remark)))
-        return command
-
-    def _predict(self) -> int:
-        """Predict along the plan; return the number of instants that the model can predict."""
-        plans = self.plans
-        now = self.model.present
-        asked = int(plans.outcome[load("predictive").ASKED])
-        seen = self.model.along(now.t + plans.times[:asked], *plans.states[:, :asked])
-        for name, begin in zip(PREDICTED, self._begins, strict=True):
-            part = getattr(seen, name).reshape(len(seen), -1)
-            plans.seen[: len(seen), begin : begin + part.shape[1]] = part
-        if not seen.rest.size:
-            plans.at[-1] = -1
-        plans.outcome[0] = len(seen)
-        return len(seen)
-
-    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
-        """See :meth:`.Resolver.command`.
-
-        None also if the command needs a reason other than slack.
-        """
-        if answer.code not in self.answers:
-            return None
-        command = self._answer(answer.qdd, answer.active, answer.slack)
-        command.remark = self.remark
-        return command
-
-    def _answer(self, qdd: Array, active: BoolArray, slack: Array) -> Command:
-        """Return the command of a plan.
-
-        Its reason names the rows that no plan satisfies, with their violation.
-        """
-        if not slack.any():
-            return Command(qdd, "ok", active, self.labels)
-        amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
-        reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
-        return Command(qdd, "relaxed", active, self.labels, reason=reason)
-
-
-def instants(H: int, T: float, period: float) -> tuple[Array, IntArray]:
-    """Return the instants (N,) [s] at which rows are predicted, and their blocks (N,).
-
-    They are the ends of the H blocks of T seconds, and the end of the first sampling period. The
-    last instant is the end of the brake after the plan, which is not known yet.
-    """
-    times = T * np.arange(H + 1)
-    if not np.isclose(period, T):
-        times = np.sort(np.append(times, period))
-    # an instant at the end of a block belongs to it, up to rounding
-    block = np.maximum(np.ceil(times / T - 1e-9).astype(np.int64) - 1, 0)
-    return np.append(times, np.nan), np.append(block, H)
 
 
 def whole_number(name: str, value: object, most: int) -> int:

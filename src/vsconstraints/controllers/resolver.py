@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS, SOLVED
+from ..compiled.codes import NEEDS_PYTHON, RANK_LOSS, SOLVED, TOLERANCE
 from ..errors import SolverError
 from ..formulas import formula
 from ..formulas.row import BOUND, EQUAL, PUSH, Row
@@ -86,11 +86,11 @@ class Resolver(Part, ABC):
 
     def command_compiled(self, rows: Rows, task: Task, c: Array) -> Command | None:
         """Compute the command by the compiled form alone; None if it has no answer."""
-        m = len(c)
         # a demand whose bounds are the memory that it is given
         demand = KnownPush() if self.purpose == PUSH else Known()
         memory = np.array(c[:, None], dtype=np.float64)
         law = CompiledLaw(demand, self, rows.labels, memory=memory)
+        m = len(c)
         copied = in_usual_layout(rows, task)
         if copied is not None:
             rows, task = copied
@@ -101,10 +101,13 @@ class Resolver(Part, ABC):
         function, *arguments = law.call(rows, task)
         code = function(*arguments, qdd, active, slack, count)
         if code == RANK_LOSS:
-            return rank_loss(rows, Command(qdd, "ok", active, rows.labels), self.options[0])
-        # the caller's check refuses an answer beyond rounding, and names the rows
-        if code == NEEDS_PYTHON and np.isfinite(qdd).all() and beyond_rounding(rows, qdd):
-            return Command(qdd, "ok", active, rows.labels)
+            command = Command(qdd, "ok", active, rows.labels)
+            return rank_loss(rows, command, self.options[TOLERANCE])
+        if code == NEEDS_PYTHON:
+            is_finite = np.isfinite(qdd).all()
+            # the caller's check refuses an answer beyond rounding, and names the rows
+            if is_finite and beyond_rounding(rows, qdd):
+                return Command(qdd, "ok", active, rows.labels)
         answer = CompiledAnswer(code, qdd, active, slack, int(count[0]))
         return self.command(answer, rows.labels)
 
@@ -187,8 +190,9 @@ def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
 
 def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
     """Return the level-1 weight (m,) of each label: of its longest matching prefix, or 1."""
-    keys = (
-        max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None)
-        for label in labels
-    )
-    return np.array([1.0 if key is None else weights[key] for key in keys])
+    of_rows = []
+    for label in labels:
+        prefixes = [prefix for prefix in weights if label.startswith(prefix)]
+        longest = max(prefixes, key=len, default=None)
+        of_rows.append(1.0 if longest is None else weights[longest])
+    return np.array(of_rows)

@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from ..compiled import workspace as codes
+from ..compiled import codes
 from ..errors import ConfigurationError, format_value
 from ..formulas.row import share_within
 from ..qp import SolverChain
@@ -112,7 +112,7 @@ class Hierarchy(Resolver):
     kernel = ("hierarchical_qp", "descend")
     measures = True
     answers = codes.SOLVED, *RELAXED, codes.SHORT
-    #: Code of the levels below the rows, see :mod:`vsconstraints.compiled.workspace`.
+    #: Code of the levels below the rows, see :mod:`vsconstraints.compiled.codes`.
     aim: ClassVar[int] = codes.STRICT
     #: Half the width of the box |q̈| ≤ q̈_max: ``max_acceleration``, or infinite.
     half_width: ClassVar[float] = math.inf

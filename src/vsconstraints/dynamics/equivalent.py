@@ -40,10 +40,10 @@ class Equivalent:
         for lag in LAGS:
             rest = applied - lagged(command, lag, float(Ts))
             squares = (rest**2).sum(axis=0)
-            better = squares < best
-            best = np.where(better, squares, best)
-            left = np.where(better, rest, left)
-            lags = np.where(better, lag, lags)
+            is_better = squares < best
+            best[is_better] = squares[is_better]
+            left[:, is_better] = rest[:, is_better]
+            lags[is_better] = lag
         return cls(run.t[:-1], lags, left)
 
     @property

@@ -1,4 +1,4 @@
-"""What arms with mass add to the core."""
+"""Additions of arms with mass to the core."""
 
 from ..plugins.registry import Part
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..compiled import load
 from ..compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
-from ..compiled.workspace import Workspace
+from ..compiled.memory import Workspace
 from ..errors import ConfigurationError, SceneError, described
 from ..formulas.limits import JointLimits
 from ..plugins.extras import demand
@@ -85,12 +85,10 @@ def require_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
     if values[0] > SINGULAR and (np.diag(M) > 0.0).all():
         return
     worst = int(np.argmax(np.abs(vectors[:, 0])))
-    bare = [
-        name
-        for name, body in zip(robot.joint_names, list(model.inertias)[1:], strict=True)
-        if not body.mass > 0.0
-    ]
-    without = f"; no mass moves with {', '.join(bare)}" if bare else ""
+    bodies = list(model.inertias)[1:]
+    named_bodies = zip(robot.joint_names, bodies, strict=True)
+    massless = [name for name, body in named_bodies if not body.mass > 0.0]
+    without = f"; no mass moves with {', '.join(massless)}" if massless else ""
     raise ConfigurationError(
         f"plant: joint {worst + 1} ({robot.joint_names[worst]}) of {robot.name} moves nothing "
         f"with inertia at the start, so that no acceleration follows from a torque{without}: "
@@ -136,15 +134,15 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     placements = list(robot.model.jointPlacements)[1:]
     bodies = list(model.inertias)[1:]
     return BodyArrays(
-        np.array([place.rotation for place in placements]),
-        np.array([place.translation for place in placements]),
-        np.array(robot.axes),
-        np.array(robot.prismatic, dtype=np.bool_),
-        np.array([body.mass for body in bodies]),
-        np.array([np.array(body.lever) for body in bodies]),
-        np.array([np.array(body.inertia) for body in bodies]),
-        np.array(model.armature, dtype=np.float64),
-        np.array(model.gravity.linear, dtype=np.float64),
+        R=np.array([place.rotation for place in placements]),
+        t=np.array([place.translation for place in placements]),
+        axis=np.array(robot.axes),
+        prismatic=np.array(robot.prismatic, dtype=np.bool_),
+        mass=np.array([body.mass for body in bodies]),
+        centre=np.array([np.array(body.lever) for body in bodies]),
+        inertia=np.array([np.array(body.inertia) for body in bodies]),
+        rotor=np.array(model.armature, dtype=np.float64),
+        gravity=np.array(model.gravity.linear, dtype=np.float64),
     )
 
 
@@ -242,21 +240,24 @@ class DynamicPlant(Plant):
         speed = robot.qd_max.copy()
         if dynamics.speed is not None:
             speed = per_joint("plant: speed", dynamics.speed, n)
-        friction = dynamics.friction.arrays(n)
+        viscous, coulomb, static, stribeck = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
         drive = Drive(
-            KINDS[dynamics.controller],
-            int(dynamics.exact),
-            dynamics.rate,
-            OUTER * dynamics.rate if dynamics.controller == "position" else 0.0,
-            felt_inertia(self.believed, q0),
-            effort,
-            speed,
-            *friction,
-            int(any(part.any() for part in friction[:3])),
-            1.0 if dynamics.lag == 0.0 else -math.expm1(-h / dynamics.lag),
-            int(dynamics.at_once),
-            int(dynamics.integrator == "runge-kutta"),
+            kind=KINDS[dynamics.controller],
+            exact=int(dynamics.exact),
+            rate=dynamics.rate,
+            outer=OUTER * dynamics.rate if dynamics.controller == "position" else 0.0,
+            weight=felt_inertia(self.believed, q0),
+            effort=effort,
+            speed=speed,
+            viscous=viscous,
+            coulomb=coulomb,
+            static=static,
+            stribeck=stribeck,
+            has_friction=int(viscous.any() or coulomb.any() or static.any()),
+            share=1.0 if dynamics.lag == 0.0 else -math.expm1(-h / dynamics.lag),
+            at_once=int(dynamics.at_once),
+            fourth_order=int(dynamics.integrator == "runge-kutta"),
         )
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
@@ -305,8 +306,9 @@ class DynamicPlant(Plant):
         if self._loop is not None:
             self._loop.check()
         qd = self.x[1]
-        if not (np.abs(qd) < self._compiled.BOUND).all():
-            worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))
+        speed = np.abs(qd)
+        if not (speed < self._compiled.BOUND).all():
+            worst = int(np.argmax(np.where(np.isfinite(qd), speed, np.inf)))
             raise SceneError(
                 f"the arm's motion has no bounds: joint {worst + 1} moves at {qd[worst]:.3g} "
                 "rad/s or m/s; fewer delays, less bandwidth, or more substeps may help"

@@ -62,7 +62,8 @@ class DaqpSolver(QPSolver):
         no_lower_bounds = np.full(h.size, -1e30)
         data = np.ascontiguousarray(P), q, np.ascontiguousarray(G), h, no_lower_bounds
         for settings in self.attempts:
-            x, _, flag, info = self._solve(*data, np.zeros(h.size, dtype=np.int32), **settings)
+            inequalities = np.zeros(h.size, dtype=np.int32)
+            x, _, flag, info = self._solve(*data, inequalities, **settings)
             if flag == DAQP_OPTIMAL:
                 return Answer(np.asarray(x), np.asarray(info["lam"]), int(info["iterations"]))
         if flag == DAQP_INFEASIBLE:
@@ -102,7 +103,8 @@ class ProxqpSolver(QPSolver):
         settings.default_mu_in = 1e-5
         settings.compute_timings = False
         settings.initial_guess = self._proxqp.InitialGuess.NO_INITIAL_GUESS
-        problem.init(scaled.P, scaled.q, None, None, scaled.G, np.full(h.size, -1e20), scaled.h)
+        no_lower_bounds = np.full(h.size, -1e20)
+        problem.init(scaled.P, scaled.q, None, None, scaled.G, no_lower_bounds, scaled.h)
         problem.solve()
         if results.info.status != self._proxqp.QPSolverOutput.PROXQP_SOLVED:
             raise SolverError(f"proxqp failed with {results.info.status.name}")
@@ -275,7 +277,8 @@ class SolverChain:
             try:
                 if name not in self._solvers:
                     self._solvers[name] = make_solver(name)
-                return Verified(self._solvers[name].solve(P, q, G, h), name, "; ".join(failed))
+                answer = self._solvers[name].solve(P, q, G, h)
+                return Verified(answer, name, "; ".join(failed))
             except (SolverError, ConfigurationError) as error:
                 # also a false Infeasible, and a fallback whose package is broken on this machine
                 self.failures[name] += 1

@@ -43,7 +43,12 @@ def equilibrate(P: Array, q: Array, G: Array, h: Array) -> Equilibrated:
     scaled = G * columns
     rows = _inverse(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)))
     return Equilibrated(
-        P * columns * columns[:, None], q * columns, scaled * rows[:, None], h * rows, columns, rows
+        P=P * columns * columns[:, None],
+        q=q * columns,
+        G=scaled * rows[:, None],
+        h=h * rows,
+        columns=columns,
+        rows=rows,
     )
 
 
@@ -71,4 +76,6 @@ def scale(G: Array, h: Array) -> Scaled:
     norms = np.sqrt(np.einsum("ij,ij->i", G, G))
     h = h / norms
     size = -float(h.min(initial=0.0))
-    return Scaled(G / norms[:, None], h / size if size > 0.0 else h, size, norms)
+    if size > 0.0:
+        h = h / size
+    return Scaled(G / norms[:, None], h, size, norms)

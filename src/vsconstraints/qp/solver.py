@@ -67,21 +67,24 @@ def optimality_errors(
     factors on the cost, on a row or on the unit of x.
     """
     norms = np.sqrt(np.einsum("ij,ij->i", G, G))
+    has_gradient = norms > 0.0
+    distances = -h[has_gradient] / norms[has_gradient]
+    farthest = float(distances.max(initial=0.0))
     cost = float(np.abs(P).max())
-    distances = -h[norms > 0.0] / norms[norms > 0.0]
-    size = (
-        max(float(np.sqrt(q @ q)) / cost, float(distances.max(initial=0.0)), float(np.sqrt(x @ x)))
-        or 1.0
-    )
+    pull = float(np.sqrt(q @ q)) / cost
+    size = max(pull, farthest, float(np.sqrt(x @ x))) or 1.0
     excess = G @ x - h
     terms = norms * size + np.abs(h)
-    residual = P @ x + q + G.T @ multipliers
     terms[terms == 0.0] = 1.0
+    residual = P @ x + q + G.T @ multipliers
+    slope = cost * size
+    worst_sign = (-multipliers * norms).max() / slope
+    worst_product = float(np.abs(multipliers * excess).max())
     return OptimalityErrors(
         rows=float(np.maximum(0.0, (excess / terms).max())),
-        stationarity=float(np.sqrt(residual @ residual)) / (cost * size),
-        sign=float(np.maximum(0.0, (-multipliers * norms).max() / (cost * size))),
-        complementarity=float(np.abs(multipliers * excess).max()) / (cost * size * size),
+        stationarity=float(np.sqrt(residual @ residual)) / slope,
+        sign=float(np.maximum(0.0, worst_sign)),
+        complementarity=worst_product / (cost * size * size),
     )
 
 
@@ -125,7 +128,8 @@ class QPSolver(ABC):
             return Answer(np.linalg.solve(P, -q), np.empty(0), 0)
         try:
             # copies: a solver must not change the program that is checked and passed to others
-            answer = self._own(self.attempt(P.copy(), q.copy(), G.copy(), h.copy()), q.size, h.size)
+            given = self.attempt(P.copy(), q.copy(), G.copy(), h.copy())
+            answer = self._own(given, q.size, h.size)
         except SolverError:
             raise
         # third-party code may raise anything

@@ -1,7 +1,7 @@
 """Simulation: setup, closed loop and resulting trajectory."""
 
-from .loop import PATIENCE, score_run, simulate, until_settled
 from .prepared import RunWorkspace
+from .runs import PATIENCE, score_run, simulate, until_settled
 from .setup import Setup, Tolerances
 from .trajectory import RunScores, Trajectory, intervals
 

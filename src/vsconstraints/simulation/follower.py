@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import Workspace, zeros
+from ..compiled.memory import Workspace, zeros
 from ..controllers.delay import split_delay
 from ..errors import ConfigurationError, SceneError, format_value
 from ..robots.limits import PerJoint, per_joint
@@ -27,7 +27,7 @@ MOST_TICKS = 1000
 
 @dataclass(frozen=True)
 class ArmInput:
-    """What an arm takes, and how its low-level loop follows it.
+    """Command that an arm takes, and the low-level loop that follows it.
 
     The other keys are those of a loop that follows velocities or positions. Raises
     ConfigurationError if a value is out of range, or a key has no meaning for the command.

@@ -64,9 +64,8 @@ def intersample_clearance(
         t = (samples + share) * setup.Ts
         pixels, points, seen = control.views(t, q)
         if seen.any():
-            clearance[seen] = setup.clearance(
-                t[seen], q[seen], qd[seen], pixels[seen], points[seen]
-            )
+            of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
+            clearance[seen] = setup.clearance(*of_seen)
         least[samples] = np.minimum(least[samples], clearance)
         return clearance
 
@@ -84,16 +83,19 @@ def intersample_clearance(
         deepest = np.fmin(np.fmin(clearance.min(axis=0), least.min(axis=0)), 0.0)
         halves = []
         for begin, candidates, first, last in parts:
-            may = (np.minimum(first, last) - change[candidates] < deepest) & (
-                change[candidates] > NEGLIGIBLE_DIP * length
-            )
-            candidates, first, last = (each[may.any(axis=1)] for each in (candidates, first, last))
-            if len(candidates):
-                middle = look(periods[candidates], begin + 0.5 * width)
-                halves += [
-                    (begin, candidates, first, middle),
-                    (begin + 0.5 * width, candidates, middle, last),
-                ]
+            largest_dip = change[candidates]
+            may_be_deeper = np.minimum(first, last) - largest_dip < deepest
+            is_relevant = largest_dip > NEGLIGIBLE_DIP * length
+            kept = (may_be_deeper & is_relevant).any(axis=1)
+            if not kept.any():
+                continue
+            candidates = candidates[kept]
+            first = first[kept]
+            last = last[kept]
+            half = begin + 0.5 * width
+            middle = look(periods[candidates], half)
+            halves.append((begin, candidates, first, middle))
+            halves.append((half, candidates, middle, last))
         parts = halves
         width = 0.5 * width
         change = 0.5 * change

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 
 from ..compiled import load
+from ..compiled.codes import TOLERANCE
+from ..compiled.memory import Workspace
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
-from ..compiled.workspace import Workspace
-from ..constraints import ConstraintSet
 from ..control.evaluator import Evaluation
-from ..controllers import Controller, Tracking
+from ..controllers import Controller
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
@@ -22,122 +21,14 @@ from ..controllers.velocity import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
 from ..robots.geometry import Pose
 from ..rows import Command, Rows, Task
-from ..vision.scene import Scene
-from .disturbances import Disturbances
-from .follower import ACCELERATIONS
 from .intersample import intersample_clearance
-from .occluders import hidden_markers
 from .outcome import Ended, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
 from .programs import ProgramLoop, RobotProgram
-from .setup import Setup, require_followed
+from .setup import require_followed
 from .trajectory import Outcome, RunScores, Trajectory
 
 CHUNK = 512  #: Samples per call of compiled code; signals are handled between calls.
-#: Limit of the time that a run may take to settle at the last goal, as a multiple of the settling
-#: time of the undisturbed, unconstrained baseline.
-PATIENCE = 3.0
-
-
-def simulate(
-    setup: Setup,
-    controller: Controller,
-    *,
-    by_public_call: bool = False,
-    remarks: Sequence[str] | None = None,
-    prepared: RunWorkspace | None = None,
-) -> Trajectory:
-    """Run a controller on a setup from t = 0 to its duration, or until the run cannot go on.
-
-    If the setup has a time limit, a run that is not at rest at the end of its duration continues
-    until it is; see :func:`.until_settled`. A run ends with the status ``failed`` if the scene can
-    no longer be evaluated, if the controller fails, or if a custom part raises any exception. The
-    samples simulated until then are kept. The command of the last sample is computed but not
-    executed.
-
-    The reason of the trajectory includes ``remarks`` (those of :meth:`Setup.check_start` by
-    default) and the controller's remarks. It states how often another QP solver had to answer, and
-    how often a law reported a loss of rank that its rows do not show; such a report never stops a
-    run.
-
-    With ``by_public_call`` every law is called as ``controller.command(rows, task)``, as in a
-    user's loop, so that the times of different laws are those of the same call. Otherwise compiled
-    laws run on the arrays of the compiled step, which is faster; their commands are the same.
-    ``prepared`` is a workspace of this setup to be reused. Raises ConfigurationError if the robot
-    cannot start.
-    """
-    if remarks is None:
-        remarks = setup.check_start()
-    if prepared is None or prepared.factors != controller.factors:
-        prepared = RunWorkspace(setup, controller.factors)
-    run = Run(prepared, controller, whole=True, by_public_call=by_public_call)
-    run.to_the_end()
-    return trajectory_of(run, remarks)
-
-
-def trajectory_of(run: Run, remarks: Sequence[str]) -> Trajectory:
-    """Return a run's trajectory, with these remarks and its own appended to the reason."""
-    trajectory = run.trajectory()
-    remarks = (
-        *remarks,
-        *hidden_markers(run.setup.scene, trajectory.t, trajectory.q),
-        *run.remarks(),
-    )
-    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
-
-
-def score_run(setup: Setup, controller: Controller) -> RunScores:
-    """Run a controller as :func:`simulate` does, but keep only its scores.
-
-    It is meant for thousands of trials: the whole loop is compiled if step and law are. Lines of
-    sight are checked only at the start.
-    """
-    prepared = RunWorkspace(setup, controller.factors)
-    remarks = setup.check_start(prepared.world)
-    run = Run(prepared, controller, whole=False)
-    run.to_the_end()
-    scores = run.scores()
-    return replace(
-        scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks())))
-    )
-
-
-def until_settled(setup: Setup) -> Setup:
-    """Return the setup with a time limit, until which runs may continue until they are at rest.
-
-    Runs come to rest at the last goal or elsewhere. The moment at which a run is cut off then does
-    not decide which law arrives. The limit for the last goal is :data:`PATIENCE` times the settling
-    time of the unconstrained baseline without disturbances, the same for every law. If the baseline
-    does not settle, it is the same multiple of the time from the beginning of the last goal to the
-    end of the duration.
-
-    The setup is returned unchanged, so that a run ends with its duration, in three cases: the
-    target moves, and a law that follows it is judged at the end of the motion that the scenario
-    states; even the baseline is still moving at the end of the duration; or the limit does not
-    exceed the duration. Raises as :func:`simulate` does.
-    """
-    if setup.scene.motion is not None:
-        return setup
-    scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers)
-    ideal = replace(
-        setup,
-        scene=scene,
-        constraints=ConstraintSet([], scene),
-        disturbances=Disturbances(),
-        actuation="acceleration",
-        arm=ACCELERATIONS,
-        dynamics=None,
-        images=None,
-        on_hidden_markers="continue",
-        time_limit=None,
-    )
-    tracking = score_run(ideal, Tracking())
-    if tracking.status in ("slow", "unfinished"):
-        return setup
-    begin = setup.task.goals[-1].from_time
-    needed = tracking.settling_times_s[-1]
-    limit = begin + PATIENCE * (needed if np.isfinite(needed) else setup.duration - begin)
-    return replace(setup, time_limit=limit) if limit > setup.duration else setup
 
 
 class Run:
@@ -216,11 +107,10 @@ class Run:
                 self.program.begin()
                 self.speeds = self.program.program.output != "acceleration"
             self._run_to(N)
-            while (
-                setup.samples_at_most > N
-                and not self.ended
-                and self._outcome(dwell)[0] in ("slow", "unfinished")
-            ):
+            while setup.samples_at_most > N and not self.ended:
+                status, _ = self._outcome(dwell)
+                if status not in ("slow", "unfinished"):
+                    break
                 N = min(N + further, setup.samples_at_most)
                 self._run_to(N)
                 # passing the goal at the moment of the check does not count as settling
@@ -246,22 +136,25 @@ class Run:
         while stage != STEP or (self.samples < last and not self.ended):
             begun = self.samples
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
-            if (
-                stage == STEP
-                and self.sensor.renders
-                and self.bound is not None
-                and self.loop.parts["evaluate"][0]
-            ):
-                seen = self.sensor.measured(begun, self.plant.q, self.plant.qd)
-                assert seen is not None
-                self.bound.packed.measure(seen)
-                # without a usable image no law is called and the arm brakes
-                self.loop.parts["law"] = 0 if self.sensor.blind else self.law
+            if stage == STEP and self.sensor.renders:
+                self._render(begun)
             self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
             if self.samples < end:
                 stage = self._answer(self.samples, stage)
+
+    def _render(self, k: int) -> None:
+        """Measure sample k in a rendered image, for a compiled step."""
+        is_compiled = self.bound is not None and self.loop.parts["evaluate"][0] != 0
+        if not is_compiled:
+            return
+        assert self.bound is not None
+        seen = self.sensor.measured(k, self.plant.q, self.plant.qd)
+        assert seen is not None
+        self.bound.packed.measure(seen)
+        # without a usable image no law is called and the arm brakes
+        self.loop.parts["law"] = 0 if self.sensor.blind else self.law
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
         """Return a loop whose step is compiled, or None if it has no compiled form."""
@@ -293,11 +186,10 @@ class Run:
         if law is not None and not by_public_call:
             self.law = law.workspace.address
             loop.parts["law"] = self.law
+            answer = loop.answer._replace(slack=law.slack)
             # at the same rank tolerance, the law may use the unconstrained command of the baseline
-            same = law.arrays.options[0] == alone.arrays.options[0]
-            answer = loop.answer._replace(
-                slack=law.slack, alone=loop.alone if same else loop.answer.alone
-            )
+            if law.arrays.options[TOLERANCE] == alone.arrays.options[TOLERANCE]:
+                answer = answer._replace(alone=loop.alone)
             loop = loop._replace(answer=answer)
         return loop
 
@@ -328,9 +220,8 @@ class Run:
             self.plant.check()
             rows, task = self._evaluate(k)
             # computed before the law, which may change the task's arrays
-            self.loop.alone[:] = self.prepared.baseline.command(
-                Rows.none(self.plant.x.shape[1]), task
-            ).qdd
+            no_rows = Rows.none(self.plant.x.shape[1])
+            self.loop.alone[:] = self.prepared.baseline.command(no_rows, task).qdd
         elif self._given is not None:
             rows, task = self._given
         else:
@@ -386,22 +277,25 @@ class Run:
         if self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        times = self.loop.kept.step_time
         given = rows
         if self._given is None:
             given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
         command = self._command(k, rows, task)
-        times[k % len(times)] = perf_counter() - called
+        needed = perf_counter() - called
         if self.program is not None:
-            times[k % len(times)] = self.program.compute_time
+            needed = self.program.compute_time
+        times = self.loop.kept.step_time
+        times[k % len(times)] = needed
         self.loop.answer.qdd[:] = self.plant.acceleration_of(command)
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
         lost = claimed and loses_rank(given)
         self.unfounded += claimed and not lost
-        if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
-            self._end("failed" if command.status == "failed" else "aborted", command.reason)
+        if command.status == "failed":
+            self._end("failed", command.reason)
+        elif lost and self.setup.on_rank_loss == "abort":
+            self._end("aborted", command.reason)
 
     def _command(self, k: int, rows: Rows, task: Task) -> Command:
         if self.program is None:
@@ -441,42 +335,39 @@ class Run:
         N = self.samples
         kept = self.loop.kept
         states = kept.states[:N]
-        q, qd, qdd = (np.ascontiguousarray(states[:, i]) for i in (0, 1, -2))
+        q = np.ascontiguousarray(states[:, 0])
+        qd = np.ascontiguousarray(states[:, 1])
         t = np.arange(N) * setup.Ts
         pixels = kept.pixels[:N]
         points = kept.points[:N]
         clearance = setup.clearance(t, q, qd, pixels, points)
+        between = intersample_clearance(setup, self.prepared.world, self.plant, states, clearance)
         status, reason = self._outcome()
-        same = (
-            "error",
-            "camera_error",
-            "phi",
-            "sigma",
-            "active",
-            "saturated",
-            "rows_time",
-            "step_time",
-        )
         return Trajectory(
             status=status,
             reason=reason,
             t=t,
             q=q,
             qd=qd,
-            qdd_command=qdd,
+            qdd_command=np.ascontiguousarray(states[:, -2]),
+            error=kept.error[:N],
+            camera_error=kept.camera_error[:N],
             feature_error_px=kept.feature_error[:N],
             camera_position=kept.camera_t[:N],
             features_px=pixels,
             points=points,
             labels=setup.constraints.labels,
+            phi=kept.phi[:N],
+            sigma=kept.sigma[:N],
             clearance=clearance,
+            between_clearance=between,
+            active=kept.active[:N],
+            saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
-            between_clearance=intersample_clearance(
-                setup, self.prepared.world, self.plant, states, clearance
-            ),
+            rows_time=kept.rows_time[:N],
+            step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,
             compiled=self.compiled,
-            **{name: getattr(kept, name)[:N] for name in same},
         )
 
 
@@ -486,4 +377,6 @@ def loses_rank(rows: Rows) -> bool:
     The result does not depend on the rows' units.
     """
     reached = rows.phi >= 0.0
-    return bool(dependent_rows(unit_rows(rows, rows.phi, reached)[0], RANK_TOLERANCE).shape[1])
+    gradients, _ = unit_rows(rows, rows.phi, reached)
+    dependent = dependent_rows(gradients, RANK_TOLERANCE)
+    return bool(dependent.shape[1] > 0)

@@ -12,8 +12,8 @@ from ..formulas.limits import JointLimits
 from ..rows import Array, Command, IntArray, Rows, Task
 from .disturbances import Disturbances
 from .follower import ACCELERATIONS
-from .loop import simulate
 from .plant import Plant, cubic
+from .runs import simulate
 from .setup import Setup
 from .trajectory import Trajectory
 

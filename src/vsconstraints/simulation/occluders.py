@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from itertools import chain
+from typing import Literal, NamedTuple
 
 import coal
 import numpy as np
@@ -13,7 +13,7 @@ import pinocchio as pin
 from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
 from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
-from ..rows import Array
+from ..rows import Array, BoolArray
 from ..vision.scene import Scene
 
 OpaqueName = Literal["links", "bodies", "regions"]  #: Kinds of solids that hide markers.
@@ -23,6 +23,14 @@ GLANCES = 100  #: Number of instants of a run at which lines of sight are checke
 #: Enlargement of the boxes around links [m]: more than rounding and a line's radius.
 SLACK = 1e-5
 TINY = 1e-300  #: Substitute for a zero change of a coordinate along a line [m].
+
+
+class BodyPart(NamedTuple):
+    """Convex solid of a body, with its placement in the frame of the body's joint."""
+
+    body: Body
+    placement: pin.SE3
+    solid: coal.CollisionGeometry
 
 
 class LinesOfSight:
@@ -39,14 +47,18 @@ class LinesOfSight:
         carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
         bodies: Sequence[Body] = () if robot.source is None else link_bodies(robot)
         self.bodies = tuple(body for body in bodies if body.joint != carrying)
-        self._parts = [
-            (body, placement, solid) for body in self.bodies for placement, solid in body.parts
-        ]
-        for _, _, solid in self._parts:
-            solid.computeLocalAABB()
+        self._parts: list[BodyPart] = []
+        low = []
+        high = []
+        for body in self.bodies:
+            for placement, solid in body.parts:
+                self._parts.append(BodyPart(body, placement, solid))
+                solid.computeLocalAABB()
+                low.append(solid.aabb_local.min_)
+                high.append(solid.aabb_local.max_)
         #: (P, 1, 3) smallest and largest coordinates of each solid, in its own frame.
-        self._low = np.array([solid.aabb_local.min_ for _, _, solid in self._parts])[:, None]
-        self._high = np.array([solid.aabb_local.max_ for _, _, solid in self._parts])[:, None]
+        self._low = np.array(low)[:, None]
+        self._high = np.array(high)[:, None]
 
     def hidden(self, q: Array, t: Sequence[float]) -> list[list[tuple[int, str]]]:
         """Return the markers that a link hides at q (N, n) and t (N,) [s].
@@ -57,56 +69,62 @@ class LinesOfSight:
         if not self._parts or not len(t):
             return [[] for _ in t]
         camera = self.scene.camera
-        robot = self.scene.robot
         eyes = []
         markers = []
         places = []
-        for each, time in zip(q, t, strict=True):
-            eyes.append((camera.fixed or robot.pose(each) @ camera.mount.inverse).t)
-            markers.append(self.scene.markers_at(each, time))
-            pin.forwardKinematics(robot.model, self._data, each)
-            places.append(
-                [self._data.oMi[body.joint] * placement for body, placement, _ in self._parts]
-            )
-        frames = np.array([[placement.homogeneous for placement in now] for now in places])
-        R = frames[..., :3, :3]
-        origin = frames[..., None, :3, 3]
-        # shares of each line at which it enters and leaves the box around each solid, computed in
-        # the solid's frame: (N, P, M, 3)
-        begin = (np.array(eyes)[:, None, None] - origin) @ R
-        along = (np.array(markers)[:, None] - origin) @ R - begin
-        along[along == 0.0] = TINY
-        shares = np.stack(
-            ((self._low - SLACK - begin) / along, (self._high + SLACK - begin) / along)
-        )
-        enters = shares.min(axis=0).max(axis=-1)
-        leaves = shares.max(axis=0).min(axis=-1)
-        near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
+        for configuration, time in zip(q, t, strict=True):
+            at = camera.fixed or self.scene.robot.pose(configuration) @ camera.mount.inverse
+            eyes.append(at.t)
+            markers.append(self.scene.markers_at(configuration, time))
+            places.append(self._places(configuration))
+        near = self._near(np.array(eyes), np.array(markers), places)
         hidden: list[list[tuple[int, str]]] = [[] for _ in t]
         # distances of solids take far longer to compute than boxes
         for n, i in np.argwhere(near.any(axis=1)):
-            parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
-            hiding = (
-                body.name
-                for body, _, solid, placement in parts
-                if _crosses(eyes[n], markers[n][i], solid, placement)
-            )
-            hidden[n] += [(int(i) + 1, link) for link in itertools.islice(hiding, 1)]
+            for k in np.flatnonzero(near[n, :, i]):
+                part = self._parts[k]
+                if _crosses(eyes[n], markers[n][i], part.solid, places[n][k]):
+                    hidden[n].append((int(i) + 1, part.body.name))
+                    break
         return hidden
+
+    def _places(self, q: Array) -> list[pin.SE3]:
+        """Return the placement of each solid in the base frame at q (n,)."""
+        pin.forwardKinematics(self.scene.robot.model, self._data, q)
+        return [self._data.oMi[part.body.joint] * part.placement for part in self._parts]
+
+    def _near(self, eyes: Array, markers: Array, places: list[list[pin.SE3]]) -> BoolArray:
+        """Return a mask (N, P, M) of the lines that meet the box around a solid.
+
+        The lines begin at the eyes (N, 3) and end at the markers (N, M, 3). The shares of a line at
+        which it enters and leaves a box are computed in the frame of the solid.
+        """
+        frames = np.array([[placement.homogeneous for placement in now] for now in places])
+        R = frames[..., :3, :3]
+        origin = frames[..., None, :3, 3]
+        begin = (eyes[:, None, None] - origin) @ R
+        along = (markers[:, None] - origin) @ R - begin
+        along[along == 0.0] = TINY
+        to_low = (self._low - SLACK - begin) / along
+        to_high = (self._high + SLACK - begin) / along
+        enters = np.minimum(to_low, to_high).max(axis=-1)
+        leaves = np.maximum(to_low, to_high).min(axis=-1)
+        near: BoolArray = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
+        return near
 
 
 def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, placement: pin.SE3) -> bool:
     """True if the line from eye to marker (3,) meets a solid at this placement."""
     along = marker - eye
     length = float(np.sqrt(along @ along))
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length).matrix()
+    z_axis = np.array([0.0, 0.0, 1.0])
+    turn = pin.Quaternion.FromTwoVectors(z_axis, along / length).matrix()
     line = coal.Capsule(THIN, length)
     middle = coal.Transform3s(turn, 0.5 * (eye + marker))
     pose = coal.Transform3s(placement.rotation, placement.translation)
-    return bool(
-        coal.distance(line, middle, solid, pose, coal.DistanceRequest(), coal.DistanceResult())
-        <= 0.0
-    )
+    request = coal.DistanceRequest()
+    distance = coal.distance(line, middle, solid, pose, request, coal.DistanceResult())
+    return bool(distance <= 0.0)
 
 
 def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
@@ -119,15 +137,14 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
         lines = LinesOfSight(scene)
     except ConfigurationError:  # reported at the start
         return []
+    if len(t) < 2:
+        return []
     first: dict[tuple[int, str], float] = {}
-    glances = (
-        np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int))
-        if len(t) > 1
-        else np.empty(0, dtype=int)
-    )
-    for k, seen in zip(glances, lines.hidden(q[glances], t[glances].tolist()), strict=True):
-        for hidden in seen:
-            first.setdefault(hidden, float(t[k]))
+    glances = np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int))
+    times = t[glances].tolist()
+    for time, hidden in zip(times, lines.hidden(q[glances], times), strict=True):
+        for marker_and_link in hidden:
+            first.setdefault(marker_and_link, time)
     return [
         f"marker {number} is hidden by {link}, first seen at {since:.3g} s"
         for (number, link), since in first.items()
@@ -148,18 +165,16 @@ class Occluders:
         self.scene = scene
         self._data = scene.robot.model.createData()
         self.links = _links(scene, constraints) if "links" in kinds else []
-        obstacles = [
-            each
-            for each in constraints
-            if ("bodies" if isinstance(each, Collision) else "regions") in kinds
-        ]
-        self._moving = [each for each in obstacles if getattr(each, "motion", None) is not None]
-        self._still = [
-            mesh.points
-            for each in obstacles
-            if each not in self._moving
-            for mesh in each.meshes(0.0)
-        ]
+        self._moving: list[Constraint] = []
+        self._still: list[Array] = []
+        for constraint in constraints:
+            kind = "bodies" if isinstance(constraint, Collision) else "regions"
+            if kind not in kinds:
+                continue
+            if getattr(constraint, "motion", None) is not None:
+                self._moving.append(constraint)
+            else:
+                self._still += [mesh.points for mesh in constraint.meshes(0.0)]
 
     def solids(self, q: Array, t: float) -> Iterator[Array]:
         """Yield points (V, 3) of each solid, in the base frame, at ``q`` (n,) and ``t`` [s].
@@ -190,7 +205,13 @@ def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:
             return list(LinesOfSight(scene).bodies)
         except ConfigurationError:
             return []
+    base = 0
     carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
-    distances = (each for each in constraints if isinstance(each, BodyDistance))
-    known = (body for each in distances for pair in each.pairs for body in pair)
-    return list({body.name: body for body in known if body.joint not in (0, carrying)}.values())
+    links = {}
+    for constraint in constraints:
+        if not isinstance(constraint, BodyDistance):
+            continue
+        for body in chain.from_iterable(constraint.pairs):
+            if body.joint not in (base, carrying):
+                links[body.name] = body
+    return list(links.values())

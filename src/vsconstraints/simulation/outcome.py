@@ -34,51 +34,58 @@ def judge(
     if ended:
         return ended, reason
     kept = loop.kept
-    speed = setup.goal_tolerances[-1, 3]
     t = np.arange(samples) * setup.Ts
-    last = (samples - 1) % len(kept.camera_error)
     unreached = loop.scores.unreached
     first = first_samples(loop.goals.begins, samples, setup.Ts)
     settled = settling_times(unreached, loop.goals.begins, samples, setup.Ts)
     # a goal that begins and ends between two samples is not missed
-    missed = np.flatnonzero(
-        (first[:-1] < first[1:]) & (first[1:] < samples) & np.isnan(settled[:-1])
-    )
-    dwelling = int(np.argmax(t >= t[-1] - (setup.tolerances.dwell_s if dwell is None else dwell)))
+    is_sampled = first[:-1] < first[1:]
+    has_ended = first[1:] < samples
+    missed = np.flatnonzero(is_sampled & has_ended & np.isnan(settled[:-1]))
+    if dwell is None:
+        dwell = setup.tolerances.dwell_s
+    dwelling = int(np.argmax(t >= t[-1] - dwell))
     is_reached = first[-1] <= dwelling and unreached[-1] < dwelling
     if is_reached and not missed.size:
         return "converged", ""
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
     if is_reached:
         return "unfinished", "; ".join(left)
-    distance, angle = 1e3 * kept.camera_error[last]
-    off = f"{_amount(distance)} mm and {_amount(angle)} mrad"
-    final = (
-        f"ends {off if np.isfinite(distance) else f'{_amount(kept.feature_error[last])} px'} "
-        f"from the goal"
-    )
+    final = f"ends {_distance_text(loop, samples)} from the goal"
     # half a period allows for the rounding of times
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
-    enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
-    same_goal = not ((begin < first) & (first < samples)).any()
-    if enough and same_goal and _time_to_go(setup, loop, since) < t[-1]:
+    is_long_enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
+    is_same_goal = not ((begin < first) & (first < samples)).any()
+    if is_long_enough and is_same_goal and _time_to_go(setup, loop, since) < t[-1]:
         return "slow", "; ".join([f"still approaching, {final}", *left])
-    camera_R = kept.camera_R[since]
-    camera_t = kept.camera_t[since]
-    moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
     fastest = np.abs(kept.states[(samples - 1) % len(kept.states), 1]).max()
-    still = (
-        moved < setup.tolerances.translation_m
-        and turned < setup.tolerances.rotation_rad
-        and fastest <= speed
-    )
-    if enough and still:
+    is_slow = fastest <= setup.goal_tolerances[-1, 3]
+    if is_long_enough and is_slow and _camera_rests(setup, loop, since):
         return "trapped", "; ".join([f"at rest, {final}", *left])
-    fastest_text = (
-        f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
-    )
-    return "unfinished", "; ".join([f"still moving, {fastest_text}{final}", *left])
+    motion = "still moving"
+    if not is_slow:
+        motion = f"still moving, the fastest joint at {_amount(fastest)} rad/s or m/s"
+    return "unfinished", "; ".join([f"{motion}, {final}", *left])
+
+
+def _distance_text(loop: Loop, samples: int) -> str:
+    """Return the distance from the goal in the last sample, of the camera or in the image."""
+    kept = loop.kept
+    last = (samples - 1) % len(kept.camera_error)
+    distance, angle = 1e3 * kept.camera_error[last]
+    if np.isfinite(distance):
+        return f"{_amount(distance)} mm and {_amount(angle)} mrad"
+    return f"{_amount(kept.feature_error[last])} px"
+
+
+def _camera_rests(setup: Setup, loop: Loop, since: IntArray) -> bool:
+    """True if the camera has not left its last pose, up to the tolerances, in these samples."""
+    R = loop.kept.camera_R[since]
+    t = loop.kept.camera_t[since]
+    moved, turned = distances(R, t, Pose(R[-1], t[-1])).max(axis=0)
+    tolerances = setup.tolerances
+    return bool(moved < tolerances.translation_m and turned < tolerances.rotation_rad)
 
 
 def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
@@ -95,10 +102,12 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
     else:
         error = kept.feature_error[since] / tolerance[2]
     half = len(error) // 2
-    pace = (
-        (error[:half].mean() - error[half:].mean()) / (0.5 * len(error) * setup.Ts) if half else 0.0
-    )
-    return float((error[-1] - 1.0) / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
+    if not half:
+        return np.inf
+    decrease = error[:half].mean() - error[half:].mean()
+    pace = decrease / (0.5 * len(error) * setup.Ts)
+    left = error[-1] - 1.0
+    return float(left / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
 
 
 def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
@@ -133,21 +142,20 @@ def scores_of(
     kept = loop.kept
     scores = loop.scores
     last = (samples - 1) % len(kept.camera_error)
-    errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
+    distance = angle = pixels = np.nan
+    if samples:
+        distance, angle = kept.camera_error[last]
+        pixels = kept.feature_error[last]
     steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
-    first_active, last_active = (
-        np.where(sample < 0, np.nan, sample * Ts)
-        for sample in (scores.first_active, scores.last_active)
-    )
     return RunScores(
         *outcome,
         compiled=compiled,
         labels=setup.constraints.labels,
         duration_s=(samples - 1) * Ts if samples else np.nan,
         settling_times_s=settling_times(scores.unreached, loop.goals.begins, samples, Ts),
-        final_translation_error_m=float(errors[0]),
-        final_rotation_error_rad=float(errors[1]),
-        final_feature_error_px=float(errors[2]),
+        final_translation_error_m=float(distance),
+        final_rotation_error_rad=float(angle),
+        final_feature_error_px=float(pixels),
         acceleration_variation=float(scores.variation[0] / (steps * Ts)),
         jerk_rms=float(np.sqrt(scores.squared_variation[0] / steps) / Ts),
         switching_rate_hz=float(scores.switches[0] / (steps * Ts)),
@@ -156,20 +164,23 @@ def scores_of(
         sigma_max=scores.sigma_max,
         outside_time_s=scores.outside * Ts,
         active_time_s=scores.acted * Ts,
-        first_active_s=first_active,
-        last_active_s=last_active,
+        first_active_s=_time_of(scores.first_active, Ts),
+        last_active_s=_time_of(scores.last_active, Ts),
         longest_positive_run_s=scores.longest_positive * Ts,
         saturated_time_s=float(scores.saturated[0] * Ts),
         share_to_hold=scores.share_to_hold,
     )
 
 
+def _time_of(sample: IntArray, Ts: float) -> Array:
+    """Return the times of samples (m,) [s]; NaN for negative ones, which stand for none."""
+    return np.where(sample < 0, np.nan, sample * Ts)
+
+
 def _amount(value: float) -> str:
     """Return three significant digits, never with an exponent."""
-    return (
-        f"{value:.0f}"
-        if value >= 100.0
-        else f"{value:.3g}"
-        if value >= 0.001
-        else "less than 0.001"
-    )
+    if value >= 100.0:
+        return f"{value:.0f}"
+    if value >= 0.001:
+        return f"{value:.3g}"
+    return "less than 0.001"

@@ -70,10 +70,11 @@ class Plant:
         self._delay = split_delay("disturbance command_delay", disturbances.command_delay, self.Ts)
         self.switch = self._delay[1] / self.Ts
         self.transition = np.array(_transition(self._system, self._delay, self.Ts))
-        # pending commands grow older by one period
+        # pending commands grow older by one period: each takes the place of the one before
         s = len(self.transition)
-        waiting = pending_commands(self._delay)
-        self.transition[s - 2 - waiting : s - 2] = np.eye(s)[s - 1 - waiting : s - 1]
+        newest = s - 2
+        oldest = newest - pending_commands(self._delay)
+        self.transition[oldest:newest] = np.eye(s)[oldest + 1 : newest + 1]
         self.x = np.zeros((s, len(q0)))
         self.x[-1] = self._offset
         self.x[1] = qd0
@@ -99,22 +100,29 @@ class Plant:
 
         The loop writes its commands to ``last`` (n,). d_c is drawn beforehand for all periods.
         """
-        pushes = self._pushes(np.random.default_rng(self._seed), periods)
-        after = np.empty_like(self.x)
+        speed_weights, of_speeds = self.speed_rows()
         return PlantArrays(
-            self.transition, self.x, after, pushes, self._limits, last, *self.speed_rows()
+            transition=self.transition,
+            x=self.x,
+            after=np.empty_like(self.x),
+            push=self._pushes(np.random.default_rng(self._seed), periods),
+            limits=self._limits,
+            last=last,
+            speed_weights=speed_weights,
+            of_speeds=of_speeds,
         )
 
     def _pushes(self, random: np.random.Generator, periods: int) -> Array:
         """Return d_c (N, n) of the coming periods; (1, n) if it is constant."""
         n = len(self._offset)
-        return self._offset + (
-            self._noise * random.standard_normal((periods, n)) if self._noise else np.zeros((1, n))
-        )
+        if not self._noise:
+            return self._offset[None].copy()
+        return self._offset + self._noise * random.standard_normal((periods, n))
 
     def begin(self, qdd: Array) -> None:
         """Begin a period with the command ``qdd`` (n,)."""
-        self.x[-2], self.x[-1] = qdd, self._pushes(self._random, 1)[0]
+        self.x[-2] = qdd
+        self.x[-1] = self._pushes(self._random, 1)[0]
 
     def step(self) -> None:
         """Advance to the end of the period."""
@@ -183,7 +191,8 @@ class Plant:
 
 def without_limits(Ts: float) -> JointLimits:
     """Return the limits of actuators that have none."""
-    return JointLimits(*(np.empty(0),) * 5, 0, float(Ts))
+    none = np.empty(0)
+    return JointLimits(none, none, none, none, none, ranges=0, period=float(Ts))
 
 
 def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
@@ -192,7 +201,13 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
         return ((0, 1, 0, 0), (0, 0, 1, 1), (0, 0, 0, 0), (0, 0, 0, 0))
     if actuation == "acceleration":
         # x = (q, q̇, a, q̈_c, d_c)
-        return ((0, 1, 0, 0, 0), (0, 0, 1, 0, 1), (0, 0, -1 / tau, 1 / tau, 0), (0,) * 5, (0,) * 5)
+        return (
+            (0, 1, 0, 0, 0),
+            (0, 0, 1, 0, 1),
+            (0, 0, -1 / tau, 1 / tau, 0),
+            (0, 0, 0, 0, 0),
+            (0, 0, 0, 0, 0),
+        )
     # x = (q, q̇, q_c, q̇_c, q̈_c, d_c)
     k = 1 / tau**2
     d = 2 / tau
@@ -201,8 +216,8 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
         (-k, -d, k, d, 0, 1),
         (0, 0, 0, 1, 0, 0),
         (0, 0, 0, 0, 1, 0),
-        (0,) * 6,
-        (0,) * 6,
+        (0, 0, 0, 0, 0, 0),
+        (0, 0, 0, 0, 0, 0),
     )
 
 
@@ -236,7 +251,9 @@ def _transition(
     if rest == 0.0:
         return held(whole, after)
     first = min(after, rest)
-    return held(whole, after - first) @ held(whole + 1, first)
+    older = held(whole + 1, first)
+    newer = held(whole, after - first)
+    return newer @ older
 
 
 def cubic(
@@ -249,10 +266,9 @@ def cubic(
     s = share
     q0, v0 = begin
     q1, v1 = end
-    q = q0 + s * s * (3.0 - 2.0 * s) * (q1 - q0) + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
-    qd = (
-        6.0 * s * (1.0 - s) * (q1 - q0) / T
-        + (1.0 - s) * (1.0 - 3.0 * s) * v0
-        + s * (3.0 * s - 2.0) * v1
-    )
-    return q, qd
+    way = q1 - q0
+    q = q0 + s * s * (3.0 - 2.0 * s) * way + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+    of_way = 6.0 * s * (1.0 - s) * way / T
+    of_begin = (1.0 - s) * (1.0 - 3.0 * s) * v0
+    of_end = s * (3.0 * s - 2.0) * v1
+    return q, of_way + of_begin + of_end

@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
+from ..compiled.memory import zeros
+from ..compiled.records import LOOP_PARTS
 from ..compiled.samples import Goals, Kept, Loop, Running
-from ..compiled.workspace import LOOP_PARTS, Answer, Size, Step, zeros
+from ..compiled.workspace import Answer, Size, Step
 from ..constraints import ConstraintSet
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
@@ -43,9 +45,8 @@ class RunWorkspace:
         if self.bound is not None:
             size = self.bound.packed.size
             now = self.bound.now
-            self.alone = self.baseline.bind(
-                now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n)
-            )
+            active = np.empty(size.m, dtype=np.bool_)
+            self.alone = self.baseline.bind(now.rows, now.task, active, np.empty(size.n))
 
     def restart(self) -> None:
         """Begin a new run."""
@@ -56,9 +57,14 @@ class RunWorkspace:
 def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
     """Return arrays for a step whose rows and task are evaluated in Python."""
     scene = setup.scene
-    step, _ = Size(
-        scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features
-    ).step()
+    size = Size(
+        n=scene.robot.n,
+        M=len(scene.markers),
+        P=len(scene.points),
+        m=len(constraints.labels),
+        k=features,
+    )
+    step, _ = size.step()
     step.rows.switching_gain[:] = constraints.switching_gain
     step.rows.scale[:] = constraints.scale
     step.rows.K[:] = constraints.approach_time
@@ -74,8 +80,11 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     N = setup.samples_at_most
     m, n = true.rows.Lg.shape
     states, _ = plant.x.shape
-    window = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
-    samples, poses = (N, N) if whole else (1, window)
+    samples = N
+    poses = N
+    if not whole:
+        samples = 1
+        poses = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
     lengths = {
         "m": m,
         "n": n,
@@ -83,23 +92,10 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         "M": len(true.pixels),
         "P": len(true.points),
         "s": states,
+        "N": samples,
+        "poses": poses,
+        "goals": len(setup.task.goals),
     }
-    lengths |= {"N": samples, "poses": poses, "goals": len(setup.task.goals)}
-    nowhere = Pose(np.full((3, 3), np.nan), np.full(3, np.nan))
-    poses_wanted = [goal.camera or nowhere for goal in setup.task.goals]
-    goals = Goals(
-        begins=setup.goal_begins,
-        pixels=np.array([goal.pixels for goal in setup.task.goals], dtype=np.float64),
-        R=np.array([pose.R for pose in poses_wanted]),
-        t=np.array([pose.t for pose in poses_wanted]),
-        tolerance=setup.goal_tolerances,
-        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
-    )
-    scores: Running = zeros(Running, lengths)
-    scores.phi_max[:] = scores.sigma_max[:] = -np.inf
-    scores.first_active[:] = scores.last_active[:] = scores.unreached[:] = -1
-    scores.common[:] = setup.samples
-    scores.share_to_hold[:] = np.nan
     none = np.empty(0)
     return Loop(
         parts=np.zeros(1, LOOP_PARTS),
@@ -115,8 +111,39 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         camera_R=true.camera_R,
         camera_t=true.camera_t,
         own_error=np.full(1, np.nan),
-        goals=goals,
+        goals=_goals(setup),
         plant=plant.arrays(N, believed.last_command),
         kept=zeros(Kept, lengths),
-        scores=scores,
+        scores=_no_scores(setup, lengths),
     )
+
+
+def _goals(setup: Setup) -> Goals:
+    """Return the arrays of the goals; the pose of a goal without one is NaN."""
+    nowhere = Pose(np.full((3, 3), np.nan), np.full(3, np.nan))
+    pixels = []
+    poses = []
+    for goal in setup.task.goals:
+        pixels.append(goal.pixels)
+        poses.append(goal.camera or nowhere)
+    return Goals(
+        begins=setup.goal_begins,
+        pixels=np.array(pixels, dtype=np.float64),
+        R=np.array([pose.R for pose in poses]),
+        t=np.array([pose.t for pose in poses]),
+        tolerance=setup.goal_tolerances,
+        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
+    )
+
+
+def _no_scores(setup: Setup, lengths: dict[str, int]) -> Running:
+    """Return the scores of a run before its first sample."""
+    scores: Running = zeros(Running, lengths)
+    scores.phi_max[:] = -np.inf
+    scores.sigma_max[:] = -np.inf
+    scores.first_active[:] = -1
+    scores.last_active[:] = -1
+    scores.unreached[:] = -1
+    scores.common[:] = setup.samples
+    scores.share_to_hold[:] = np.nan
+    return scores

@@ -91,7 +91,7 @@ class RobotProgram(Controller):
         return []
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """Raise InvalidInput: rows and a task are not what a robot program gets."""
+        """Raise InvalidInput, because a robot program gets measurements, not rows and a task."""
         raise InvalidInput(
             f"{self.name} gets measurements, not rows and a task: run it in a scenario, "
             "for example by simulate(scenario.setup(), stack)"

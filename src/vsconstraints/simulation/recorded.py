@@ -14,9 +14,10 @@ import numpy as np
 
 from ..controllers import Controller, Tracking
 from ..rows import Array, Rows, Task
-from .loop import Run, trajectory_of
+from .loop import Run
 from .outcome import Ended
 from .prepared import RunWorkspace
+from .runs import trajectory_of
 from .setup import Setup
 from .trajectory import Trajectory
 

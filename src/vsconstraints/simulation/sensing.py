@@ -135,16 +135,18 @@ class Sensor:
         noise: Array = np.zeros((1, markers, 2))
         lost: BoolArray = np.zeros(1, dtype=np.bool_)
         if settings.pixel_noise or settings.lost_frames:
-            normal, uniform = _drawn((*settings.seed, 1), 1 + (samples - 1) // self._every, markers)
+            count = 1 + (samples - 1) // self._every
+            normal, uniform = _drawn((*settings.seed, 1), count, markers)
             noise = settings.pixel_noise * normal
             lost = uniform < settings.lost_frames
         slots = settings.delay + 1
-        memory = (
-            (np.zeros((slots, markers, 2)), np.zeros(slots))
-            if self._images is None
-            else self._images[-2:]
-        )
-        self._images = Images(self._every, int(settings.delay_known), noise, lost, *memory)
+        if self._images is None:
+            held: Array = np.zeros((slots, markers, 2))
+            taken: Array = np.zeros(slots)
+        else:
+            held = self._images.held
+            taken = self._images.taken
+        self._images = Images(self._every, int(settings.delay_known), noise, lost, held, taken)
         self._covered = samples
         return self._images
 
@@ -161,8 +163,15 @@ class Sensor:
         address = 0
         if camera.distortion is not None:
             address = load("lenses").address_of(camera.distortion.model)
-        lenses = Lenses(address, np.array(camera.eye), np.array(self.camera.eye), np.empty((M, 2)))
-        scratch = Scratch(np.empty(64 * M + 256), np.zeros(1, dtype=np.int64))
+        lenses = Lenses(
+            address=address,
+            true=np.array(camera.eye),
+            believed=np.array(self.camera.eye),
+            pixels=np.empty((M, 2)),
+        )
+        # room for the search of a pose that explains M markers
+        room = np.empty(64 * M + 256)
+        scratch = Scratch(room, np.zeros(1, dtype=np.int64))
         return Sensing(self.images(samples), lenses, scratch)
 
     def measured(
@@ -261,13 +270,16 @@ class GradientError:
                     f"gradient_error_rows names the kinds {', '.join(kinds)}, but there are no "
                     f"such rows; it may name {', '.join(sorted(known)) or 'nothing here'}"
                 )
-            speeds = sorted(
-                {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}
-                & set(kinds)
-            )
-            if speeds:
+            of_speeds = {
+                constraint.kind
+                for constraint in constraints.constraints
+                if isinstance(constraint, SpeedConstraint)
+            }
+            named_speeds = sorted(of_speeds & set(kinds))
+            if named_speeds:
                 raise ConfigurationError(
-                    f"gradient_error_rows cannot name {', '.join(speeds)}: a speed is not σ + K σ̇"
+                    f"gradient_error_rows cannot name {', '.join(named_speeds)}: a speed is not "
+                    f"σ + K σ̇"
                 )
         concerned = np.isin(constraints.kinds, kinds)
         signs = disturbances.per_joint("gradient_error_signs", n)
@@ -285,7 +297,10 @@ class GradientError:
             return replace(rows, Lg=rows.Lg + error)
         change = error @ qd
         return replace(
-            rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K
+            rows,
+            phi=rows.phi + change,
+            Lg=rows.Lg + error,
+            Lf=rows.Lf + change / self._K,
         )
 
     def write(self, step: Step) -> None:

@@ -19,7 +19,7 @@ class PlantSettings(Protocol):
 
 
 class SensorSettings(Protocol):
-    """Table ``sensor`` of a scenario: what the controller measures instead of the true markers."""
+    """Table ``sensor`` of a scenario: the measurements of the controller."""
 
     #: Class of the sensor, a :class:`.Sensor`, as ``module:Class``. It is called with the scene,
     #: the disturbances, these settings, the renderer and T_s [s].

@@ -23,6 +23,7 @@ Small squares are used only if large ones show no connection. Passages narrower 
 are not detected.
 """
 
+FORBIDDEN = 0  #: Number of the part of the image that constraints forbid.
 #: Size of the filled area relative to the image, if no field of view bounds it.
 AROUND = 2.0
 #: End of the sentence about a marker that constraints separate from a goal.
@@ -86,7 +87,8 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
     of the camera's pose is concerned only if the pose is ``estimated`` from images.
     """
     by_image = isinstance(task.feature, ImagePoints) and task.feature.markers is None
-    if not by_image and not (estimated and isinstance(task.feature, CameraPose)):
+    by_estimated_pose = estimated and isinstance(task.feature, CameraPose)
+    if not (by_image or by_estimated_pose):
         return []
     remarks = []
     count = len(scene.markers)
@@ -100,27 +102,25 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
         # lengths are scaled by the distance of the markers, so that angles and translations count
         # alike
         size = float(Z.mean())
-        L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * ([size] * 3 + [1.0] * 3)
-        J = now.camera_J / np.array([[size]] * 3 + [[1.0]] * 3)
-        if not (np.isfinite(L).all() and np.isfinite(J).all() and np.isfinite(L @ J).all()):
+        units = np.array([size, size, size, 1.0, 1.0, 1.0])
+        L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * units
+        J = now.camera_J / units[:, None]
+        LJ = L @ J
+        if not (np.isfinite(L).all() and np.isfinite(J).all() and np.isfinite(LJ).all()):
             continue
-        determined, free = (
-            int(np.linalg.matrix_rank(each, rtol=DETERMINED)) for each in (L @ J, J)
-        )
+        determined = int(np.linalg.matrix_rank(LJ, rtol=DETERMINED))
+        free = int(np.linalg.matrix_rank(J, rtol=DETERMINED))
         seen = f"{count} markers" if count > 1 else "one marker"
         if determined < free:
             remarks.append(
                 f"at goal {number} the image of {seen} determines {determined} of the {free} "
-                f"directions in which the "
-                "camera moves, so that it may end elsewhere: at least four markers that are not "
-                "on a line determine "
-                "its pose"
+                f"directions in which the camera moves, so that it may end elsewhere: at least "
+                f"four markers that are not on a line determine its pose"
             )
         elif count == 3 and free == 6:
             remarks.append(
                 f"at goal {number} up to four poses of the camera show three markers at the same "
-                f"pixels, so that it "
-                "may end elsewhere: four markers determine its pose"
+                f"pixels, so that it may end elsewhere: four markers determine its pose"
             )
     return remarks
 
@@ -149,17 +149,18 @@ def separated_markers(
             continue
         places = np.array([start[i], *(goal.pixels[i] for goal in task.goals)])
         part, size = _parts(concerned, places, image, COARSE)
-        if not part.all() or (part != part[0]).any():
+        are_connected = (part == part[0]).all() and part[0] != FORBIDDEN
+        if not are_connected:
             part, size = _parts(concerned, places, image, FINE)
-        closed = [
-            number for number in range(1, len(part)) if part[0] and part[number] not in (0, part[0])
-        ]
-        remarks += [
-            f"marker {i + 1} starts in a part of the image of {size:.0f} px² that its constraints "
-            f"close off from "
-            f"goal {number}: {UNSOLVABLE}"
-            for number in closed
-        ]
+        of_start, *of_goals = part
+        if of_start == FORBIDDEN:
+            continue
+        for number, of_goal in enumerate(of_goals, start=1):
+            if of_goal not in (FORBIDDEN, of_start):
+                remarks.append(
+                    f"marker {i + 1} starts in a part of the image of {size:.0f} px² that its "
+                    f"constraints close off from goal {number}: {UNSOLVABLE}"
+                )
     return remarks
 
 
@@ -168,19 +169,25 @@ def _parts(
 ) -> tuple[IntArray, float]:
     """Return the connected part of each place (p, 2), and the area of the first one's part [px²].
 
-    The part is 0 for a forbidden place.
+    The part is :data:`FORBIDDEN` for a forbidden place.
     """
-    bounded = any(isinstance(each, FieldOfView) for each in constraints)
-    half = 0.5 * (1.0 if bounded else AROUND) * image + 2.0 * cell
-    u, v = (np.arange(-side, side + cell, cell) for side in half)
+    is_bounded = any(isinstance(each, FieldOfView) for each in constraints)
+    searched = 1.0 if is_bounded else AROUND
+    half = 0.5 * searched * image + 2.0 * cell
+    u = np.arange(-half[0], half[0] + cell, cell)
+    v = np.arange(-half[1], half[1] + cell, cell)
     grid = np.stack(np.meshgrid(u, v), axis=-1)
     allowed = np.all([each.sigma(grid) <= 0.0 for each in constraints], axis=0)
     around = np.ones((3, 3))
-    # a large square may span a thin obstacle: it counts only if all squares around it are allowed
-    parts, _ = ndimage.label(
-        ndimage.binary_erosion(allowed, around) if cell > FINE else allowed, around
-    )
+    if cell > FINE:
+        # a large square may span a thin obstacle: it counts only if all squares around it are
+        # allowed
+        allowed = ndimage.binary_erosion(allowed, around)
+    parts, _ = ndimage.label(allowed, around)
     column, row = np.rint((places + half) / cell).astype(int).T
-    inside = (column >= 0) & (column < len(u)) & (row >= 0) & (row < len(v))
-    part = np.where(inside, parts[row.clip(0, len(v) - 1), column.clip(0, len(u) - 1)], 0)
-    return part, cell**2 * np.count_nonzero(parts == part[0])
+    is_inside = (column >= 0) & (column < len(u)) & (row >= 0) & (row < len(v))
+    nearest_column = column.clip(0, len(u) - 1)
+    nearest_row = row.clip(0, len(v) - 1)
+    part = np.where(is_inside, parts[nearest_row, nearest_column], FORBIDDEN)
+    area = cell**2 * np.count_nonzero(parts == part[0])
+    return part, area

@@ -143,8 +143,8 @@ class VelocityController(Controller):
         if isinstance(given, Command) and given.status == "failed":
             return given
         qd = given.qd if isinstance(given, Command) else given
-        floats = isinstance(qd, np.ndarray) and qd.dtype.kind == "f"
-        if not (floats and qd.shape == (n,) and np.isfinite(qd).all()):
+        is_float_vector = isinstance(qd, np.ndarray) and qd.dtype.kind == "f" and qd.shape == (n,)
+        if not is_float_vector or not np.isfinite(qd).all():
             raise SolverError(f"the law gave {format_value(qd)}, not {n} finite joint speeds")
         assert self.period is not None
         qdd = (qd - self.speed_before(task)) / self.period

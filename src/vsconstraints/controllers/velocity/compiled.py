@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...compiled import load
-from ...compiled.workspace import Scratch, zeros
+from ...compiled.memory import zeros
+from ...compiled.workspace import Scratch
 from ...rows import Array, Command, Rows, Task, at_end
 from ..compiled import BOOL, COUNT, EMPTY, NO_SLACK, SCRATCH, CompiledAnswer, CompiledLaw, Wrapped
 from ..demand import Demand

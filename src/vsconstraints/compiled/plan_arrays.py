@@ -1,0 +1,112 @@
+"""Arrays of the program of a plan: its cost, its rows, and the workspace of its search.
+
+A plan u has H blocks for n joints. x = (q, q̇) is the motion of the joints by the plan, as double
+integrators. The plan minimises
+
+    ½ Σₖ ‖Jₖ (uₖ + K_p qₖ + K_v q̇ₖ) − bₖ‖² + λ ‖uₖ + s qₖ + d q̇ₖ − rₖ‖²
+
+subject to rows σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ), linear in x, at N instants, and to a box of u.
+
+Rows are numbered: first those of the constraints, t m + i for constraint i from instant t to the
+next; then the upper bounds of the box, k n + j for joint j in block k, and its lower bounds; then
+the bounds zᵢ ≥ 0 of the slacks.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..rows import Array, IntArray
+from .linear import QR, constant
+from .records import F8, I8
+
+#: Rows of the workspace behind those of :mod:`.least_distance`, and the total number of rows.
+TURNED = constant(5)
+SIDE = constant(6)
+VECTORS = 7
+
+
+class Cost(NamedTuple):
+    """Cost that a plan minimises."""
+
+    #: Duration of a block [s], and λ.
+    length: float
+    damping: float
+    #: (H, 2) K_p and K_v, s and d. These and the following fields are zero in blocks that cannot be
+    #: predicted.
+    gains: Array
+    rest: Array
+    #: (H, n, n) JᵀJ, (H, n) Jᵀb, and (H, n) r.
+    square: Array
+    pull: Array
+    free: Array
+
+
+class Factor(NamedTuple):
+    """Riccati factors of the cost: Y, y, L and the inverses of its diagonal, P of the cost-to-go.
+
+    The cost-to-go of a state x is ½ xᵀP x − pᵀx, where the last row of P is p, with this sign.
+    """
+
+    Y: Annotated[Array, F8, "H", "n", "2n"]
+    y: Annotated[Array, F8, "H", "n"]
+    L: Annotated[Array, F8, "H", "n", "n"]
+    inverse: Annotated[Array, F8, "H", "n"]
+    P: Annotated[Array, F8, "2n + 1", "2n"]
+
+
+class Limits(NamedTuple):
+    """Rows along a plan."""
+
+    instants: int  #: N, number of instants that can be predicted.
+    #: (N,) block of each instant, and the time since it began [s]; block H is that of the brake.
+    block: IntArray
+    since: Array
+    stop: float  #: Duration of the brake [s].
+    #: (N, m) values for the plan without any acceleration, and (N, m, n) gradients with respect to
+    #: q, or to q̇ if ``by_speed`` (m,) is not 0.
+    value: Array
+    gradient: Array
+    by_speed: IntArray
+    #: (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left, multiplied by their
+    #: factors.
+    falls: Array
+    left: Array
+    row_factor: Array
+    scale: Array  #: (m,) scales of the rows.
+    #: (H, n) bounds of the box.
+    low: Array
+    high: Array
+
+
+class Space(NamedTuple):
+    """Workspace of the search, with p unknowns.
+
+    ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇ at
+    every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held`` is
+    their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
+    and ``slack_unit`` the excess that a slack z = 1 allows. See :func:`.pull_on` for ``adjoint``.
+    """
+
+    p: int
+    u: Annotated[Array, F8, "H", "n"]
+    x: Annotated[Array, F8, "H + 1", "2n"]
+    moved: Annotated[Array, F8, 2, "N", "n"]
+    work: Annotated[Array, F8, VECTORS, "p"]
+    normals: Annotated[Array, F8, "p", "p"]
+    qr: QR
+    active: Annotated[IntArray, I8, "p"]
+    held: Annotated[IntArray, I8, 1]
+    slack: Annotated[Array, F8, "m"]
+    slack_unit: Annotated[Array, F8, "m"]
+    adjoint: Annotated[Array, F8, 3, "n"]
+
+
+def lengths_of(H: int, N: int, n: int, m: int) -> dict[str, int]:
+    """Return the lengths of the letters in declarations.
+
+    They are those of H blocks, up to N instants, n joints and m rows.
+    """
+    p = H * n + m  # a QR is of up to p active rows
+    sums = {"H + 1": H + 1, "N - 1": N - 1, "2n": 2 * n, "2n + 1": 2 * n + 1}
+    return {"H": H, "N": N, "n": n, "m": m, "p": p, "c": p, "r": p, **sums}

@@ -1,0 +1,247 @@
+"""Rows along a plan, compiled: their numbers, values and gradients.
+
+Every row is evaluated at every point of the search, but only the added rows are differentiated, by
+an adjoint recursion.
+"""
+
+from __future__ import annotations
+
+from ..rows import Array
+from .compiler import in_place
+from .least_distance import NEW, NONE
+from .linear import START, dot
+from .plan_arrays import Cost, Factor, Limits, Space
+from .plan_cost import roll_out
+
+
+@in_place
+def move(limits: Limits, u: Array, x: Array, moved: Array) -> None:
+    """Write q and q̇ at every instant."""
+    n = moved.shape[2]
+    for t in range(limits.instants):
+        k = limits.block[t]
+        tau = limits.since[t]
+        for j in range(n):
+            q = x[k, j]
+            qd = x[k, n + j]
+            if k == len(u):
+                moved[0, t, j] = q + 0.5 * limits.stop * qd
+                moved[1, t, j] = 0.0
+            else:
+                moved[0, t, j] = q + tau * (qd + 0.5 * tau * u[k, j])
+                moved[1, t, j] = qd + tau * u[k, j]
+
+
+@in_place
+def predict(cost: Cost, factor: Factor, limits: Limits, space: Space) -> None:
+    """Write the plan that follows from w, and the motion of the joints by it."""
+    roll_out(cost, factor, space)
+    move(limits, space.u, space.x, space.moved)
+
+
+@in_place
+def is_constraint(limits: Limits, row: int) -> bool:
+    """True if a row is one of the constraints, not a bound of the box or of a slack."""
+    return bool(row < limits.left.size)
+
+
+@in_place
+def constraint_of(limits: Limits, row: int) -> tuple[int, int]:
+    """Return the instant t and the constraint i of a row from instant t to the next."""
+    m = limits.gradient.shape[1]
+    return row // m, row % m
+
+
+@in_place
+def bound_of(limits: Limits, row: int) -> tuple[int, int, bool]:
+    """Return block and joint of a bound of the box, and True if it is the upper bound."""
+    n = limits.gradient.shape[2]
+    bound = row - limits.left.size
+    is_upper = bound < limits.low.size
+    entry = bound % limits.low.size
+    return entry // n, entry % n, is_upper
+
+
+@in_place
+def first_slack_row(limits: Limits) -> int:
+    """Return the number of the row z₀ ≥ 0."""
+    first: int = limits.left.size + 2 * limits.low.size
+    return first
+
+
+@in_place
+def at(limits: Limits, moved: Array, t: int, i: int) -> float:
+    """Return the value of constraint i at an instant."""
+    order = 1 if limits.by_speed[i] else 0
+    change = dot(limits.gradient[t], i, moved[order], t, START, moved.shape[2])
+    value: float = limits.value[t, i] + change
+    return value
+
+
+@in_place
+def constraint_excess(limits: Limits, t: int, i: int, value: float, next_value: float) -> float:
+    """Return the excess of constraint i, which has these values at instant t and the next."""
+    over = next_value - limits.falls[t] * value - limits.left[t, i]
+    multiplied: float = limits.row_factor[t, i] * over
+    return multiplied
+
+
+@in_place
+def excess(limits: Limits, space: Space, row: int) -> float:
+    """Return the excess of a row of the constraints or of the box."""
+    if is_constraint(limits, row):
+        t, i = constraint_of(limits, row)
+        value = at(limits, space.moved, t, i)
+        next_value = at(limits, space.moved, t + 1, i)
+        return constraint_excess(limits, t, i, value, next_value)
+    k, j, is_upper = bound_of(limits, row)
+    if is_upper:
+        return float(space.u[k, j] - limits.high[k, j])
+    return float(limits.low[k, j] - space.u[k, j])
+
+
+@in_place
+def most_exceeded(limits: Limits, space: Space, met: float) -> int:
+    """Return the row with the greatest excess relative to its scale; ``NONE`` if all are met.
+
+    A row is met if its relative excess is at most ``met``. The scale of a bound is the width of the
+    box.
+    """
+    constraint, most = most_exceeded_constraint(limits, space, met)
+    bound = most_exceeded_bound(limits, space, most)
+    return constraint if bound == NONE else bound
+
+
+@in_place
+def most_exceeded_constraint(limits: Limits, space: Space, least: float) -> tuple[int, float]:
+    """Return the row of a constraint with the greatest relative excess, and this excess.
+
+    Return ``NONE`` and ``least`` if no relative excess is greater than ``least``. Slacks count as
+    part of the rows.
+    """
+    m = limits.gradient.shape[1]
+    chosen = NONE
+    most = least
+    for i in range(m):
+        value = at(limits, space.moved, 0, i)
+        for t in range(limits.instants - 1):
+            next_value = at(limits, space.moved, t + 1, i)
+            over = constraint_excess(limits, t, i, value, next_value)
+            over = (over - space.slack[i]) / limits.scale[i]
+            if over > most:
+                chosen = t * m + i
+                most = over
+            value = next_value
+    return chosen, most
+
+
+@in_place
+def most_exceeded_bound(limits: Limits, space: Space, least: float) -> int:
+    """Return the bound of the box with the greatest relative excess, if it exceeds ``least``.
+
+    Return ``NONE`` otherwise.
+    """
+    n = limits.gradient.shape[2]
+    first_upper = limits.left.size
+    first_lower = first_upper + limits.low.size
+    chosen = NONE
+    most = least
+    for k in range(len(limits.low)):
+        for j in range(n):
+            above = space.u[k, j] - limits.high[k, j]
+            below = limits.low[k, j] - space.u[k, j]
+            over = max(above, below) / (limits.high[k, j] - limits.low[k, j])
+            if over > most:
+                first = first_upper if above > below else first_lower
+                chosen = first + k * n + j
+                most = over
+    return chosen
+
+
+@in_place
+def differentiate(
+    cost: Cost, factor: Factor, limits: Limits, row: int, adjoint: Array, X: Array
+) -> None:
+    """Write the gradient of a row with respect to w to X[NEW], block after block backwards."""
+    n = limits.gradient.shape[2]
+    H = len(limits.low)
+    T = cost.length
+    X[NEW] = 0.0
+    k = begin_adjoint(limits, row, adjoint)
+    if k == H:
+        k -= 1
+        step_back(T, adjoint)
+    # from Lᵀ u = w + y − Y x: the gradient g with respect to w is L⁻¹ times that with respect to u,
+    # and −Yᵀ g is added to that with respect to x
+    while k >= 0:
+        for i in range(n):
+            g = adjoint[0, i]
+            for c in range(i):
+                g -= factor.L[k, i, c] * X[NEW, k * n + c]
+            g *= factor.inverse[k, i]
+            X[NEW, k * n + i] = g
+            for j in range(n):
+                adjoint[1, j] -= factor.Y[k, i, j] * g
+                adjoint[2, j] -= factor.Y[k, i, n + j] * g
+        step_back(T, adjoint)
+        k -= 1
+
+
+@in_place
+def begin_adjoint(limits: Limits, row: int, adjoint: Array) -> int:
+    """Write the adjoint of a row at its last block, and return the number of this block.
+
+    The block after the plan is that of the brake, of which the plan decides only the first state.
+    """
+    n = limits.gradient.shape[2]
+    H = len(limits.low)
+    adjoint[:] = 0.0
+    if not is_constraint(limits, row):
+        block, joint, is_upper = bound_of(limits, row)
+        adjoint[0, joint] = 1.0 if is_upper else -1.0
+        return block
+    t, i = constraint_of(limits, row)
+    k: int = limits.block[t + 1]
+    factor_of_row = limits.row_factor[t, i]
+    if k == H:
+        for j in range(n):
+            adjoint[1, j] = factor_of_row * limits.gradient[t + 1, i, j]
+            adjoint[2, j] = 0.5 * limits.stop * adjoint[1, j]
+    else:
+        pull_on(limits, adjoint, t + 1, i, factor_of_row, True)
+    if t > 0:
+        is_same_block = limits.block[t] == k
+        pull_on(limits, adjoint, t, i, -factor_of_row * limits.falls[t], is_same_block)
+    return k
+
+
+@in_place
+def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, inside: bool) -> None:
+    """Add the gradient of a row at an instant to the adjoint.
+
+    adjoint[0] is the gradient with respect to the acceleration of the row's block. adjoint[1] and
+    adjoint[2] are those with respect to q and q̇ of the state before the block. Unless ``inside``,
+    the instant is the end of the previous block.
+    """
+    tau = limits.since[t] if inside else 0.0
+    for j in range(adjoint.shape[1]):
+        c = factor * limits.gradient[t, i, j]
+        if limits.by_speed[i]:
+            adjoint[0, j] += tau * c
+            adjoint[2, j] += c
+        else:
+            adjoint[0, j] += 0.5 * tau * tau * c
+            adjoint[1, j] += c
+            adjoint[2, j] += tau * c
+
+
+@in_place
+def step_back(T: float, adjoint: Array) -> None:
+    """Propagate the adjoint of the state after a block to its acceleration and its first state.
+
+    adjoint[0] becomes the gradient with respect to the acceleration. adjoint[1] and adjoint[2]
+    become those with respect to q and q̇ of the state before the block.
+    """
+    for j in range(adjoint.shape[1]):
+        adjoint[0, j] = T * (0.5 * T * adjoint[1, j] + adjoint[2, j])
+        adjoint[2, j] += T * adjoint[1, j]

@@ -1,0 +1,100 @@
+"""Arrays of the predictive safety filter: its plan, its predictions and its program, compiled."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..rows import Array, IntArray
+from .compiler import in_place
+from .memory import zeros
+from .parts import struct_loader
+from .plan_arrays import Factor, Limits, Space
+from .records import F8, I8
+
+#: Parts of a prediction: φ, σ, L_gφ, J, b, e and q̈₀.
+PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
+#: Reported numbers: instants at which rows and task were predicted, instants requested, active rows
+#: of the plan, and the code of its program.
+PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)
+#: Stages of a law (option 1). If Python predicts, it requests one at a time.
+ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
+
+
+class PlanArrays(NamedTuple):
+    """Arrays of a predictive law: H blocks, up to N instants, n joints, m rows, k features."""
+
+    #: Addresses of the step in the loop and of the predicting step; 0 if Python predicts.
+    loop: int
+    step: int
+    frozen: int  #: 1 if everything is predicted at the current time.
+    #: Time constant [s] with which the current difference of σ̇ from the model is assumed to decay;
+    #: 0 if at once.
+    fading: float
+    #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of the rows'
+    #: scales.
+    period: float
+    length: float
+    approach: float
+    damping: float
+    margin: float
+    #: K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
+    tracking: Annotated[Array, F8, 5]
+    most: Annotated[Array, F8, "n"]  #: Greatest |q̈|.
+    K: Annotated[Array, F8, "m"]  #: K of the rows, 0 for rows that give φ itself.
+    weights: Annotated[Array, F8, "m"]  #: Weights of violations.
+    now: Annotated[Array, F8, "2n + 1"]  #: t, q, q̇.
+    #: First entries of the parts of a prediction, or −1; predictions; outputs of the step.
+    at: Annotated[IntArray, I8, PARTS]
+    seen: Annotated[Array, F8, "N", "outputs"]
+    out: Annotated[Array, F8, "outputs"]
+    #: Instants from now [s], their blocks, and the time since the block began [s]; the last instant
+    #: is that of the brake.
+    times: Annotated[Array, F8, "N"]
+    block: Annotated[IntArray, I8, "N"]
+    since: Annotated[Array, F8, "N"]
+    states: Annotated[Array, F8, 2, "N", "n"]  #: q and q̇.
+    plan: Annotated[Array, F8, "H", "n"]  #: Planned q̈.
+    then: Annotated[Array, F8, "n"]  #: q̈ after the plan.
+    made: Annotated[Array, F8, 1]  #: Time at which it was made, NaN if there is no plan.
+    outcome: Annotated[IntArray, I8, OUTCOMES]  #: Reported numbers.
+    braking: Annotated[Array, F8, 1]  #: Duration of the brake [s].
+    #: See :class:`.Cost`.
+    gains: Annotated[Array, F8, "H", 2]
+    rest: Annotated[Array, F8, "H", 2]
+    square: Annotated[Array, F8, "H", "n", "n"]
+    pull: Annotated[Array, F8, "H", "n"]
+    free: Annotated[Array, F8, "H", "n"]
+    factor: Factor
+    #: See :class:`.Limits`.
+    value: Annotated[Array, F8, "N", "m"]
+    gradient: Annotated[Array, F8, "N", "m", "n"]
+    by_speed: Annotated[IntArray, I8, "m"]
+    falls: Annotated[Array, F8, "N - 1"]
+    left: Annotated[Array, F8, "N - 1", "m"]
+    row_factor: Annotated[Array, F8, "N - 1", "m"]
+    low: Annotated[Array, F8, "H", "n"]
+    high: Annotated[Array, F8, "H", "n"]
+    space: Space
+
+
+load_plans = struct_loader(zeros(PlanArrays))
+
+
+@in_place
+def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
+    """Return the limits at the first ``count`` instants."""
+    return Limits(
+        count,
+        plans.block,
+        plans.since,
+        plans.braking[0],
+        plans.value,
+        plans.gradient,
+        plans.by_speed,
+        plans.falls,
+        plans.left,
+        plans.row_factor,
+        scale,
+        plans.low,
+        plans.high,
+    )
