@@ -1,6 +1,6 @@
 """Tables of runs, constraint rows and scenes: columns and Parquet files.
 
-The footer of each file holds facts about the shard.
+The footer of each file holds facts about the batch.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ SCENES = (
     *(Column("share_to_hold", "number"), Column("values", "text", required=True)),
     *(Column("least_time_s", "number"), Column("duration_s", "number")),
 )
-TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the shards.
+TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the batches.
 TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are reproducible.
 
 
