@@ -109,8 +109,13 @@ class Side:
         import pandas
 
         stored = StoredComparison.load(folder, trust=True)  # no part of it is built
-        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
-        return cls(folder, stored.manifest, runs, stored.remarks)
+        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
+        return cls(folder, stored.manifest, runs.astype({"trial": int}), stored.remarks)
+
+    @property
+    def seed(self) -> int:
+        """Seed of the runs."""
+        return int(self.manifest["configuration"].get("seed", 0))
 
     def renamed(self, names: Mapping[str, str]) -> Side:
         """Return a copy in which some controllers have other names.
@@ -163,10 +168,9 @@ class Pairs:
         where = f"{a.folder} and {b.folder} cannot be compared"
         if a.key != b.key:
             raise ConfigurationError(f"{where}: only one of them has drawn scenes")
-        seed_a, seed_b = (side.manifest["configuration"].get("seed", 0) for side in (a, b))
-        if seed_a != seed_b:
+        if a.seed != b.seed:
             raise ConfigurationError(
-                f"{where}: their seeds are {seed_a} and {seed_b}, so their runs cannot be paired"
+                f"{where}: their seeds are {a.seed} and {b.seed}, so their runs cannot be paired"
             )
         runs_a = a.runs.set_index(list(a.key))
         runs_b = b.runs.set_index(list(b.key))
@@ -188,7 +192,13 @@ class Pairs:
             )
         if not len(common):
             raise ConfigurationError(f"{where}: they have no law and scene in common")
-        return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(drawn_otherwise))
+        return cls(
+            a=runs_a.loc[common],
+            b=runs_b.loc[common],
+            only_a=only_a,
+            only_b=only_b,
+            drawn_otherwise=len(drawn_otherwise),
+        )
 
     @cached_property
     def differ(self) -> Any:
@@ -201,8 +211,10 @@ class Pairs:
 
 def _differing_keys(a: Side, b: Side, scene: Any) -> list[str]:
     """Return the keys of a scene whose drawn values differ."""
-    first, second = (json.loads(side.drawn.loc[scene]) for side in (a, b))
-    return [key for key in {**first, **second} if first.get(key) != second.get(key)]
+    first = json.loads(a.drawn.loc[scene])
+    second = json.loads(b.drawn.loc[scene])
+    keys = {**first, **second}
+    return [key for key in keys if first.get(key) != second.get(key)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,8 +52,10 @@ def families(names: Names = None, scenes: int = 100, half: str = "held-out", see
     if not names:
         for family in loaded:
             console.print(f"{family.name}: {family.title} ({', '.join(family.conditions)})")
-    elif not sum([_print_drawn(family, scenes, half, seed) for family in loaded]):
-        raise typer.Exit(NOTHING_DONE)
+    else:
+        found = [_print_drawn(family, scenes, half, seed) for family in loaded]
+        if not any(found):
+            raise typer.Exit(NOTHING_DONE)
 
 
 def listed_families() -> Iterator[tuple[str, str]]:
@@ -71,18 +73,19 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
 
     done = count(1)
     with progress() as show:
-        summary = summarised(
-            family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes)
-        )
+
+        def on_drawn() -> None:
+            show(f"drawing {family.name}", next(done), scenes)
+
+        summary = summarised(family, scenes, half, seed, on_drawn)
     accepted = len(summary.found)
-    attempts = sum(scene.attempts for scene in summary.scenes)
     say(
         TEXTS["family"],
         family=family,
         scenes=scenes,
         summary=summary,
         accepted=accepted,
-        attempts=attempts,
+        attempts=sum(scene.attempts for scene in summary.scenes),
     )
     return accepted
 
@@ -110,7 +113,7 @@ def evidence(
 ) -> None:
     """Run every controller on thousands of drawn scenes, and write a report.
 
-    Scores are stored as Parquet shards.
+    Scores are stored in Parquet files.
     """
     from ..evidence import MEASURED, Campaign, Plan, Shard, processes
 
@@ -155,11 +158,12 @@ def with_call_times(
             raise ConfigurationError("--slower and --budget-us need --time-passes")
         return chosen
     with progress() as show:
-        times = call_times(
-            source, chosen, out, processes(jobs), lambda done, of: show("measuring calls", done, of)
-        )
-    times = times if slower is None else replace(times, slower=slower)
-    times = times if budget_us is None else replace(times, budget_s=1e-6 * budget_us)
+        on_progress = partial(show, "measuring calls")
+        times = call_times(source, chosen, out, processes(jobs), on_progress)
+    if slower is not None:
+        times = replace(times, slower=slower)
+    if budget_us is not None:
+        times = replace(times, budget_s=1e-6 * budget_us)
     return times.of(chosen)
 
 
@@ -183,19 +187,18 @@ def run_campaign(
         )
     state = finished.progress
     for kind, failed in state.failed.items():
-        errors.print(
-            f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, "
-            f"{state.reasons[kind]}"
-        )
+        name = " · ".join(kind)
+        reason = state.reasons[kind]
+        errors.print(f"{name}: {failed} of {state.of_kind[kind]} runs failed, {reason}")
     if state.stored_before:
         console.print(
             f"{state.stored_before} of {state.scenes} scenes were stored in {out} already."
         )
     if finished.interrupted:
         stop(finished.interrupted, f"{state.done} of {state.scenes} scenes are stored in {out}")
+    new_scenes = state.done - state.stored_before
     console.print(
-        f"{state.done - state.stored_before} scenes, {state.runs} runs in "
-        f"{finished.wall_time:.1f} s: "
+        f"{new_scenes} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
     if plan.shard.of == 1:
@@ -311,13 +314,18 @@ def _print_choices(laws: Sequence[Judged]) -> None:
 
 def _json(advice: Advice) -> str:
     """Return the whole advice as JSON."""
-    laws = [
-        {**law._asdict(), "law": law.law.name, "settings": law.law.table}
-        | {"success": {"share": law.success.share, **asdict(law.success)}}
-        | {"tolerant": asdict(law.tolerant), "loss": law.loss._asdict()}
-        | {"call_us": None if isnan(law.call_us) else law.call_us}
-        for law in advice.laws
-    ]
+    laws = []
+    for law in advice.laws:
+        entry = {
+            **law._asdict(),
+            "law": law.law.name,
+            "settings": law.law.table,
+            "success": {"share": law.success.share, **asdict(law.success)},
+            "tolerant": asdict(law.tolerant),
+            "loss": law.loss._asdict(),
+            "call_us": None if isnan(law.call_us) else law.call_us,
+        }
+        laws.append(entry)
     return json.dumps({**advice._asdict(), "laws": laws}, ensure_ascii=False, indent=1)
 
 
@@ -342,7 +350,8 @@ def tune(
     from ..tuning.tune import TUNED
     from ..tuning.tune import tune as run
 
-    for key in (setting.partition("=")[0].strip() for setting in settings or ()):
+    for setting in settings or ():
+        key = setting.partition("=")[0].strip()
         if key in ("half", "scenes"):
             why = "tuning uses training scenes only: set their number with --scenes"
             raise ConfigurationError(f"--set {key}: {why}")

@@ -67,12 +67,16 @@ class CallTimes:
         Raises ConfigurationError that names the laws without a call time.
         """
         laws = [entry for entry in campaign.controllers if entry.name != BASELINE]
-        missing = [entry.name for entry in laws if not {entry.name, entry.law} & self.calls.keys()]
+        missing = []
+        for entry in laws:
+            if entry.name not in self.calls and entry.law not in self.calls:
+                missing.append(entry.name)
         if missing:
             raise ConfigurationError(f"call times are missing for {', '.join(missing)}")
         title = f"{campaign.title}, time passes"
         timed = tuple(map(self._timed, laws))
-        return campaign.changed(title=title, controllers=timed, call_times=asdict(self)).checked()
+        campaign = campaign.changed(title=title, controllers=timed, call_times=asdict(self))
+        return campaign.checked()
 
     @property
     def sentence(self) -> str:
@@ -115,7 +119,8 @@ def call_times(
     """
     if source != MEASURED:
         path = Path(source)
-        return from_table(CallTimes, _stored(path) if path.is_dir() else read_toml(path), source)
+        table = _stored(path) if path.is_dir() else read_toml(path)
+        return from_table(CallTimes, table, source)
     stored = {} if folder is None else _stored(folder)
     if stored:
         return from_table(CallTimes, stored, f"{folder}/{MANIFEST}")
@@ -124,7 +129,9 @@ def call_times(
 
 def _stored(folder: Path) -> object:
     configuration = manifest_of(folder).get("configuration")
-    return configuration.get("call_times", {}) if isinstance(configuration, dict) else {}
+    if not isinstance(configuration, dict):
+        return {}
+    return configuration.get("call_times", {})
 
 
 def _measured(
@@ -166,5 +173,6 @@ def time_calls(batch: Batch) -> list[tuple[str, str, float]]:
             calls = min(map(len, times))
             if calls:
                 least = np.min([each[:calls] for each in times], axis=0)
-                found.append((law.name, batch.family.name, float(np.quantile(least, 0.99))))
+                nearly_longest = float(np.quantile(least, 0.99))
+                found.append((law.name, batch.family.name, nearly_longest))
     return found

@@ -78,14 +78,17 @@ class StoredBatch(NamedTuple):
     @property
     def name_of_scenes(self) -> str:
         """Name of a batch that has only the scenes that are read."""
-        return self.name if self.whole else batch_name(self.facts.family, self.scenes)
+        if self.whole:
+            return self.name
+        return batch_name(self.facts.family, self.scenes)
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
         """Read one table of the batch, with the named columns or all."""
         names = columns
         if columns is not None and not self.whole:
             names = [*columns, "scene"]
-        lines = parquet.read([batch_file(self.folder, name, self.name)], TABLES[name], names)
+        file = batch_file(self.folder, name, self.name)
+        lines = parquet.read([file], TABLES[name], names)
         if not self.whole:
             wanted = set(self.scenes)
             is_wanted = [number in wanted for number in lines["scene"].to_pylist()]
@@ -100,7 +103,8 @@ def batch_file(folder: Path, table: str, name: str) -> Path:
 
 def batch_names(folder: Path) -> list[str]:
     """Return the names of the batches in a folder, ordered by family and scene."""
-    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+    files = (folder / MARK).glob("part-*.parquet")
+    return sorted(path.stem for path in files)
 
 
 def stored_batches(folder: Path) -> list[StoredBatch]:
@@ -200,7 +204,8 @@ def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
     changed_files = content_changes(files_of(stored), campaign)
     if changed_files:
         return changed_files
-    last = max((max(facts.scenes) for facts in stored), default=-1)
+    last_scenes = [max(facts.scenes) for facts in stored]
+    last = max(last_scenes, default=-1)
     if last >= campaign.scenes:
         return [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
     return []
@@ -263,7 +268,8 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     kept = kept_lines(lines, keep, ("family", "condition", "controller"), ("family", "scene"))
     keys = []
     for line in kept:
-        keys.append(RunKey(line["family"], line["condition"], line["scene"], line["controller"]))
+        cells = {name: line[name] for name in RunKey._fields}
+        keys.append(RunKey(**cells))
     return keys
 
 
@@ -285,7 +291,8 @@ def keep_trajectories(
     missing: dict[tuple[str, int], list[RunKey]] = {}
     for path, key in wanted.items():
         if not path.exists():
-            missing.setdefault((key.family, key.scene), []).append(key)
+            of_scene = missing.setdefault((key.family, key.scene), [])
+            of_scene.append(key)
     families = {family.name: family for family in campaign.families}
     calls = {}
     for (family, scene), keys in missing.items():
@@ -309,8 +316,12 @@ def rerun(batch: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
         _, bench_of = benches(batch, batch.scenes[0])
     if not bench_of:
         return records
+
+    def place(key: RunKey) -> int:
+        return batch.conditions.index(key.condition)
+
     # runs in the same condition share a setup
-    for key in sorted(keys, key=lambda key: batch.conditions.index(key.condition)):
+    for key in sorted(keys, key=place):
         entry = entries[key.controller]
         with deadline(batch.run_limit(entry)):
             records[key] = bench_of[key.condition].run(entry)

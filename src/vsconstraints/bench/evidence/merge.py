@@ -78,7 +78,9 @@ def _require_all(evidence: Evidence) -> None:
     lost = evidence.missing_scenes(range(configuration["scenes"]))
     if not lost:
         return
-    shards = [tuple(manifest.get("shard", (1, 1))) for manifest in evidence.manifests.values()]
+    shards = []
+    for manifest in evidence.manifests.values():
+        shards.append(tuple(manifest.get("shard", (1, 1))))
     missing = []
     for of in {of for _, of in shards}:
         for number in range(1, of + 1):
@@ -103,11 +105,11 @@ def _copy_trajectories(evidence: Evidence, out: Path) -> int:
     for keep in sorted(rules - {"none"}):
         for key in chosen(out, keep):
             target = trajectory_file(out, key)
-            files = (trajectory_file(folder, key) for folder in evidence.manifests)
-            source = next((file for file in files if file.is_file()), None)
-            if source is not None and not target.exists():
+            files = [trajectory_file(folder, key) for folder in evidence.manifests]
+            sources = [file for file in files if file.is_file()]
+            if sources and not target.exists():
                 target.parent.mkdir(exist_ok=True)
                 with replaced(target) as part:
-                    shutil.copyfile(source, part)
+                    shutil.copyfile(sources[0], part)
                 count += 1
     return count

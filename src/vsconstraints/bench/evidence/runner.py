@@ -73,7 +73,9 @@ class Progress:
         """True if runs were made and all runs of the compared controllers failed."""
         kinds = list(self.of_kind)
         compared = [kind for kind in kinds if kind[2] != BASELINE] or kinds
-        return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
+        runs = sum(self.of_kind[kind] for kind in compared)
+        failed = sum(self.failed[kind] for kind in compared)
+        return runs > 0 and failed == runs
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,8 @@ def collect(
         before = finished_batches(folder, campaign)
         finished_scenes = {(facts.family, scene) for facts in before for scene in facts.scenes}
         batches = plan_batches(campaign, plan.shard, plan.limit, finished_scenes)
-        for family in {batch.family.name: batch.family for batch in batches}.values():
+        families = {batch.family.name: batch.family for batch in batches}
+        for family in families.values():
             family.require_scenes(campaign.half, campaign.seed)
         prepare_laws(campaign.controllers)
         manifest = new_manifest(command, campaign.resolved())
@@ -216,7 +219,8 @@ def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, P
     """
     pieces: dict[tuple[int, int], Batch] = {}
     limits: dict[tuple[int, int], float] = {}
-    for i, answer in workers.run({i: (batch,) for i, batch in enumerate(batches)}, again=False):
+    batch_calls = {i: (batch,) for i, batch in enumerate(batches)}
+    for i, answer in workers.run(batch_calls, again=False):
         if isinstance(answer, Failure):
             for j, (piece, limit) in enumerate(batches[i].pieces()):
                 pieces[i, j] = replace(piece, limit=limit + GRACE)
@@ -225,8 +229,8 @@ def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, P
             yield i, answer
     count = Counter(i for i, _ in pieces)
     parts = defaultdict[int, dict[int, Part]](dict)
-    calls = {key: (piece,) for key, piece in pieces.items()}
-    for (i, j), answer in workers.run(calls, limits):
+    piece_calls = {key: (piece,) for key, piece in pieces.items()}
+    for (i, j), answer in workers.run(piece_calls, limits):
         if isinstance(answer, Failure):
             answer = failed(pieces[i, j], answer.reason)
         parts[i][j] = answer

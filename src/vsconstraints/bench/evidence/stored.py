@@ -205,8 +205,9 @@ class Evidence(StoredResults):
         }
         for column in TABLES[name]:
             if column.category:
-                order = orders.get(column.name, sorted(table[column.name].unique()))
-                table[column.name] = pd.Categorical(table[column.name], order)
+                values = table[column.name]
+                order = orders.get(column.name, sorted(values.unique()))
+                table[column.name] = pd.Categorical(values, order)
         keys = [key for key in RunKey._fields if key in table]
         # a stable sort keeps the order of the rows of a run
         return table.sort_values(keys, kind="stable", ignore_index=True)
@@ -252,7 +253,13 @@ class Evidence(StoredResults):
     def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
         manifest = entries(manifest, where, {"configuration": Table}, OPTIONAL_ENTRIES)
         where += ".configuration"
-        needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
+        needed = {
+            "families": Table,
+            "controllers": Table,
+            "scenes": int,
+            "half": str,
+            "seed": int,
+        }
         optional = {"scenes_in": dict[str, int]}
         configuration = entries(manifest["configuration"], where, needed, optional)
         has_valid_scenes = 0 < configuration["scenes"] <= MAX_SCENES
@@ -320,7 +327,8 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
 
     def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
         read = batch.table(table, names)
-        return list(zip(*(read[name].to_pylist() for name in names), strict=True))
+        cells = [read[name].to_pylist() for name in names]
+        return list(zip(*cells, strict=True))
 
     facts = batch.facts
     half = configuration["half"]

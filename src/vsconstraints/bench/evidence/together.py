@@ -50,7 +50,11 @@ def combined_batches(
 
 def in_order(stored: Iterable[StoredBatch]) -> tuple[StoredBatch, ...]:
     """Return batches in the order of families and scenes."""
-    return tuple(sorted(stored, key=lambda batch: (batch.facts.family, batch.facts.scenes)))
+
+    def place(batch: StoredBatch) -> tuple[str, tuple[int, ...]]:
+        return batch.facts.family, batch.facts.scenes
+
+    return tuple(sorted(stored, key=place))
 
 
 def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -> None:
@@ -62,8 +66,10 @@ def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -
     common: list[FolderTable] = []
     for batch in stored:
         batch_identity = batch.facts.identity
-        by_family.setdefault(batch.facts.family, []).append((batch.folder, batch_identity))
-        common.append((batch.folder, {name: batch_identity.get(name) for name in COMMON}))
+        of_family = by_family.setdefault(batch.facts.family, [])
+        of_family.append((batch.folder, batch_identity))
+        of_all_families = {name: batch_identity.get(name) for name in COMMON}
+        common.append((batch.folder, of_all_families))
     for identities in by_family.values():
         _require_equal(identities)
     _require_equal(common)

@@ -220,7 +220,9 @@ class Part(NamedTuple):
     @classmethod
     def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
         """Return the result built from lines by table."""
-        tables = {name: parquet.table(columns, lines[name]) for name, columns in TABLES.items()}
+        tables = {}
+        for name, columns in TABLES.items():
+            tables[name] = parquet.table(columns, lines[name])
         return cls(**tables, seconds=seconds, files=dict(files))
 
     @classmethod
@@ -292,8 +294,9 @@ def failed(batch: Batch, reason: str) -> Part:
     if batch.single is None:
         lines["scenes"].append(_scene_line(batch, number, reason))
     else:
+        (condition,) = batch.conditions
         record = RunRecord.failed(reason, "")
-        _add(lines, batch, (number, batch.conditions[0], batch.single), record)
+        _add(lines, batch, (number, condition, batch.single), record)
     return Part.of(lines, 0.0)
 
 
@@ -314,7 +317,10 @@ def benches(batch: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
             return described(error), {}
     if not scene.found:
         return scene, {}
-    return scene, {name: Bench(scene, name, setups.get(name)) for name in batch.conditions}
+    bench_of = {}
+    for condition in batch.conditions:
+        bench_of[condition] = Bench(scene, condition, setups.get(condition))
+    return scene, bench_of
 
 
 def _add(
@@ -367,7 +373,10 @@ def _scene_line(batch: Batch, number: int, scene: Drawn | str) -> dict[str, Any]
 
 
 def _json(data: Any) -> str:
-    return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
+    def as_list(value: Any) -> Any:
+        return value.tolist()
+
+    return json.dumps(dict(data), ensure_ascii=False, default=as_list)
 
 
 class Bench:

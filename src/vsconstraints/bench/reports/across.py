@@ -101,13 +101,18 @@ def _behind_first(success: pd.DataFrame) -> frozenset[str]:
     # Comparison with the best law: Hsu's multiple comparisons, corrected for all others.
     confidence = simultaneous(0.95, len(others))
     pairs = across_families(only_first, differing, confidence)
-    return frozenset(law for law, pair in zip(others, pairs, strict=True) if pair.low > 0.5)
+    behind = set()
+    for law, pair in zip(others, pairs, strict=True):
+        if pair.low > 0.5:
+            behind.add(law)
+    return frozenset(behind)
 
 
 def _by_family(flags: pd.DataFrame) -> Array:
     """Return the number of scenes (laws, families) in which a flag is true."""
-    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
-    return counts
+    counts = flags.groupby(level="family", observed=True).sum()
+    by_law: Array = counts.T.to_numpy(float)
+    return by_law
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:
@@ -149,7 +154,8 @@ def known_motions(dataset: Dataset) -> Any:
     if not same or parquet.facts_of(TABLE).get("sha256") != testset.sha256:
         return None
     known = pd.read_parquet(TABLE)
-    known = known[(known["half"] == half) & known["family"].isin(same)]
+    is_same = (known["half"] == half) & known["family"].isin(same)
+    known = known[is_same]
     return known if len(known) else None
 
 

@@ -133,7 +133,8 @@ class Dataset:
         self.laws = _ordered(evidence.controllers, self.runs["controller"])
         self.families = _ordered(tuple(families), self.runs["family"])
         conditions = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
-        pairs = set(self.runs[["family", "condition"]].itertuples(index=False, name=None))
+        of_runs = self.runs[["family", "condition"]].drop_duplicates()
+        pairs = set(of_runs.itertuples(index=False, name=None))
         self.situations = [pair for pair in product(self.families, conditions) if pair in pairs]
         self.factorials: dict[str, Factorial] = {}
         shown = {NOMINAL}
@@ -193,7 +194,10 @@ class Dataset:
         It is None for a custom controller, whose code defines it.
         """
         entries = self.configuration["controllers"]
-        return {name: required_information(name, entries.get(name, {})) for name in self.laws}
+        required = {}
+        for name in self.laws:
+            required[name] = required_information(name, entries.get(name, {}))
+        return required
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""
@@ -202,7 +206,9 @@ class Dataset:
     def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
         """Return the runs in a condition, of some families or of all."""
         runs = self.runs[self.runs["condition"] == condition]
-        return runs if families is None else runs[runs["family"].isin(list(families))]
+        if families is None:
+            return runs
+        return runs[runs["family"].isin(list(families))]
 
     def paired(
         self, condition: str, column: str, families: Sequence[str] | None = None

@@ -198,7 +198,8 @@ class Cell(NamedTuple):
         linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
         luminance = linear @ LUMINANCE
         text = "#000" if luminance > BRIGHT else "#fff"
-        return to_hex(rgb), text
+        background = to_hex(rgb)
+        return background, text
 
 
 class Situation(NamedTuple):
@@ -217,9 +218,12 @@ def situations(dataset: Dataset) -> list[Situation]:
 
 def _situations(dataset: Dataset) -> list[Situation]:
     keys = ["family", "condition", "controller"]
-    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
+    run_keys = dataset.runs[[*keys, "ending"]]
+    counts = Counter(run_keys.itertuples(index=False, name=None))
+    worst: dict[tuple[str, ...], Any] = {}
     last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
-    worst: dict[tuple[str, ...], Any] = {tuple(run[keys]): run for _, run in last.iterrows()}
+    for _, run in last.iterrows():
+        worst[tuple(run[keys])] = run
     found = []
     for family, condition in dataset.situations:
         ranked = ranking(dataset, condition, families=[family])

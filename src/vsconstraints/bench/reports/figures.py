@@ -66,7 +66,8 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     """Draw the shares (laws, N) of the shown laws over x (N,), each in its usual style."""
     style = _line_styles(laws)
     for law, share in zip(shown, shares, strict=True):
-        ax.plot(x, 100.0 * share, **style[law], **markers(law, laws, len(x)))
+        marks = markers(law, laws, len(x))
+        ax.plot(x, 100.0 * share, **style[law], **marks)
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
@@ -82,7 +83,8 @@ def _line_styles(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
 def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
     entries = []
     for law, look in looks(laws).items():
-        entries.append(line(shortened(law), look.colour, look.line, **mark_of(look)))
+        mark = mark_of(look)
+        entries.append(line(shortened(law), look.colour, look.line, **mark))
     sheet.legend(entries)
 
 
@@ -173,7 +175,8 @@ def draw_levels(
                 if condition in rankings and law in rankings[condition].shares:
                     places.append(tick + first_offset + i * step)
                     shares.append(rankings[condition].shares[law])
-            middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
+            per_cent = 100.0 * np.reshape(shares, (-1, 3))
+            middle, low, high = per_cent.T
             error = np.maximum([middle - low, high - middle], 0.0)
             ax.errorbar(
                 places,
@@ -243,12 +246,10 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         order = np.argsort(ranks.means, kind="stable")
         for place, k in enumerate(order):
             law = ranked_laws[k]
-            if place < lines_of_names:
-                y = bars + NAME_LINE * place
-                _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left=True)
-            else:
-                y = bars + NAME_LINE * (count - 1 - place)
-                _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left=False)
+            on_left = place < lines_of_names
+            line_of_name = place if on_left else count - 1 - place
+            y = bars + NAME_LINE * line_of_name
+            _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left)
     return sheet if shown else None
 
 
@@ -306,7 +307,8 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         )
         best = by_seed.cummax()
         count = best.index + 1
-        ax.plot(count, best.median(axis=1), **style, **markers(law, laws, len(count)))
+        marks = markers(law, laws, len(count))
+        ax.plot(count, best.median(axis=1), **style, **marks)
         least = best.min(axis=1)
         greatest = best.max(axis=1)
         ax.fill_between(count, least, greatest, color=style["color"], alpha=0.12, linewidth=0)

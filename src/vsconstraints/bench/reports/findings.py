@@ -160,9 +160,11 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
 def violations(dataset: Dataset, condition: str) -> Finding:
     """Return the finding on controllers that violate a row least often, by the strict standard."""
     ranked = kept_ranking(dataset, condition)
-    violated = {law: ranked.shares[law].complement for law in named_of(ranked.front)}
+    violated = {}
     numbers: dict[str, float] = {"scenes": ranked.scenes}
-    for law, share in violated.items():
+    for law in named_of(ranked.front):
+        share = ranked.shares[law].complement
+        violated[law] = share
         numbers |= share.numbers("violation", law=law)
     text = text_of("violations", shares=violated)
     return Finding(text, "violations", condition, tuple(violated), numbers)

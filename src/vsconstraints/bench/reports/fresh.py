@@ -62,8 +62,10 @@ def _success(study: Study, law: str, condition: str) -> Rate:
 
 
 def _p_value(fresh: Rate, published: Rate) -> float:
-    counts = [[rate.count, rate.of - rate.count] for rate in (fresh, published)]
-    return float(fisher_exact(counts).pvalue)
+    table = []
+    for success in (fresh, published):
+        table.append([success.count, success.of - success.count])
+    return float(fisher_exact(table).pvalue)
 
 
 def fresh_page(fresh: Study, published: Study) -> str:

@@ -29,7 +29,8 @@ def require_whole(study: Study, testset: TestSet, where: str) -> None:
         file = FILE.format(family.name, HALF)
         known = family.tables["frozen"][HALF]
         stored = study.frozen.get(family.name, {})
-        if any(stored.get(key) != known[key] for key in ("seed", "sha256")):
+        has_same_seed = stored.get("seed") == known["seed"]
+        if not has_same_seed or stored.get("sha256") != known["sha256"]:
             raise ConfigurationError(
                 f"{where}: {file} of test set {testset.version} is not the file that was run"
             )
@@ -59,7 +60,8 @@ def _require_scenes(study: Study, testset: TestSet, where: str) -> None:
             which = f"{half} scenes of {family_name}, {condition}"
             raise ConfigurationError(f"{where}: test set {testset.version} has no {which}")
     for family in testset.families:
-        scenes = set(range(len(testset.hashes[FILE.format(family.name, HALF)])))
+        hashes = testset.hashes[FILE.format(family.name, HALF)]
+        scenes = set(range(len(hashes)))
         runs = study.runs[study.runs["family"] == family.name]
         for condition in family.conditions:
             run_scenes = set(runs.loc[runs[CONDITION] == condition, "scene"])
@@ -94,21 +96,22 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
         names = {law: law if law not in sources else f"{law} ({author})" for law in study.laws}
         for law, name in names.items():
             sources[name] = law, study, author
-        tables.append(study.runs.assign(controller=study.runs["controller"].map(names)))
+        controllers = study.runs["controller"].map(names)
+        tables.append(study.runs.assign(controller=controllers))
         if study.missing_results:
             missing_results[author] = study.missing_results
     runs = pd.concat(tables)
     runs = runs[runs[CONDITION].isin(CONDITIONS)]
     rankings = [_ranked(runs, condition, "success") for condition in CONDITIONS]
     disturbed = runs[runs[CONDITION] == DISTURBED]
-    families = disturbed.groupby(["controller", "family"])["success"].mean().unstack()
+    by_family = disturbed.groupby(["controller", "family"])["success"].mean()
     success = runs.groupby("controller")["success"].mean()
     order = success.sort_values(ascending=False, kind="stable").index
     text = render(
         Path(__file__).with_name("leaderboard.md"),
         rankings=[ranking for ranking in rankings if ranking.scenes],
         tolerated=_ranked(runs, DISTURBED, "tolerant_success"),
-        families=families,
+        families=by_family.unstack(),
         laws={law: sources[law] for law in order},
         condition_text=condition_text,
         information_text=information_text,

@@ -173,8 +173,13 @@ def _runs(dataset: Dataset, condition: str, other: str) -> Any:
 def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
     """Return :func:`pairwise_verdicts` of the runs comparable with another condition; cached."""
     runs = _runs(dataset, condition, other)
-    key = "pairs", measure.name, condition, frozenset(runs["family"]), frozenset(runs["controller"])
-    return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
+
+    def compute() -> PairVerdicts:
+        return pairwise_verdicts(runs, measure.name, ratio=measure.ratio)
+
+    families = frozenset(runs["family"])
+    laws = frozenset(runs["controller"])
+    return dataset.once(("pairs", measure.name, condition, families, laws), compute)
 
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
@@ -198,7 +203,8 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
             is_shown = power.condition == condition and power.measure == "success"
             if is_shown and isfinite(power.detectable):
                 numbers["detectable"] = power.detectable
-        several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
+        text = text_of("holds", **numbers)
+        several.append(Finding(text, "holds", condition, (), numbers))
     return several
 
 

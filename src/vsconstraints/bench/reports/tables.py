@@ -110,7 +110,10 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
 
 def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
     """Return the most frequent names with at least ``least`` counts, and the sum of the others."""
-    frequent = [(name, count) for name, count in counts.most_common(most) if count >= least]
+    frequent = []
+    for name, count in counts.most_common(most):
+        if count >= least:
+            frequent.append((name, count))
     others = counts.total() - sum(count for _, count in frequent)
     if others:
         frequent.append(("others", others))

@@ -97,10 +97,12 @@ def _groups(means: Array, width: float) -> tuple[tuple[int, ...], ...]:
     ordered = means[order]
     groups = []
     longest_end = 0
-    for begin, end in enumerate(np.searchsorted(ordered, ordered + width, side="right")):
+    ends = np.searchsorted(ordered, ordered + width, side="right")
+    for begin, end in enumerate(ends):
         # a group that ends where an earlier one does is contained in it
         if end > begin + 1 and end > longest_end:
-            groups.append(tuple(int(law) for law in order[begin:end]))
+            laws = order[begin:end].tolist()
+            groups.append(tuple(laws))
         longest_end = max(longest_end, end)
     return tuple(groups)
 
@@ -126,7 +128,8 @@ class Profile:
         shares = []
         for ratios in self.ratios.T:
             solved = np.sort(ratios[np.isfinite(ratios)])
-            shares.append(np.searchsorted(solved, limits, side="right") / scenes)
+            counts = np.searchsorted(solved, limits, side="right")
+            shares.append(counts / scenes)
         return np.stack(shares, axis=-1)
 
     @property
@@ -164,7 +167,8 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
             f"a profile needs positive costs: the least is {finite.min():g}, and {shift:g} is added"
         )
     ratios = np.full(moved.shape, np.inf)
-    np.divide(moved, moved.min(axis=1, keepdims=True), out=ratios, where=np.isfinite(moved))
+    least_of_scene = moved.min(axis=1, keepdims=True)
+    np.divide(moved, least_of_scene, out=ratios, where=np.isfinite(moved))
     return Profile(ratios, shift)
 
 
@@ -173,7 +177,8 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
 #: 1 − 1e-4. The grid resolves the logit of a family of 1000 scenes, which is known to 0.06.
 LOGITS = np.linspace(-12.0, 12.0, 601)
 SPREADS = np.geomspace(0.04, 6.0, 24)
-MEANS = np.linspace(-9.0, 9.0, 181) * np.sqrt(1.0 + SPREADS[:, None] ** 2 / 3.0)
+_GROWTH = np.sqrt(1.0 + SPREADS[:, None] ** 2 / 3.0)
+MEANS = np.linspace(-9.0, 9.0, 181) * _GROWTH
 
 
 class Across(NamedTuple):
@@ -224,7 +229,10 @@ def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) 
     families = successes.shape[1]
     quantile = variance_ratio.isf(1.0 - checked_confidence(confidence), 1, families - 1)
     drop = quantile / 2.0
-    return [_across(log_likelihood[..., i], shares, drop) for i in range(len(successes))]
+    estimates = []
+    for i in range(len(successes)):
+        estimates.append(_across(log_likelihood[..., i], shares, drop))
+    return estimates
 
 
 @lru_cache(maxsize=1)
@@ -278,7 +286,8 @@ def _across(log_likelihood: Array, shares: Array, drop: float) -> Across:
 def _crossing(margin: Array, share: Array, inner: int, outer: int) -> float:
     """Return the share at which the margin is zero, by linear interpolation."""
     part = margin[inner] / (margin[inner] - margin[outer])
-    return float(share[inner] + part * (share[outer] - share[inner]))
+    step = share[outer] - share[inner]
+    return float(share[inner] + part * step)
 
 
 def left_out_ranks(rates: ArrayLike) -> Array:

@@ -76,7 +76,9 @@ class Paired(NamedTuple):
 
         It is 0.5 without scenes.
         """
-        return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
+        if not self.n:
+            return 0.5
+        return (1.0 + (self.wins - self.losses) / self.n) / 2.0
 
 
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
@@ -209,12 +211,15 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
         return Median(math.nan, -math.inf, math.inf, 0)
     lower = ordered[(n - 1) // 2]
     upper = ordered[n // 2]
-    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # −∞ and ∞ give zero
+    # the sum of −∞ and ∞ would be NaN
+    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)
     fewer_below = binom.cdf(np.arange(n), n, 0.5)
     k = int(np.count_nonzero(fewer_below <= alpha / 2.0))
     if k == 0:
         return Median(middle, -math.inf, math.inf, n)
-    return Median(middle, float(ordered[k - 1]), float(ordered[n - k]), n)
+    low = float(ordered[k - 1])
+    high = float(ordered[n - k])
+    return Median(middle, low, high, n)
 
 
 def paired(
@@ -255,7 +260,8 @@ def paired(
     losses = int(is_less.sum())
     if better == "less":
         wins, losses = losses, wins
-    return Paired(middle, low, high, n, wins, losses, sign_test(wins, losses), of)
+    p = sign_test(wins, losses)
+    return Paired(middle, low, high, n, wins, losses, p, of)
 
 
 def log_ratios(a: Array, b: Array) -> Array:

@@ -171,7 +171,10 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
         effect=result.effect,
         p=result.p,
     )
-    if not both.any() or min(a[both].min(), b[both].min()) < 0.0:
+    if not both.any():
+        return comparison
+    least_value = min(a[both].min(), b[both].min())
+    if least_value < 0.0:
         return comparison
     logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)
     with np.errstate(over="ignore"):  # a ratio above 1e308 is infinite
@@ -228,7 +231,8 @@ def compare_laws(
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)
-    known = [str(name) for name in dict.fromkeys(checked(runs, by, judged)[LAW])]
+    laws = checked(runs, by, judged)[LAW].unique()
+    known = [str(name) for name in laws]
     if reference is not None and reference not in known:
         raise unknown_name("controller", reference, known)
     better: Better

@@ -98,7 +98,8 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     """
     status = str(result["status"])
     violated = bool(result["violated"])
-    if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
+    both_still_move = status in STILL_MOVING and str(baseline["status"]) in STILL_MOVING
+    if status != "converged" and not both_still_move:
         return Outcome(status, violated, REFERENCE)
     unused = 1.0 - float(result["utilization"])
     variation = float(result["acceleration_variation"])
@@ -330,8 +331,11 @@ def evaluating(batches: Sequence[Batch], workers: int | None, files: Files) -> I
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             if not settings:
                 return []
-            named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
-            calls = [replace(batch, controllers=(*batch.controllers, *named)) for batch in batches]
+            named = [replace(setting, name=str(i)) for i, setting in enumerate(settings)]
+            calls = []
+            for batch in batches:
+                controllers = (*batch.controllers, *named)
+                calls.append(replace(batch, controllers=controllers))
             outcomes: list[dict[str, list[Outcome]]] = []
             for _ in settings:
                 outcomes.append({name: [] for name in (ALL, *families)})
