@@ -123,13 +123,15 @@ def evidence(
         )
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes)
-    chosen = chosen.with_stacks(stacks or ()).with_settings(settings or ()).checked()
+    chosen = chosen.with_stacks(stacks or ())
+    chosen = chosen.with_settings(settings or ()).checked()
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError(
             "call times are measured on this machine: with --cluster, give a file of them"
         )
-    chosen = with_call_times(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
+    stored_times = None if fresh else out
+    chosen = with_call_times(chosen, stored_times, jobs, time_passes, slower, budget_us)
     plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
     if cluster is not None:
@@ -277,7 +279,9 @@ def advise(
     if asked.specified:
         # only laws that come with the package are recommended
         runs = runs if keep is None else Study.load(keep)
-        known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
+        known = {ROWS}
+        for law in runs.laws.values():
+            known.update(law.make().uses)
         for word in {*(may_use or ())} - known:
             raise unknown_name("information", word, known)
         found = advice_for(runs, asked, may_use or None)
@@ -285,7 +289,8 @@ def advise(
             console.print(_json(found))
         else:
             texts = {"rate_text": rate_text, "toml_items": toml_items, "toml_text": toml_text}
-            say(TEXTS["advice"], advice=found, best=found.laws[0], **texts)
+            best = found.laws[0]
+            say(TEXTS["advice"], advice=found, best=best, **texts)
             _print_choices(found.laws[:8])
 
 
@@ -295,7 +300,8 @@ def _print_choices(laws: Sequence[Judged]) -> None:
 
     lines: list[list[str]] = []
     for law in laws:
-        lost = with_interval(law.loss.difference, law.loss.low, law.loss.high, 100.0)
+        loss = law.loss
+        lost = with_interval(loss.difference, loss.low, loss.high, 100.0)
         lines.append(
             [
                 f"{'≈' if law.best else ' '} {law.law.name}",
@@ -306,9 +312,8 @@ def _print_choices(laws: Sequence[Judged]) -> None:
             ]
         )
     console.print()
-    print_columns(
-        ["law", "success", "loses [points]", "a call [µs]", "requires"], lines, wrapped={4: 24}
-    )
+    header = ["law", "success", "loses [points]", "a call [µs]", "requires"]
+    print_columns(header, lines, wrapped={4: 24})
     console.print("≈ not distinguishable from the law that succeeds most often")
 
 
@@ -326,7 +331,8 @@ def _json(advice: Advice) -> str:
             "call_us": None if isnan(law.call_us) else law.call_us,
         }
         laws.append(entry)
-    return json.dumps({**advice._asdict(), "laws": laws}, ensure_ascii=False, indent=1)
+    data = {**advice._asdict(), "laws": laws}
+    return json.dumps(data, ensure_ascii=False, indent=1)
 
 
 def tune(

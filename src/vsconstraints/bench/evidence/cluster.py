@@ -125,8 +125,9 @@ def _answer(
     limit: float | None = None,
     again: bool = True,
 ) -> Any:
+    calls = {0: (function, *arguments)}
     limits = {} if limit is None else {0: limit}
-    ((_, answer),) = pool.run({0: (function, *arguments)}, limits, again=again)
+    ((_, answer),) = pool.run(calls, limits, again=again)
     return answer
 
 
@@ -204,7 +205,8 @@ class _Cluster:
         # a new worker may take the address of one that disappeared
         for worker in self._usable.keys() - connected.keys():
             del self._usable[worker]
-        for worker in connected.keys() - self._usable.keys() - self._asked.keys():
+        known = self._usable.keys() | self._asked.keys()
+        for worker in connected.keys() - known:
             future = self._submit(self._packed(str), [worker])
             self._asked[worker] = future, time.monotonic() + BEGIN
         for worker, (future, until) in list(self._asked.items()):
@@ -222,7 +224,11 @@ class _Cluster:
                 self._refuse(worker, f"cannot make runs: {described(future.exception())}")
             elif not self._refused_by(unpacked(future.result())):
                 self._usable[worker] = True
-        return {worker: count for worker, count in connected.items() if self._usable.get(worker)}
+        threads = {}
+        for worker, count in connected.items():
+            if self._usable.get(worker):
+                threads[worker] = count
+        return threads
 
     def _refused_by(self, answer: Any) -> bool:
         """True if an answer shows that its worker would give different results.

@@ -263,9 +263,10 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     names = (*RunKey._fields, "status", "violation_depth", "duration_s")
     # runs without a sample have no duration
     runs = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
-    runs = runs.sort_values(["family", "scene", "condition", "controller"], ignore_index=True)
-    lines = runs.to_dict("records")
-    kept = kept_lines(lines, keep, ("family", "condition", "controller"), ("family", "scene"))
+    order = ["family", "scene", "condition", "controller"]
+    lines = runs.sort_values(order, ignore_index=True).to_dict("records")
+    group = ("family", "condition", "controller")
+    kept = kept_lines(lines, keep, group, ("family", "scene"))
     keys = []
     for line in kept:
         cells = {name: line[name] for name in RunKey._fields}

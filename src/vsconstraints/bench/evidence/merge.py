@@ -61,10 +61,11 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         with store.storing():
             for batch in evidence.batches:
                 tables = {name: batch.table(name) for name in TABLES}
-                facts = replace(batch.facts, scenes=batch.scenes, runs=tables[MARK].num_rows)
+                n_runs = tables[MARK].num_rows
+                facts = replace(batch.facts, scenes=batch.scenes, runs=n_runs)
                 write_batch(out, batch.name_of_scenes, tables, facts)
                 scenes += tables["scenes"].num_rows
-                runs += facts.runs
+                runs += n_runs
             copied = _copy_trajectories(evidence, out)
         manifest = combined_manifest(evidence.manifests, evidence.batches)
         manifest["trajectories"] = copied

@@ -124,7 +124,8 @@ TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are 
 
 def schema(columns: Sequence[Column]) -> Any:
     """Return the Arrow schema of a table with these columns."""
-    return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
+    fields = [(column.name, _TYPES[column.kind]) for column in columns]
+    return pa.schema(fields)
 
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
@@ -190,7 +191,9 @@ def read(
     A missing column is read as empty: a text as "", all others as null. Raises ConfigurationError
     if a file cannot be read or has no required column.
     """
-    selected = [column for column in columns if names is None or column.name in names]
+    selected = columns
+    if names is not None:
+        selected = [column for column in columns if column.name in names]
     wanted = schema(selected)
     tables = [wanted.empty_table()]
     for path in paths:

@@ -172,7 +172,9 @@ class Evidence(StoredResults):
     def drawn(self, family: str, scene: int) -> Drawn:
         """Draw a scene again, as it was run."""
         configuration = self.manifest["configuration"]
-        return self.families[family].scene(scene, configuration["half"], configuration["seed"])
+        half = configuration["half"]
+        seed = configuration["seed"]
+        return self.families[family].scene(scene, half, seed)
 
     def record(self, family: str, condition: str, scene: int, controller: str) -> RunRecord | None:
         """Return the record of a run, None if its trajectory is not stored.
@@ -187,9 +189,11 @@ class Evidence(StoredResults):
                 return record
         if self.parts:
             return None
-        path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
+        key = RunKey(family, condition, scene, controller)
+        path = trajectory_file(self.folder, key)
         require_unchanged(self.folder, [path], "finished" in self.manifest)
-        return RunRecord.load(path, most_samples(self.families[family].tables))
+        most = most_samples(self.families[family].tables)
+        return RunRecord.load(path, most)
 
     def _table(self, name: str) -> Any:
         import pandas as pd
@@ -334,7 +338,8 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
     half = configuration["half"]
     counts = {}
     for table in TABLES:
-        counts[table] = parquet.line_count(batch_file(batch.folder, table, batch.name))
+        file = batch_file(batch.folder, table, batch.name)
+        counts[table] = parquet.line_count(file)
     planned = _planned_runs(facts, configuration)
     if counts["scenes"] != len(facts.scenes):
         yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
@@ -366,7 +371,8 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
     }
     for problem, wrong in problems.items():
         if wrong:
-            cells_text = ", ".join(map(str, min(wrong, key=str)))
+            first = min(wrong, key=str)
+            cells_text = ", ".join(map(str, first))
             yield f"it has {problem} {cells_text}"
     rows = Counter(lines("rows", *keys, "constraint"))
     is_listed_twice = any(count > 1 for count in rows.values())

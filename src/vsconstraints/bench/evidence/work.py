@@ -126,7 +126,9 @@ class Batch:
         For each scene, a further batch without runs returns the line of the scene.
         """
         scenes = [replace(self, scenes=(number,)) for number in self.scenes]
-        pieces = [(replace(scene, conditions=()), self.drawing_limit) for scene in scenes]
+        pieces = []
+        for scene in scenes:
+            pieces.append((replace(scene, conditions=()), self.drawing_limit))
         for scene, condition, entry in product(scenes, self.conditions, self.controllers):
             run = replace(scene, conditions=(condition,), single=entry.name)
             pieces.append((run, run.run_limit(entry)))
@@ -262,7 +264,8 @@ def scored(batch: Batch) -> Part:
         for scene in batch.scenes:
             _score_scene(lines, batch, scene)
     if own_parts:
-        files = named(files, own_folders(batch.controllers, [batch.family]))
+        folders = own_folders(batch.controllers, [batch.family])
+        files = named(files, folders)
     return Part.of(lines, time.perf_counter() - begun, files)
 
 

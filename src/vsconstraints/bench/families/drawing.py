@@ -45,7 +45,9 @@ def _log_uniform(random: Random, least: Array, greatest: Array) -> Array:
 
 
 def _integer(random: Random, least: Array, greatest: Array) -> Any:
-    return random.integers(least.astype(np.int64), greatest.astype(np.int64), endpoint=True)
+    low = least.astype(np.int64)
+    high = greatest.astype(np.int64)
+    return random.integers(low, high, endpoint=True)
 
 
 def _integers(least: Array, greatest: Array) -> Any:
@@ -192,7 +194,8 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
         values[key] = tree.draw(streams.of(key))
         return values[key]
     if isinstance(tree, Placed):
-        return Placed(tree.name, drawn(tree.table, streams, f"{key}.{tree.name}", values))
+        table = drawn(tree.table, streams, f"{key}.{tree.name}", values)
+        return Placed(tree.name, table)
     prefix = f"{key}." if key else ""
     if isinstance(tree, dict):
         return {

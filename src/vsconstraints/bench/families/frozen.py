@@ -188,7 +188,8 @@ def _lines(path: Path) -> list[str]:
     try:
         require_regular(path)
         with gzip.open(path, "rb") as file:
-            return file.read(MAX_BYTES).decode().split("\n")[:-1]
+            *lines, _ = file.read(MAX_BYTES).decode().split("\n")
+            return lines
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path.name} of a test set cannot be read: {error}") from error
 
@@ -244,9 +245,8 @@ class TestSet:
                 frozen[half] = {"file": file, "seed": index.seed, "sha256": joint_hash}
             tables = {**family.tables, "testset": index.version, "frozen": frozen}
             families.append(FrozenFamily(name, tables, folder))
-        return cls(
-            folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest()
-        )
+        digest = sha256(text).hexdigest()
+        return cls(folder, index.version, index.seed, tuple(families), hashes, digest)
 
     @classmethod
     def make(
@@ -292,7 +292,8 @@ class TestSet:
                 file.write_bytes(gzip.compress(data, 9, mtime=0))
                 entry.sha256[half] = [_digest(line) for line in lines]
                 entry.left_out[half] = left_out
-        text = msgspec.json.format(msgspec.json.encode(index), indent=1)
+        encoded = msgspec.json.encode(index)
+        text = msgspec.json.format(encoded, indent=1)
         (folder / INDEX).write_bytes(text + b"\n")
         return cls.load(folder)
 

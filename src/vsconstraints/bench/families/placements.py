@@ -106,9 +106,11 @@ def look_at(
     tilting = _about("z", azimuth) @ _about("y", tilt) @ _about("z", -azimuth)
     # the optical axis points to the target, against the normal
     rotation = along_normal @ tilting @ _about("x", np.pi) @ _about("z", roll)
-    x, y = scene.camera.normalised(np.asarray(image_px, dtype=np.float64))
+    pixel = np.asarray(image_px, dtype=np.float64)
+    x, y = scene.camera.normalised(pixel)
     from_camera = distance * np.array([x, y, 1.0])
-    camera = Pose(rotation, scene.markers.mean(axis=0) - rotation @ from_camera)
+    target = scene.markers.mean(axis=0)
+    camera = Pose(rotation, target - rotation @ from_camera)
     q = inverse_kinematics(robot, tip_of(scene, camera), begin)
     return None if q is None else q.tolist()
 

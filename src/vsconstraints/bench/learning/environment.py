@@ -61,7 +61,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         acceleration: float = ACCELERATION, violation_weight: float = 1.0,
     ) -> None:  # fmt: skip
         if isinstance(scenes, str):
-            scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
+            kind = Family if scenes in families() else Scenario
+            scenes = kind.load(scenes)
         _require_usable(scenes, count, law)
         acceleration = positive_number("acceleration", acceleration)
         if violation_weight != 0.0:
@@ -70,7 +71,9 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.half = half
         self.condition = condition
         self.count = int(count)
-        self.law = make_controller(law) if isinstance(law, str) else law or Tracking()
+        if isinstance(law, str):
+            law = make_controller(law)
+        self.law = law or Tracking()
         self.adds = law is not None
         self.acceleration = acceleration
         self.violation_weight = violation_weight
@@ -79,7 +82,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.observation_space = gymnasium.spaces.Box(
             -1.0, 1.0, self._observation.shape, np.float32
         )
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
+        action_shape = self._observer.action.shape
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, action_shape, np.float32)
 
     def _begin(self, number: int) -> None:
         """Go to the first sample of a scene."""
@@ -162,7 +166,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         depths = loop.true.sigma / loop.true.scale
         outside = depths[loop.true.sigma > 0.0]
         if outside.size:
-            self._violation = max(self._violation, float(outside.max()))
+            deepest = float(outside.max())
+            self._violation = max(self._violation, deepest)
             penalty = float((1.0 + np.minimum(outside, 1.0)).sum())
             reward -= self.violation_weight * self.run.setup.Ts * penalty
         # sample k is the last judged sample

@@ -77,17 +77,19 @@ def beyond(dataset: Dataset) -> list[Beyond]:
 
 def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     laws = ranking(dataset, condition).laws
-    success = dataset.paired(condition, "success").astype(bool)[list(laws)]
+    success = dataset.paired(condition, "success")[list(laws)].astype(bool)
     families = success.groupby(level="family", observed=True)
     if len(families) < FEWEST:
         return None
     counts = _by_family(success)
-    scenes = np.broadcast_to(families.size().to_numpy(float), counts.shape)
+    sizes = families.size().to_numpy(float)
+    estimates = across_families(counts, np.broadcast_to(sizes, counts.shape))
     shares = {}
-    for law, estimate in zip(laws, across_families(counts, scenes), strict=True):
+    for law, estimate in zip(laws, estimates, strict=True):
         shares[law] = Share(estimate.share, estimate.low, estimate.high)
     behind = _behind_first(success)
-    return Beyond(condition, laws, shares, behind, left_out_ranks(families.mean()))
+    ranks = left_out_ranks(families.mean())
+    return Beyond(condition, laws, shares, behind, ranks)
 
 
 def _behind_first(success: pd.DataFrame) -> frozenset[str]:

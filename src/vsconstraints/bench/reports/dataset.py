@@ -94,11 +94,11 @@ def _factors_of(
                 partners.update(levels)
         if not partners:
             continue
-        factor = next((factor for factor in factors if partners.isdisjoint(factor)), None)
-        if factor is None:
-            factor = [NOMINAL]
-            factors.append(factor)
-        factor.append(level)
+        without_partners = [factor for factor in factors if partners.isdisjoint(factor)]
+        if without_partners:
+            without_partners[0].append(level)
+        else:
+            factors.append([NOMINAL, level])
     factors.sort(key=len, reverse=True)
     return [tuple(factor) for factor in factors]
 
