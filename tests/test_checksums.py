@@ -1,4 +1,4 @@
-"""What was stored is what is read: changes are refused by name, and so are shards that are not the
+"""What was stored is what is read: changes are refused by name, and so are batches that are not the
 plan's.
 """
 
@@ -57,13 +57,13 @@ def chosen(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
-    """A campaign whose scenes two machines have run, all of a family in one shard each, and one has
+    """A campaign whose scenes two machines have run, all of a family in one batch each, and one has
     run all.
     """
     folder = tmp_path_factory.mktemp("parts")
     small = campaign(folder, scenes=4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 1)
+        patch.setattr("vsconstraints.bench.evidence.work.MIN_BATCHES", 1)
         for i in (1, 2):
             collect(small, folder / str(i), replace(HERE, shard=Shard(i, 2), keep="first"))
     return small, folder
@@ -199,7 +199,7 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
 
 def arrow(folder: Path, name: str) -> dict[str, Any]:
     return {
-        table: parquet.read([folders.shard_file(folder, table, name)], TABLES[table])
+        table: parquet.read([folders.batch_file(folder, table, name)], TABLES[table])
         for table in TABLES
     }
 
@@ -207,17 +207,17 @@ def arrow(folder: Path, name: str) -> dict[str, Any]:
 def rewritten(
     folder: Path, change: Callable[[dict[str, pd.DataFrame], dict[str, Any]], None]
 ) -> str:
-    """Change lines and facts of a folder's only shard, and make its checksums anew; its name."""
+    """Change lines and facts of a folder's only batch, and make its checksums anew; its name."""
     import pyarrow as pa
 
-    (name,) = folders.shard_names(folder)
+    (name,) = folders.batch_names(folder)
     found = arrow(folder, name)
     frames = {table: lines.to_pandas() for table, lines in found.items()}
-    facts = parquet.facts_of(folders.shard_file(folder, "runs", name))
+    facts = parquet.facts_of(folders.batch_file(folder, "runs", name))
     change(frames, facts)
     for table, lines in found.items():
         new = pa.Table.from_pandas(frames[table], schema=lines.schema, preserve_index=False)
-        parquet.write(folders.shard_file(folder, table, name), new, facts)
+        parquet.write(folders.batch_file(folder, table, name), new, facts)
     (folder / SUMS).unlink()
     seal(folder, folders.stored_files(folder))
     return name
@@ -280,13 +280,13 @@ WRONG = {
     "the same scene twice": (said(scenes=[0, 0]), "its scenes are"),
     "a foreign family": (said(family="mine"), "it is of the family 'mine'"),
     "another setting": (of_other_law, "with another controllers"),
-    "no facts": (lambda frames, facts: facts.clear(), "it is not a shard of a campaign"),
-    "an unknown fact": (said(more=1), "it is not a shard of a campaign"),
+    "no facts": (lambda frames, facts: facts.clear(), "it is not a batch of a campaign"),
+    "an unknown fact": (said(more=1), "it is not a batch of a campaign"),
 }
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_a_shard_that_is_not_the_plans_is_refused_by_name(
+def test_a_batch_that_is_not_the_plans_is_refused_by_name(
     what: str, parts: tuple[Campaign, Path], tmp_path: Path
 ) -> None:
     one, two = (shutil.copytree(parts[1] / name, tmp_path / name) for name in "12")
@@ -320,18 +320,18 @@ def test_merging_takes_nothing_that_was_changed_or_is_gone(
     alone = tmp_path / "alone"
     collect(parts[0], alone, HERE)
     assert_same(tables(alone), tables(tmp_path / "merged"))
-    # a shard that is there under two names
-    (name,) = folders.shard_names(one)
+    # a batch that is there under two names
+    (name,) = folders.batch_names(one)
     for table in TABLES:
         shutil.copy(
-            folders.shard_file(one, table, name), folders.shard_file(one, table, f"{name}-again")
+            folders.batch_file(one, table, name), folders.batch_file(one, table, f"{name}-again")
         )
     (one / SUMS).unlink()
     with pytest.raises(ConfigurationError, match="has scene 0 of quick, too"):
         Evidence.load(one)
 
 
-def test_no_flipped_bit_of_a_shard_gives_other_numbers_even_without_sums(
+def test_no_flipped_bit_of_a_batch_gives_other_numbers_even_without_sums(
     parts: tuple[Campaign, Path], tmp_path: Path
 ) -> None:
     """By the checksums of its pages alone, and what its footer has to say."""

@@ -201,7 +201,7 @@ def test_setups_that_are_shared_change_nothing(condition: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("reader", ["pandas", "polars", "duckdb"])
-def test_shards_are_read_by_all_three(whole: tuple[Campaign, Path], reader: str) -> None:
+def test_batches_are_read_by_all_three(whole: tuple[Campaign, Path], reader: str) -> None:
     _, out = whole
     expected = (
         Evidence.load(out)
@@ -241,9 +241,9 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_BATCHES", 2)
     collect(small, tmp_path / "large", HERE)
-    assert len(folders.shard_names(tmp_path / "large")) == 2
+    assert len(folders.batch_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
     assert_same(tables(out), tables(tmp_path / "twice"))
     collect(small, tmp_path / "pool", Plan(workers=processes(1)))
@@ -256,9 +256,9 @@ def test_what_is_done_is_not_done_again(
     small, out = whole
     few = replace(small, scenes=2)
     collect(few, tmp_path, HERE)
-    # a shard that lost a part, and one that was cut off, are made again; more scenes join
-    (tmp_path / "rows").joinpath(folders.shard_names(tmp_path)[0] + ".parquet").unlink()
-    cut = tmp_path / "runs" / (folders.shard_names(tmp_path)[1] + ".parquet")
+    # a batch that lost a part, and one that was cut off, are made again; more scenes join
+    (tmp_path / "rows").joinpath(folders.batch_names(tmp_path)[0] + ".parquet").unlink()
+    cut = tmp_path / "runs" / (folders.batch_names(tmp_path)[1] + ".parquet")
     cut.write_bytes(cut.read_bytes()[:-30])
     (tmp_path / "scenes" / "part-quick-0000005-0000005.parquet.part").write_bytes(b"half")
     drawn: list[int] = []
@@ -284,8 +284,8 @@ def test_what_is_done_is_not_done_again(
 def test_a_column_that_is_not_there_is_named(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
     small, _ = whole
     collect(replace(small, scenes=1), tmp_path, HERE)
-    (name,) = folders.shard_names(tmp_path)
-    path = folders.shard_file(tmp_path, "scenes", name)
+    (name,) = folders.batch_names(tmp_path)
+    path = folders.batch_file(tmp_path, "scenes", name)
     lines = folders.parquet.read([path], TABLES["scenes"])
     folders.parquet.write(path, lines.drop_columns(["found"]), folders.parquet.facts_of(path))
     (tmp_path / SUMS).unlink()
@@ -302,8 +302,8 @@ def test_a_campaign_from_before_a_column_was_added_can_be_read(
     small, _ = whole
     collect(replace(small, scenes=1), tmp_path, HERE)
     now = Evidence.load(tmp_path).runs
-    (name,) = folders.shard_names(tmp_path)
-    path = folders.shard_file(tmp_path, "runs", name)
+    (name,) = folders.batch_names(tmp_path)
+    path = folders.batch_file(tmp_path, "runs", name)
     lines = folders.parquet.read([path], TABLES["runs"])
     folders.parquet.write(
         path, lines.drop_columns(["acceleration_max"]), folders.parquet.facts_of(path)
@@ -329,11 +329,11 @@ def test_batches_of_another_size_are_gone_on_with(
     twice.
     """
     small, out = whole
-    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_TASKS", 1)
-    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", before)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.MIN_BATCHES", 1)
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_BATCH", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
-    assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
-    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_TASK", after)
+    assert len(folders.batch_names(tmp_path)) == ceil(4 / (before // 6))
+    monkeypatch.setattr("vsconstraints.bench.evidence.work.RUNS_OF_BATCH", after)
     assert collect(small, tmp_path, HERE).progress.stored_before == 4
     assert_same(tables(out), tables(tmp_path))
 
@@ -412,9 +412,9 @@ def test_merging_names_what_is_missing_or_differs(
     )
     with pytest.raises(ConfigurationError, match=r"controllers\.hierarchical-qp\.alpha"):
         merge(tmp_path / "m", [tmp_path / "1", tmp_path / "other", tmp_path / "3"])
-    name = folders.shard_names(tmp_path / "2")[0]
+    name = folders.batch_names(tmp_path / "2")[0]
     parts = {
-        table: pd.read_parquet(folders.shard_file(tmp_path / "2", table, name)) for table in TABLES
+        table: pd.read_parquet(folders.batch_file(tmp_path / "2", table, name)) for table in TABLES
     }
     parts["runs"].loc[1, "acceleration_variation"] *= 1.0 + 1e-15 * 8
     import pyarrow as pa
@@ -422,8 +422,8 @@ def test_merging_names_what_is_missing_or_differs(
     arrow = {
         table: pa.Table.from_pandas(frame, preserve_index=False) for table, frame in parts.items()
     }
-    facts = folders.Facts.of(folders.shard_file(tmp_path / "2", "runs", name))
-    folders.write_parts(tmp_path / "2", name, arrow, facts)
+    facts = folders.Facts.of(folders.batch_file(tmp_path / "2", "runs", name))
+    folders.write_batch(tmp_path / "2", name, arrow, facts)
     with pytest.raises(ConfigurationError, match=r"scene 2 of quick is in .* with different runs"):
         merge(tmp_path / "m", [out, tmp_path / "2"])
     with pytest.raises(ConfigurationError, match="already holds results"):
@@ -578,6 +578,25 @@ def test_a_disk_that_is_full_is_named_and_what_is_there_stays(
     assert_same(tables(out), tables(tmp_path))
 
 
+def test_a_merge_on_a_full_disk_says_that_the_merged_folders_are_unchanged(
+    whole: tuple[Campaign, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An earlier merge is cleared before files are written: nothing of it is kept."""
+    _, out = whole
+    assert merge(tmp_path, [out]).scenes
+
+    def full(*arguments: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(folders.parquet, "write", full)
+        with pytest.raises(StorageError, match="the merged folders are unchanged, and the same"):
+            merge(tmp_path, [out])
+    assert not folders.batch_names(tmp_path)
+    assert merge(tmp_path, [out]).scenes
+    assert_same(tables(out), tables(tmp_path))
+
+
 def test_an_interrupt_keeps_what_is_finished(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
     small, out = whole
 
@@ -640,21 +659,21 @@ def test_shards_are_all_scenes_once(count: int, of: int) -> None:
 def test_ten_thousand_scenes_are_opened_at_once(
     whole: tuple[Campaign, Path], tmp_path: Path
 ) -> None:
-    """Footers alone are read: one shard stands for all, with the names and facts of others."""
+    """Footers alone are read: one batch stands for all, with the names and facts of others."""
     small, out = whole
     many = replace(small, scenes=10_000)
     tasks = plan_batches(many)
     assert len(tasks) == 100
-    some = folders.shard_names(out)[0]
+    some = folders.batch_names(out)[0]
     parts = {
-        table: folders.parquet.read([folders.shard_file(out, table, some)], TABLES[table])
+        table: folders.parquet.read([folders.batch_file(out, table, some)], TABLES[table])
         for table in TABLES
     }
-    facts = folders.Facts.of(folders.shard_file(out, "runs", some))
+    facts = folders.Facts.of(folders.batch_file(out, "runs", some))
     for task in tasks:
-        folders.write_parts(tmp_path, task.name, parts, replace(facts, scenes=task.scenes))
+        folders.write_batch(tmp_path, task.name, parts, replace(facts, scenes=task.scenes))
     begun = time.process_time()
-    there = folders.finished_shards(tmp_path, many)
+    there = folders.finished_batches(tmp_path, many)
     assert time.process_time() - begun < 1.0
     assert sum(len(facts.scenes) for facts in there) == 10_000
 

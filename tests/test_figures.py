@@ -427,6 +427,21 @@ def test_large_markers_are_the_medians_of_the_table() -> None:
         assert line_[0] in named
 
 
+def test_the_figures_of_several_groups_have_the_same_axes() -> None:
+    """Groups are compared side by side: in each, all laws' runs and ranges lie within the axes."""
+    results = Results(StoredComparison.load(Path(__file__).parent.parent / "reports" / "default"))
+    laws = results.competitors
+    groups = [laws[:2], laws[2:]]
+    axes = [draw_trade_off(results, group).figure.axes[0] for group in groups]
+    limits = [(ax.get_xlim(), ax.get_ylim()) for ax in axes]
+    assert limits[0] == limits[1]
+    for ax in axes:
+        low, high = ax.get_ylim()
+        drawn = np.concatenate([line_.get_ydata() for line_ in ax.lines])
+        assert low < drawn.min()
+        assert drawn.max() < high
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_names_beside_markers_cover_none_of_them(seed: int) -> None:
     """Eight laws near each other: their names lie within the panel, and no two cover each other."""

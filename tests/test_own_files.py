@@ -24,7 +24,7 @@ from vsconstraints.bench.evidence import (
     merge,
     processes,
 )
-from vsconstraints.bench.evidence.folder import shards
+from vsconstraints.bench.evidence.folder import stored_batches
 from vsconstraints.bench.tuning import Budget, Problem, tune
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.runs.identity import differences, scene_identity
@@ -137,8 +137,8 @@ def test_a_campaign_does_not_go_on_with_another_content_of_a_file(
 ) -> None:
     law, file = KINDS[kind]
     collect(campaign(tmp_path, law), tmp_path / "out", plan())
-    # every shard depends on the file, also where the process had it already
-    found = [shard.facts.files for shard in shards(tmp_path / "out")]
+    # every batch depends on the file, also where the process had it already
+    found = [batch.facts.files for batch in stored_batches(tmp_path / "out")]
     assert all(f"law/{file}" in files for files in found), found
     assert collect(reread(tmp_path), tmp_path / "out", plan()).progress.runs == 0
     edit(tmp_path / file)
@@ -149,7 +149,7 @@ def test_a_campaign_does_not_go_on_with_another_content_of_a_file(
 
 
 @pytest.mark.parametrize("kind", ["an imported helper", "a file read once"])
-def test_shards_of_different_files_are_not_merged(kind: str, tmp_path: Path) -> None:
+def test_batches_of_different_files_are_not_merged(kind: str, tmp_path: Path) -> None:
     law, file = KINDS[kind]
     collect(campaign(tmp_path / "one", law), tmp_path / "first", plan("1/2"))
     other = campaign(tmp_path / "two", law)
@@ -192,7 +192,7 @@ def test_a_file_that_is_edited_while_a_campaign_runs_ends_it(tmp_path: Path) -> 
         match=f"the file law/{file}, which custom parts have loaded or read, was cha",
     ):
         collect(small, tmp_path / "out", plan(), on_progress=edited)
-    assert [shard.facts.scenes for shard in shards(tmp_path / "out")] == [(0,), (1,)]
+    assert [batch.facts.scenes for batch in stored_batches(tmp_path / "out")] == [(0,), (1,)]
 
 
 def test_results_of_different_files_in_one_folder_are_noticed(tmp_path: Path) -> None:

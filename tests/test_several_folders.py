@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 
 from campaigns import assert_same
 from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
-from vsconstraints.bench.evidence.folder import shards, stored_files, write_parts
+from vsconstraints.bench.evidence.folder import stored_batches, stored_files, write_batch
 from vsconstraints.cli import app
 from vsconstraints.comparisons.runs.files import seal
 from vsconstraints.errors import ConfigurationError
@@ -39,20 +39,22 @@ def copied(folder: Path, families: tuple[str, ...] = FAMILIES, **changes: Any) -
 
 
 def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.0) -> Path:
-    """Store scenes of the kept campaign as a shard; ``factor`` changes a score of one run."""
+    """Store scenes of the kept campaign as a batch; ``factor`` changes a score of one run."""
     copied(folder, ())
-    (shard,) = (
-        shard for shard in shards(KEPT) if shard.facts.family == family and 0 in shard.scenes
+    (batch,) = (
+        batch
+        for batch in stored_batches(KEPT)
+        if batch.facts.family == family and 0 in batch.scenes
     )
-    part = shard.of(scenes)
+    part = batch.of(scenes)
     tables = {name: part.table(name) for name in TABLES}
     runs = tables["runs"]
     values = runs["acceleration_variation"].to_pylist()
     values[-1] *= factor
     place = runs.column_names.index("acceleration_variation")
     tables["runs"] = runs.set_column(place, runs.field(place), [values])
-    facts = replace(shard.facts, scenes=part.scenes, runs=runs.num_rows)
-    write_parts(folder, part.name_of_scenes, tables, facts)
+    facts = replace(batch.facts, scenes=part.scenes, runs=runs.num_rows)
+    write_batch(folder, part.name_of_scenes, tables, facts)
     seal(folder, stored_files(folder))
     return folder
 
@@ -84,9 +86,9 @@ def test_the_footer_of_each_file_is_read_once(
     facts_of = parquet.facts_of
     monkeypatch.setattr(parquet, "facts_of", lambda path: (read.append(path), facts_of(path))[1])
     evidence = Evidence.load(parts)
-    assert len(evidence.shards) == len(evidence.own_files) + 2 == 2
+    assert len(evidence.batches) == len(evidence.own_files) + 2 == 2
     assert sorted(read) == sorted(path for part in parts for path in part.rglob("*.parquet"))
-    assert len(replace(evidence).shards) == 2
+    assert len(replace(evidence).batches) == 2
 
 
 def test_no_folder_is_no_evidence() -> None:

@@ -15,7 +15,6 @@ import pytest
 
 from vsconstraints import Robot
 from vsconstraints.bench.evidence.work import Batch
-from vsconstraints.bench.tuning.problem import with_settings
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec, stack_law
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -189,16 +188,30 @@ def test_a_start_time_that_is_not_allowed_is_refused(start_time):
         ExternalStack(["python3"], start_time=start_time)
 
 
-def test_a_pool_waits_as_long_as_a_stack_may_take_to_start():
+def test_a_pool_waits_as_long_as_a_stack_may_take_to_start_and_for_it_alone():
     usual = ControllerSpec.from_table("mine", {"command": ["python3"]})
     longer = usual.changed("start_time", 300.0)
     assert longer.run_limit({}) - usual.run_limit({}) >= 2.0 * (300.0 - external.START_LIMIT)
     # of a law, an option with this name means something else
     law = ControllerSpec("law", "tracking", {"start_time": 300.0})
     assert law.run_limit({}) == usual.run_limit({})
-    scene = SimpleNamespace(tables={"nominal": {}})
-    task = Batch(None, (0,), ("nominal",), (law,), "training", 0, drawn=scene)
-    assert with_settings(task, (usual, longer)).limit == longer.run_limit({})
+    laws = (law, usual, longer)
+    tables = {"duration": 400.0, "sampling_time": 0.01}
+    scene = SimpleNamespace(tables={"nominal": tables}, number=0)
+    family = SimpleNamespace(name="family", tables={})
+    batches = [
+        Batch(family, (0,), ("nominal",), laws, "training", 0),
+        Batch(family, (0,), ("nominal",), laws, "training", 0, drawn=scene),
+    ]
+    for batch, described in zip(batches, ({}, tables), strict=True):
+        own = [law.run_limit(described) for law in laws]
+        assert own[0] == own[1] < own[2]
+        assert [batch.run_limit(law) for law in laws] == own
+        # the line of the scene, then the runs
+        limits = [limit for _, limit in batch.pieces()]
+        assert limits == [law.run_limit(described), *own]
+        assert batch.drawing_limit == own[0]
+    assert replace(batches[0], limit=7.0).run_limit(longer) == 7.0
 
 
 def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,9 +33,6 @@ STEPS = (
 )  # fmt: skip
 #: Number of steps up to which scenes still count as similar to the situation.
 FAR = STEPS.index(("constraints", 2))
-
-
-_RESULTS = "success", "tolerant_success", "call_us"
 
 
 class Judged(NamedTuple):
@@ -67,13 +65,17 @@ def distance(name: str, asked: Any, other: Any) -> int:
     if name == "constraints":
         shared = len({*asked} & {*other})
         every = len({*asked} | {*other})
-        return 0 if shared == every else 1 if 2 * shared >= every else 2
+        if shared == every:
+            return 0
+        return 1 if 2 * shared >= every else 2
     if name == "joints":
         return min(abs(int(asked) - int(other)), 2)
     if isinstance(asked, bool | str) or min(asked, other) <= 0.0:
         return 0 if asked == other else 2
     ratio = max(asked, other) / min(asked, other)
-    return int(ratio > ALIKE) + int(ratio > NEAR)
+    if ratio <= ALIKE:
+        return 0
+    return 1 if ratio <= NEAR else 2
 
 
 def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
@@ -82,44 +84,62 @@ def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tu
     Return the keys of the scenes, each in the condition most similar to the situation, and
     ``widened`` and ``unlike`` of :class:`Advice`.
     """
+    #: For each property, the number of the step from which a scene is permitted, 0 from the start.
     steps = {}
-    reasons = []
+    unlike = []
     for name, asked in situation.specified.items():
-        far = {value: distance(name, asked, value) for value in scenes[name].dropna().unique()}
-        if not far:
-            reasons.append(f"the study has no {name.replace('_', ' ')}")
+        values = scenes[name].dropna().unique()
+        unlike += _unlike(name, asked, values)
+        distances = {value: distance(name, asked, value) for value in values}
+        if not distances:
             continue
-        if name == "constraints":
-            reasons += [
-                f"no scene has {kind}" for kind in asked if not any(kind in kinds for kinds in far)
-            ]
-        elif isinstance(asked, bool | str) and asked not in far:
-            reasons.append(f"no scene has {name.replace('_', ' ')}: {asked}")
-        elif not isinstance(asked, bool | str) and not min(far) <= asked <= max(far):
-            reasons.append(
-                f"{name.replace('_', ' ')} {asked:.3g}: {min(far):.3g} to {max(far):.3g} in all "
-                f"scenes"
-            )
         # a property that no scene shares does not distinguish scenes at the smallest distance
-        step = {
-            value: 1 + STEPS.index((name, d)) if d > min(far.values()) else 0
-            for value, d in far.items()
-        }
-        steps[name] = scenes[name].map(step)
-    levels = scenes.assign(
-        **steps, level=np.max([np.zeros(len(scenes), int), *steps.values()], axis=0)
-    )
-    levels = levels.sort_values("level", kind="stable").drop_duplicates(SCENE)
-    taken = levels[levels["level"] <= levels["level"].iloc[min(ENOUGH, len(levels)) - 1]]
-    if (like := int((levels["level"] <= FAR).sum())) < ENOUGH:
-        reasons.append(f"only {like} scenes are similar, fewer than {ENOUGH}")
-    reached = [
-        STEPS[step - 1] for step in sorted({step for name in steps for step in taken[name]} - {0})
-    ]
-    widened = tuple(
-        f"{('similar', 'any')[reach - 1]} {name.replace('_', ' ')}" for name, reach in reached
-    )
-    return taken[[*SCENE, CONDITION]], widened, tuple(reasons)
+        nearest = min(distances.values())
+        step_of = {}
+        for value, how_far in distances.items():
+            step_of[value] = 0
+            if how_far != nearest:
+                step_of[value] = 1 + STEPS.index((name, how_far))
+        steps[name] = scenes[name].map(step_of)
+    from_start = np.zeros(len(scenes), int)
+    level = np.max([from_start, *steps.values()], axis=0)
+    levels = scenes.assign(**steps, level=level)
+    ordered = levels.sort_values("level", kind="stable").drop_duplicates(SCENE)
+    last = min(ENOUGH, len(ordered)) - 1
+    last_level = ordered["level"].iloc[last]
+    taken = ordered[ordered["level"] <= last_level]
+    n_similar = int((ordered["level"] <= FAR).sum())
+    if n_similar < ENOUGH:
+        unlike.append(f"only {n_similar} scenes are similar, fewer than {ENOUGH}")
+    reached: set[int] = set()
+    for name in steps:
+        reached.update(taken[name])
+    widened = []
+    for step in sorted(reached - {0}):
+        name, how_far = STEPS[step - 1]
+        widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
+    return taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike)
+
+
+def _unlike(name: str, asked: Any, values: Collection[Any]) -> list[str]:
+    """Return sentences if no scene of a study has a property, given its values in the study."""
+    words = _in_words(name)
+    if not len(values):
+        return [f"the study has no {words}"]
+    if name == "constraints":
+        known = set(chain.from_iterable(values))
+        return [f"no scene has {kind}" for kind in asked if kind not in known]
+    if isinstance(asked, bool | str):
+        return [] if asked in values else [f"no scene has {words}: {asked}"]
+    least = min(values)
+    greatest = max(values)
+    if least <= asked <= greatest:
+        return []
+    return [f"{words} {asked:.3g}: {least:.3g} to {greatest:.3g} in all scenes"]
+
+
+def _in_words(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def advise(
@@ -138,48 +158,57 @@ def advise(
     then the shortest call. Raises ConfigurationError if no law may be used.
     """
     requires = {name: law.make().uses for name, law in study.laws.items()}
-    names = [name for name in requires if may_use is None or {*requires[name]} <= {*may_use}]
+    names = []
+    for name, information in requires.items():
+        if may_use is None or set(information) <= set(may_use):
+            names.append(name)
     if not names:
         raise ConfigurationError(
             f"every law of the study needs more than {', '.join(sorted(may_use or ()))}"
         )
-    scenes, widened, reasons = similar(study.scenes, situation)
+    scenes, widened, unlike = similar(study.scenes, situation)
     runs = study.runs.merge(scenes)
+    success = runs.pivot(index=SCENE, columns="controller", values="success")
+    tolerant = runs.pivot(index=SCENE, columns="controller", values="tolerant_success")
+    calls = runs.pivot(index=SCENE, columns="controller", values="call_us").median()
     overall = study.runs.groupby("controller")["success"].mean()
-    good, tolerant, calls = (
-        runs.pivot(index=SCENE, columns="controller", values=c) for c in _RESULTS
-    )
-    score = (good.sum() + ENOUGH * overall) / (len(good) + ENOUGH)
+    weight = len(success) + ENOUGH
+    score = (success.sum() + ENOUGH * overall) / weight
     names.sort(key=lambda name: -score[name])
     confidence = simultaneous(0.95, math.comb(len(names), 2))
-    first = names[0]
 
     def loss(law: str, against: str) -> PairedRates:
-        return mcnemar(good[against], good[law], confidence)
+        return mcnemar(success[against], success[law], confidence)
 
-    behind = {name: loss(name, first) for name in names}
-    best = {name: not distinguishable(pair.low, pair.high, pair.n) for name, pair in behind.items()}
-    error = {
-        n: math.sqrt(len(good)) * (good[first] * 1.0 - good[n]).std(ddof=0) / (len(good) + ENOUGH)
-        for n in names
-    }
-    near = [
-        name for name in names if best[name] and score[first] - score[name] <= margin * error[name]
-    ]
-    call = {name: float(calls[name].median()) for name in names}
-    chosen = min(
-        near, key=lambda name: ("model" in requires[name], "L_fφ" in requires[name], call[name])
-    )
-    laws = tuple(
-        Judged(
-            study.laws[n],
-            requires[n],
-            rate(good[n]),
-            rate(tolerant[n]),
-            loss(n, chosen),
-            best[n],
-            call[n],
+    first = names[0]
+    best = []
+    candidates = []
+    for name in names:
+        behind = loss(name, first)
+        if distinguishable(behind.low, behind.high, behind.n):
+            continue
+        best.append(name)
+        differences = success[first] * 1.0 - success[name]
+        deviation = differences.std(ddof=0)
+        standard_error = math.sqrt(len(success)) * deviation / weight
+        if score[first] - score[name] <= margin * standard_error:
+            candidates.append(name)
+
+    def cost(name: str) -> tuple[bool, bool, float]:
+        return "model" in requires[name], "L_fφ" in requires[name], float(calls[name])
+
+    chosen = min(candidates, key=cost)
+    laws = []
+    for name in sorted(names, key=lambda name: name != chosen):
+        law = Judged(
+            study.laws[name],
+            requires[name],
+            success=rate(success[name]),
+            tolerant=rate(tolerant[name]),
+            loss=loss(name, chosen),
+            best=name in best,
+            call_us=float(calls[name]),
         )
-        for n in sorted(names, key=lambda name: name != chosen)
-    )
-    return Advice(laws, tuple(dict.fromkeys(scenes["family"])), widened, reasons)
+        laws.append(law)
+    families = tuple(dict.fromkeys(scenes["family"]))
+    return Advice(tuple(laws), families, widened, unlike)

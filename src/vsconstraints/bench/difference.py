@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,7 +24,7 @@ from ..comparisons.stored import StoredComparison
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
 from .evidence import Evidence
-from .evidence.parquet import RUNS, SCENES
+from .evidence.parquet import RUNS, SCENES, Column
 from .statistics import SCENE, paired, simultaneous
 from .statistics.judged import (
     MIN_SCENES,
@@ -46,9 +47,15 @@ SCORES = [
     if metric.value is not None and metric.column not in TIMING_COLUMNS
 ]
 
-PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
-PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
-"""Entries of a manifest that results depend on, with the part under which they are reported."""
+#: Entries of a manifest that results depend on, with the part under which they are reported.
+PARTS = {
+    "version": "code",
+    "git_commit": "code",
+    "code": "code",
+    "configuration": "settings",
+    "packages": "packages",
+    "machine": "machine",
+}
 
 #: Tables of a configuration that contain one table per name.
 NAMED = ("scenarios", "controllers", "families")
@@ -88,29 +95,34 @@ class Side:
         """
         if kind_of(folder) == "evidence":
             evidence = Evidence.load(folder, trust=True)  # no scene of it is drawn again
-            # the categories of the other side may be different
-            runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
-            scenes = evidence.scenes.astype(
-                {column.name: "str" for column in SCENES if column.category}
-            )
-            drawn = scenes.set_index(["family", "half", "scene"])["values"]
-            key = (*SCENE, "controller")
-            group = ("family", "condition")
+            scenes = _without_categories(evidence.scenes, SCENES)
             return cls(
-                folder, evidence.manifest, runs, evidence.remarks, drawn, key, group, "scenes"
+                folder,
+                evidence.manifest,
+                runs=_without_categories(evidence.runs, RUNS),
+                remarks=evidence.remarks,
+                drawn=scenes.set_index(["family", "half", "scene"])["values"],
+                key=(*SCENE, "controller"),
+                group=("family", "condition"),
+                unit="scenes",
             )
         import pandas
 
         stored = StoredComparison.load(folder, trust=True)  # no part of it is built
-        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
-        return cls(folder, stored.manifest, runs, stored.remarks)
+        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
+        return cls(folder, stored.manifest, runs.astype({"trial": int}), stored.remarks)
+
+    @property
+    def seed(self) -> int:
+        """Seed of the runs."""
+        return int(self.manifest["configuration"].get("seed", 0))
 
     def renamed(self, names: Mapping[str, str]) -> Side:
         """Return a copy in which some controllers have other names.
 
         Raises ConfigurationError for unknown controllers and for names that are in use.
         """
-        configuration = self.manifest["configuration"]
+        configuration = dict(self.manifest["configuration"])
         controllers = configuration.get("controllers", {})
         for old, new in names.items():
             if old not in controllers:
@@ -119,9 +131,17 @@ class Side:
                 raise ConfigurationError(
                     f"{old} cannot be renamed to {new}: {self.folder} has a controller of that name"
                 )
-        tables = {names.get(name, name): table for name, table in controllers.items()}
-        manifest = {**self.manifest, "configuration": {**configuration, "controllers": tables}}
-        return replace(self, manifest=manifest, runs=self.runs.replace({"controller": dict(names)}))
+        configuration["controllers"] = {
+            names.get(name, name): table for name, table in controllers.items()
+        }
+        manifest = {**self.manifest, "configuration": configuration}
+        runs = self.runs.replace({"controller": dict(names)})
+        return replace(self, manifest=manifest, runs=runs)
+
+
+def _without_categories(lines: Any, columns: Sequence[Column]) -> Any:
+    """Return lines with texts in place of categories, which may differ between two sides."""
+    return lines.astype({column.name: "str" for column in columns if column.category})
 
 
 @dataclass(frozen=True)
@@ -145,41 +165,56 @@ class Pairs:
         Raises ConfigurationError if only one side has drawn scenes, if the seeds differ, or if no
         run exists on both sides.
         """
-        seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
-        why = "" if a.key == b.key else "only one of them has drawn scenes"
-        if not why and seeds[0] != seeds[1]:
-            why = f"their seeds are {seeds[0]} and {seeds[1]}, so their runs cannot be paired"
-        otherwise: Any = []
-        if not why:
-            runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
-            common = runs_a.index.intersection(runs_b.index, sort=False)
-            only_a, only_b = (
-                runs.index.difference(common, sort=False).to_frame(False)
-                for runs in (runs_a, runs_b)
+        where = f"{a.folder} and {b.folder} cannot be compared"
+        if a.key != b.key:
+            raise ConfigurationError(f"{where}: only one of them has drawn scenes")
+        if a.seed != b.seed:
+            raise ConfigurationError(
+                f"{where}: their seeds are {a.seed} and {b.seed}, so their runs cannot be paired"
             )
-            if a.drawn is not None:
-                drawn_a, drawn_b = a.drawn.align(b.drawn, join="inner")
-                otherwise = drawn_a.index[(drawn_a != drawn_b).to_numpy()]
-                scenes = common.droplevel(
-                    [name for name in a.key if name not in drawn_a.index.names]
-                )
-                common = common[~scenes.isin(otherwise)]
-            if not len(common):
-                why = "they have no law and scene in common"
-            if not len(common) and len(otherwise):
-                first, second = (json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b))
-                keys = [key for key in {**first, **second} if first.get(key) != second.get(key)]
-                why = f"all {len(otherwise)} scenes were drawn differently: {in_words(keys)}"
-        if why:
-            raise ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
-        return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(otherwise))
+        runs_a = a.runs.set_index(list(a.key))
+        runs_b = b.runs.set_index(list(b.key))
+        common = runs_a.index.intersection(runs_b.index, sort=False)
+        only_a = runs_a.index.difference(common, sort=False).to_frame(False)
+        only_b = runs_b.index.difference(common, sort=False).to_frame(False)
+        drawn_otherwise: Any = []
+        if a.drawn is not None:
+            drawn_a, drawn_b = a.drawn.align(b.drawn, join="inner")
+            drawn_otherwise = drawn_a.index[(drawn_a != drawn_b).to_numpy()]
+            other_levels = [name for name in a.key if name not in drawn_a.index.names]
+            scenes = common.droplevel(other_levels)
+            common = common[~scenes.isin(drawn_otherwise)]
+        if not len(common) and len(drawn_otherwise):
+            keys = _differing_keys(a, b, drawn_otherwise[0])
+            raise ConfigurationError(
+                f"{where}: all {len(drawn_otherwise)} scenes were drawn differently: "
+                f"{in_words(keys)}"
+            )
+        if not len(common):
+            raise ConfigurationError(f"{where}: they have no law and scene in common")
+        return cls(
+            a=runs_a.loc[common],
+            b=runs_b.loc[common],
+            only_a=only_a,
+            only_b=only_b,
+            drawn_otherwise=len(drawn_otherwise),
+        )
 
     @cached_property
     def differ(self) -> Any:
         """Flag of each pair: True if any score other than a time differs."""
         a = self.a[SCORES]
         b = self.b[SCORES]
-        return ((a != b) & ~(a.isna() & b.isna())).any(axis=1)
+        both_missing = a.isna() & b.isna()
+        return ((a != b) & ~both_missing).any(axis=1)
+
+
+def _differing_keys(a: Side, b: Side, scene: Any) -> list[str]:
+    """Return the keys of a scene whose drawn values differ."""
+    first = json.loads(a.drawn.loc[scene])
+    second = json.loads(b.drawn.loc[scene])
+    keys = {**first, **second}
+    return [key for key in keys if first.get(key) != second.get(key)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,15 +238,15 @@ class Group:
 def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
     """Group all pairs by controller and the columns ``by``, without the unconstrained baseline."""
     found = []
-    for key, positions in pairs.a.groupby(
-        level=["controller", *by], sort=False, observed=True
-    ).indices.items():
+    by_key = pairs.a.groupby(level=["controller", *by], sort=False, observed=True)
+    for key, positions in by_key.indices.items():
         law, *place = map(str, key if isinstance(key, tuple) else (key,))
-        if law != BASELINE:
-            ordered = np.sort(positions)
-            found.append(
-                Group(law, tuple(place), ordered, pairs.a.iloc[ordered], pairs.b.iloc[ordered])
-            )
+        if law == BASELINE:
+            continue
+        ordered = np.sort(positions)
+        runs_a = pairs.a.iloc[ordered]
+        runs_b = pairs.b.iloc[ordered]
+        found.append(Group(law, tuple(place), ordered, runs_a, runs_b))
     return found
 
 
@@ -239,20 +274,18 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
     for key, part in PARTS.items():
         for path, before, after in different(a.get(key), b.get(key)):
             names: tuple[str, ...] = ()
-            if key == "configuration" and path and path[0] in NAMED and len(path) > 1:
-                names = (path[1],)
-                path = (path[0], *(step for step in path[2:] if step != "tables"))
+            if key == "configuration" and len(path) > 1 and path[0] in NAMED:
+                table, name, *steps = path
+                names = (name,)
+                path = (table, *(step for step in steps if step != "tables"))
             what = ".".join(path) or key
-            same = (
-                part,
-                what,
-                repr(
-                    (before, after)
-                    if len(path) != 1 or not names
-                    else (before is None, after is None)
-                ),
-            )
-            names = (*found[same].names, *names) if same in found else names
+            compared = repr((before, after))
+            if names and len(path) == 1:
+                # a whole table of one name, which is on one side only
+                compared = repr((before is None, after is None))
+            same = (part, what, compared)
+            if same in found:
+                names = (*found[same].names, *names)
             found[same] = Change(part, what, names, before, after)
     return list(found.values())
 
@@ -278,17 +311,23 @@ class Outcome:
 
 def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
     """Yield every outcome in which pairs differ."""
-    for group in groups:
-        for what, does in OUTCOMES.items():
-            a = does(group.a).to_numpy()
-            b = does(group.b).to_numpy()
-            lost = group.positions[a & ~b]
-            gained = group.positions[b & ~a]
-            if differing := len(lost) + len(gained):
-                p = sign_test(len(gained), len(lost))
-                worse = len(lost) > len(gained)
-                p_value = p if differing >= MIN_SCENES else None
-                yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, worse, p_value)
+    for group, (what, flag) in product(groups, OUTCOMES.items()):
+        before = flag(group.a).to_numpy()
+        after = flag(group.b).to_numpy()
+        lost = group.positions[before & ~after]
+        gained = group.positions[after & ~before]
+        differing = len(lost) + len(gained)
+        if differing:
+            yield Outcome(
+                group,
+                what,
+                before=int(before.sum()),
+                after=int(after.sum()),
+                lost=lost,
+                gained=gained,
+                for_worse=len(lost) > len(gained),
+                p=sign_test(len(gained), len(lost)) if differing >= MIN_SCENES else None,
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,20 +356,28 @@ def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float)
     The tolerance is relative to the greater value. A change must also exceed the resolution of the
     metric, the smallest difference that reports show.
     """
-    for group, metric in ((group, metric) for group in groups for metric in metrics):
-        a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
+    for group, metric in product(groups, metrics):
+        a = values(group.a, metric).to_numpy()
+        b = values(group.b, metric).to_numpy()
         exist = np.isfinite(a) & np.isfinite(b)
         a = a[exist]
         b = b[exist]
-        moved = np.abs(b - a) > np.maximum(
-            tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric)
-        )
-        found = paired(b[moved], a[moved], better=metric.better or "less")
+        change = np.abs(b - a)
+        greater = np.maximum(np.abs(a), np.abs(b))
+        has_moved = change > np.maximum(tolerance * greater, resolution(metric))
+        before = a[has_moved]
+        after = b[has_moved]
+        found = paired(after, before, better=metric.better or "less")
         if found.n:
-            p = found.p if found.n >= MIN_SCENES else None
-            worse = found.losses > found.wins
             yield Shift(
-                group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], worse, p
+                group,
+                metric,
+                of=len(a),
+                better=found.wins,
+                worse=found.losses,
+                differences=after - before,
+                for_worse=found.losses > found.wins,
+                p=found.p if found.n >= MIN_SCENES else None,
             )
 
 
@@ -357,7 +404,8 @@ class Difference:
 
         All intervals hold simultaneously.
         """
-        return simultaneous(1.0 - SIGNIFICANT, sum(p is not None for _, p in self.found))
+        tests = sum(p is not None for _, p in self.found)
+        return simultaneous(1.0 - SIGNIFICANT, tests)
 
     @property
     def worse(self) -> list[Outcome | Shift]:
@@ -397,12 +445,15 @@ def difference(
         raise ConfigurationError(f"the tolerance must be 0 or more, not {tolerance:g}")
     before = Side.load(a).renamed(renamed)
     after = Side.load(b)
+    if strict is None:
+        strict = before.drawn is None
     pairs = Pairs.of(before, after)
     judged = groups(pairs, before.group)
     found: list[Outcome | Shift] = [*outcomes(judged), *shifts(judged, columns, tolerance)]
     tests = sum(each.p is not None for each in found)
-    corrected = [(each, None if each.p is None else min(tests * each.p, 1.0)) for each in found]
-    counted = before.drawn is None if strict is None else strict
-    return Difference(
-        before, after, changes(before.manifest, after.manifest), pairs, judged, corrected, counted
-    )
+    corrected = []
+    for each in found:
+        p = None if each.p is None else min(tests * each.p, 1.0)
+        corrected.append((each, p))
+    changed = changes(before.manifest, after.manifest)
+    return Difference(before, after, changed, pairs, judged, corrected, strict)

@@ -63,11 +63,13 @@ def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
     Runs of laws that are no longer part of the package are not drawn. Lines have no entry for a
     column that is empty in all runs, which an earlier version may not have written.
     """
-    repeatable = study.runs[~study.runs["controller"].isin([*moved_laws(study)])]
+    is_moved = study.runs["controller"].isin(list(moved_laws(study)))
+    repeatable = study.runs[~is_moved]
     repeatable = repeatable.dropna(axis="columns", how="all")
     ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
     lines: list[dict[str, Any]] = ordered.to_dict("records")
-    return Random(seed).sample(lines, math.ceil(share * len(lines)))
+    count = math.ceil(share * len(lines))
+    return Random(seed).sample(lines, count)
 
 
 def repeat(
@@ -95,13 +97,9 @@ def repeat(
     limits = {}
     for number, line in enumerate(lines):
         family = families[line["family"]]
-        calls[number] = (
-            line,
-            family,
-            study.laws[line["controller"]],
-            study.frozen[family.name]["seed"],
-        )
-        limits[number] = RUNS_OF_CALL * study.laws[line["controller"]].run_limit(family.tables)
+        law = study.laws[line["controller"]]
+        calls[number] = line, family, law, study.frozen[family.name]["seed"]
+        limits[number] = RUNS_OF_CALL * law.run_limit(family.tables)
     differences: dict[int, str] = {}
     by_rounding: dict[int, str] = {}
     on_progress(0, len(lines))
@@ -111,24 +109,30 @@ def repeat(
             where = f"{line['family']} {line['scene']}, {line[CONDITION]}, {line['controller']}"
             if isinstance(answer, Failure):
                 differences[number] = f"{where}: it cannot be repeated: {answer.reason}"
-            elif answer[0]:
+            else:
                 found, decided_by_rounding = answer
                 by_kind = by_rounding if decided_by_rounding else differences
-                by_kind[number] = f"{where}: {'; '.join(found)}"
+                if found:
+                    by_kind[number] = f"{where}: {'; '.join(found)}"
             on_progress(done, len(lines))
+    missing = study.missing_results
     return Repetition(
-        len(lines),
-        _in_order(differences),
-        _in_order(by_rounding),
-        changed_files(study),
-        moved_laws(study),
-        tuple(column.name for column in OUTCOME if column.name in study.missing_results),
+        runs=len(lines),
+        differences=_in_order(differences),
+        by_rounding=_in_order(by_rounding),
+        changed_files=changed_files(study),
+        moved=moved_laws(study),
+        not_compared=tuple(column.name for column in OUTCOME if column.name in missing),
     )
 
 
 def moved_laws(study: Study) -> dict[str, str]:
     """Return the laws that are no longer part of the package, with their file and class."""
-    return {name: MOVED[law.law] for name, law in study.laws.items() if law.law in MOVED}
+    moved = {}
+    for name, law in study.laws.items():
+        if law.law in MOVED:
+            moved[name] = MOVED[law.law]
+    return moved
 
 
 def changed_files(study: Study) -> tuple[str, ...]:
@@ -136,7 +140,8 @@ def changed_files(study: Study) -> tuple[str, ...]:
     own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
     if not own_laws:
         return ()
-    return tuple(changed(study.files, contents(study.files, own_folders(own_laws, ()))))
+    now = contents(study.files, own_folders(own_laws, ()))
+    return tuple(changed(study.files, now))
 
 
 def _in_order(sentences: Mapping[int, str]) -> tuple[str, ...]:
@@ -168,14 +173,19 @@ def repeat_once(
     line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0
 ) -> Line:
     """Make the run of a line once, from a start that is moved by a relative change ``nudge``."""
-    laws = ControllerSpec(BASELINE), law
-    task = Batch(family, (line["scene"],), (line[CONDITION],), laws, line["half"], seed)
+    number = line["scene"]
+    half = line["half"]
+    laws = (ControllerSpec(BASELINE), law)
+    batch = Batch(family, (number,), (line[CONDITION],), laws, half, seed)
     if nudge:
-        scene = family.scene(line["scene"], line["half"], seed)
-        moved = [(1.0 + nudge) * coordinate for coordinate in scene.scenario().tables["q0"]]
-        tables = {name: {**tables, "q0": moved} for name, tables in scene.tables.items()}
-        task = replace(task, drawn=replace(scene, tables=tables))
-    runs: list[Line] = scored(task).runs.to_pylist()
+        scene = family.scene(number, half, seed)
+        start = scene.scenario().tables["q0"]
+        moved = [(1.0 + nudge) * coordinate for coordinate in start]
+        tables = {}
+        for condition, table in scene.tables.items():
+            tables[condition] = {**table, "q0": moved}
+        batch = replace(batch, drawn=replace(scene, tables=tables))
+    runs: list[Line] = scored(batch).runs.to_pylist()
     return next(run for run in runs if run["controller"] == law.name)
 
 
@@ -190,11 +200,10 @@ def _differences(first: Line, second: Line) -> dict[str, str]:
         if column.kind == "number":
             a = math.nan if a is None else a
             b = math.nan if b is None else b
-            same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (
-                math.isnan(a) and math.isnan(b)
-            )
+            both_missing = math.isnan(a) and math.isnan(b)
+            is_same = both_missing or math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
         else:
-            same = a == b
-        if not same:
+            is_same = a == b
+        if not is_same:
             found[column.name] = f"{column.name} is {a!r} and was made {b!r}"
     return found

@@ -48,34 +48,36 @@ class Situation:
         disturbances = setup.disturbances
         images = setup.images
         types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
-        delay = (
-            disturbances.delay * (disturbances.image_period or setup.Ts)
-            if images is None
-            else images.latency_s
-        )
-        delay += disturbances.command_delay
-        unknown = setup.constraints.has_unknown_motion(setup.scene)
-        believed = (
+        if images is None:
+            image_period = disturbances.image_period or setup.Ts
+            delay = disturbances.delay * image_period
+        else:
+            delay = images.latency_s
+        errors = (
             disturbances.intrinsics,
             disturbances.distortion,
             disturbances.mount,
             disturbances.target,
             disturbances.depth_factor != 1.0,
             disturbances.gradient_error,
-        )
-        wrong = any(
-            (
-                *believed,
-                disturbances.time_constant,
-                disturbances.acceleration_noise,
-                *disturbances.acceleration,
-            )
+            disturbances.time_constant,
+            disturbances.acceleration_noise,
+            *disturbances.acceleration,
         )
         return cls(
-            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None,
-            tuple(sorted(types)), setup.Ts, delay, disturbances.pixel_noise, unknown, wrong,
-            setup.limits.any, setup.dynamics is not None, images is not None,
-        )  # fmt: skip
+            joints=setup.scene.robot.n,
+            feature=setup.task.feature.name,
+            fixed_camera=setup.scene.camera.fixed is not None,
+            constraints=tuple(sorted(types)),
+            sampling_time=setup.Ts,
+            delay=delay + disturbances.command_delay,
+            noise=disturbances.pixel_noise,
+            unknown_motion=setup.constraints.has_unknown_motion(setup.scene),
+            wrong_model=any(errors),
+            limits=setup.limits.any,
+            mass=setup.dynamics is not None,
+            images=images is not None,
+        )
 
     @property
     def specified(self) -> dict[str, Any]:
@@ -87,7 +89,9 @@ SCENE = ["family", "scene"]  #: Key of a scene; its conditions are not independe
 CONDITION = "condition"
 _KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
 _SITUATION_KINDS: Mapping[str, Kind] = {
-    each.name: _KINDS.get(str(each.type).partition(" ")[0], "text") for each in fields(Situation)
+    # the type of a property is written as "int | None"
+    each.name: _KINDS.get(str(each.type).partition(" ")[0], "text")
+    for each in fields(Situation)
 }
 # an empty text would say that a scene has no constraints
 _SITUATION = [
@@ -154,63 +158,67 @@ class Study:
         if not isinstance(path, Path) or path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)
         else:
-            facts = parquet.facts_of(path)
-            missing = [
-                name
-                for name in ("controllers", "requires", "frozen")
-                if not isinstance(facts.get(name), dict)
-            ]
-            if (format := facts.get("study")) != FORMAT or missing:
-                why = (
-                    f"it has no {missing[0]}"
-                    if format == FORMAT
-                    else f"its format is {format}, not {FORMAT}"
-                )
-                why += "; write one with --keep from a folder of evidence"
-                raise ConfigurationError(f"{path} is not a study that this version can read: {why}")
-            study = _of_table(path, facts)
+            study = _of_table(path, parquet.facts_of(path))
         if not custom_laws:
             laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
-            study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
-        for name, law in study.laws.items():
+            runs = study.runs[study.runs["controller"].isin(laws)]
+            study = replace(study, laws=laws, runs=runs)
+        study.require_valid(path)
+        return study
+
+    def require_valid(self, source: object) -> None:
+        """Raise ConfigurationError unless each law can be made and has one run in each scene.
+
+        ``source`` is the file or folder of the study.
+        """
+        for name, law in self.laws.items():
             try:
                 if ":" not in law.law and law.law not in MOVED:
                     law.make()
             except VsconstraintsError as error:
                 raise ConfigurationError(
-                    f"{path}: the law {name} is from another version: {error}"
+                    f"{source}: the law {name} is from another version: {error}"
                 ) from error
-        names = sorted(study.laws)
-        whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(
-            lambda custom_laws: sorted(custom_laws) == names
-        )
-        if not names or not len(study.runs) or not whole.all():
-            why = "it is empty" if whole.all() else "not every law has one run in each scene"
-            raise ConfigurationError(f"{path} is not a study of the package's laws: {why}")
-        for name in study.laws:
-            if name not in study.requires:
+        names = sorted(self.laws)
+        if not len(self.runs):
+            raise ConfigurationError(f"{source} is not a study of the package's laws: it is empty")
+        laws_of_scene = self.runs.groupby([*SCENE, CONDITION])["controller"]
+        has_all_laws = laws_of_scene.agg(lambda laws: sorted(laws) == names)
+        if not has_all_laws.all():
+            raise ConfigurationError(
+                f"{source} is not a study of the package's laws: not every law has one run in each "
+                "scene"
+            )
+        for name in names:
+            if name not in self.requires:
                 raise ConfigurationError(
-                    f"{path}: requires has no entry for the law {format_value(name)}"
+                    f"{source}: requires has no entry for the law {format_value(name)}"
                 )
-        return study
 
     def keep(self, path: Path) -> None:
         """Write the table for :meth:`load`; raises OSError."""
         laws = {name: law.table for name, law in self.laws.items()}
-        facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
-        facts |= {"files": dict(self.files)} if self.files else {}
+        facts: dict[str, Any] = {
+            "study": FORMAT,
+            "version": __version__,
+            "controllers": laws,
+            "requires": dict(self.requires),
+            "frozen": dict(self.frozen),
+        }
+        if self.files:
+            facts["files"] = dict(self.files)
         lines = parquet.table(COLUMNS, self.runs.to_dict("records"))
-        parquet.write(path, lines, {"study": FORMAT, "version": __version__, **facts})
+        parquet.write(path, lines, facts)
 
     @cached_property
     def scenes(self) -> Any:
         """DataFrame with one line per scene and condition: its keys and its situation."""
-        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[
-            [*SCENE, CONDITION, *vars(Situation())]
-        ]
-        return scenes.assign(
-            constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]]
-        )
+        key = [*SCENE, CONDITION]
+        scenes = self.runs.drop_duplicates(key)[[*key, *vars(Situation())]]
+        constraints = []
+        for text in scenes["constraints"]:
+            constraints.append(tuple(filter(None, text.split("; "))))
+        return scenes.assign(constraints=constraints)
 
 
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
@@ -225,6 +233,11 @@ def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
 def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
     """Read a stored table with the facts in its footer; raises ConfigurationError if invalid."""
     where = str(path)
+    if facts.get("study") != FORMAT:
+        raise _unreadable(path, f"its format is {facts.get('study')}, not {FORMAT}")
+    for name in ("controllers", "requires", "frozen"):
+        if not isinstance(facts.get(name), dict):
+            raise _unreadable(path, f"it has no {name}")
     requires = checked(facts["requires"], dict[str, Sequence[str] | None], where, "requires")
     frozen = checked(facts["frozen"], dict[str, Table], where, "frozen")
     files = checked(facts.get("files", {}), dict[str, str], where, "files")
@@ -241,20 +254,26 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
     return Study(runs, laws, requires, frozen, files)
 
 
+def _unreadable(path: Path, why: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path} is not a study that this version can read: {why}; write one with --keep from a "
+        "folder of evidence"
+    )
+
+
 def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
-    if (version := evidence.manifest.get("version")) != __version__:
-        why = (
-            f"is of version {version}, and scenes of {__version__} may differ: write it with "
-            "--keep of that version"
+    version = evidence.manifest.get("version")
+    if version != __version__:
+        raise ConfigurationError(
+            f"{evidence.folder} is of version {version}, and scenes of {__version__} may differ: "
+            "write it with --keep of that version"
         )
-        raise ConfigurationError(f"{evidence.folder} {why}")
     configuration = evidence.manifest["configuration"]
     laws = _laws(configuration["controllers"])
-    frozen = {
-        name: family["tables"]["frozen"][configuration["half"]]
-        for name, family in configuration["families"].items()
-        if "frozen" in family["tables"]
-    }
+    frozen = {}
+    for name, family in configuration["families"].items():
+        if "frozen" in family["tables"]:
+            frozen[name] = family["tables"]["frozen"][configuration["half"]]
     runs = evidence.runs[evidence.runs["controller"].isin(laws)]
     lines = []
     runs = runs.assign(
@@ -270,7 +289,8 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             properties = Situation.of(scene.scenario(condition)).specified
             properties["constraints"] = "; ".join(properties["constraints"])
             lines += [{**line, **properties} for line in each.to_dict("records")]
-    requires = {name: None if ":" in law.law else law.make().uses for name, law in laws.items()}
-    return Study(
-        parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files
-    )
+    requires = {}
+    for name, law in laws.items():
+        requires[name] = None if ":" in law.law else law.make().uses
+    table = parquet.table(COLUMNS, lines).to_pandas()
+    return Study(table, laws, requires, frozen, evidence.own_files)

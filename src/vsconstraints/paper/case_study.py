@@ -26,14 +26,17 @@ def switch_sample(run: Run) -> int:
 def active_of(run: Run, event: str) -> BoolArray:
     """Mask (N,) of the samples in which φ of any row of an event is at or above zero."""
     rows = [run.index(label) for label in run.labels(event)]
-    return np.asarray((run.trajectory.phi[:, rows] >= 0.0).any(axis=1))
+    is_active = run.trajectory.phi[:, rows] >= 0.0
+    return np.asarray(is_active.any(axis=1))
 
 
 def phases(run: Run, event: str) -> tuple[Intervals, Intervals]:
     """Return the intervals of activity of an event's rows in the first and in the second phase."""
     k = switch_sample(run)
     active = active_of(run, event)
-    return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
+    first_phase = intervals(run.t[:k], active[:k], MERGE)
+    second_phase = intervals(run.t[k:], active[k:], MERGE)
+    return first_phase, second_phase
 
 
 def active_spans(run: Run, event: str) -> Intervals:

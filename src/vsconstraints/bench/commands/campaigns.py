@@ -52,8 +52,10 @@ def families(names: Names = None, scenes: int = 100, half: str = "held-out", see
     if not names:
         for family in loaded:
             console.print(f"{family.name}: {family.title} ({', '.join(family.conditions)})")
-    elif not sum([_print_drawn(family, scenes, half, seed) for family in loaded]):
-        raise typer.Exit(NOTHING_DONE)
+    else:
+        found = [_print_drawn(family, scenes, half, seed) for family in loaded]
+        if not any(found):
+            raise typer.Exit(NOTHING_DONE)
 
 
 def listed_families() -> Iterator[tuple[str, str]]:
@@ -71,18 +73,19 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
 
     done = count(1)
     with progress() as show:
-        summary = summarised(
-            family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes)
-        )
+
+        def on_drawn() -> None:
+            show(f"drawing {family.name}", next(done), scenes)
+
+        summary = summarised(family, scenes, half, seed, on_drawn)
     accepted = len(summary.found)
-    attempts = sum(scene.attempts for scene in summary.scenes)
     say(
         TEXTS["family"],
         family=family,
         scenes=scenes,
         summary=summary,
         accepted=accepted,
-        attempts=attempts,
+        attempts=sum(scene.attempts for scene in summary.scenes),
     )
     return accepted
 
@@ -110,7 +113,7 @@ def evidence(
 ) -> None:
     """Run every controller on thousands of drawn scenes, and write a report.
 
-    Scores are stored as Parquet shards.
+    Scores are stored in Parquet files.
     """
     from ..evidence import MEASURED, Campaign, Plan, Shard, processes
 
@@ -120,13 +123,15 @@ def evidence(
         )
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes)
-    chosen = chosen.with_stacks(stacks or ()).with_settings(settings or ()).checked()
+    chosen = chosen.with_stacks(stacks or ())
+    chosen = chosen.with_settings(settings or ()).checked()
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError(
             "call times are measured on this machine: with --cluster, give a file of them"
         )
-    chosen = with_call_times(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
+    stored_times = None if fresh else out
+    chosen = with_call_times(chosen, stored_times, jobs, time_passes, slower, budget_us)
     plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
     if cluster is not None:
@@ -155,11 +160,12 @@ def with_call_times(
             raise ConfigurationError("--slower and --budget-us need --time-passes")
         return chosen
     with progress() as show:
-        times = call_times(
-            source, chosen, out, processes(jobs), lambda done, of: show("measuring calls", done, of)
-        )
-    times = times if slower is None else replace(times, slower=slower)
-    times = times if budget_us is None else replace(times, budget_s=1e-6 * budget_us)
+        on_progress = partial(show, "measuring calls")
+        times = call_times(source, chosen, out, processes(jobs), on_progress)
+    if slower is not None:
+        times = replace(times, slower=slower)
+    if budget_us is not None:
+        times = replace(times, budget_s=1e-6 * budget_us)
     return times.of(chosen)
 
 
@@ -183,19 +189,18 @@ def run_campaign(
         )
     state = finished.progress
     for kind, failed in state.failed.items():
-        errors.print(
-            f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, "
-            f"{state.reasons[kind]}"
-        )
+        name = " · ".join(kind)
+        reason = state.reasons[kind]
+        errors.print(f"{name}: {failed} of {state.of_kind[kind]} runs failed, {reason}")
     if state.stored_before:
         console.print(
             f"{state.stored_before} of {state.scenes} scenes were stored in {out} already."
         )
     if finished.interrupted:
         stop(finished.interrupted, f"{state.done} of {state.scenes} scenes are stored in {out}")
+    new_scenes = state.done - state.stored_before
     console.print(
-        f"{state.done - state.stored_before} scenes, {state.runs} runs in "
-        f"{finished.wall_time:.1f} s: "
+        f"{new_scenes} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
     if plan.shard.of == 1:
@@ -274,7 +279,9 @@ def advise(
     if asked.specified:
         # only laws that come with the package are recommended
         runs = runs if keep is None else Study.load(keep)
-        known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
+        known = {ROWS}
+        for law in runs.laws.values():
+            known.update(law.make().uses)
         for word in {*(may_use or ())} - known:
             raise unknown_name("information", word, known)
         found = advice_for(runs, asked, may_use or None)
@@ -282,7 +289,8 @@ def advise(
             console.print(_json(found))
         else:
             texts = {"rate_text": rate_text, "toml_items": toml_items, "toml_text": toml_text}
-            say(TEXTS["advice"], advice=found, best=found.laws[0], **texts)
+            best = found.laws[0]
+            say(TEXTS["advice"], advice=found, best=best, **texts)
             _print_choices(found.laws[:8])
 
 
@@ -292,7 +300,8 @@ def _print_choices(laws: Sequence[Judged]) -> None:
 
     lines: list[list[str]] = []
     for law in laws:
-        lost = with_interval(law.loss.difference, law.loss.low, law.loss.high, 100.0)
+        loss = law.loss
+        lost = with_interval(loss.difference, loss.low, loss.high, 100.0)
         lines.append(
             [
                 f"{'≈' if law.best else ' '} {law.law.name}",
@@ -303,22 +312,27 @@ def _print_choices(laws: Sequence[Judged]) -> None:
             ]
         )
     console.print()
-    print_columns(
-        ["law", "success", "loses [points]", "a call [µs]", "requires"], lines, wrapped={4: 24}
-    )
+    header = ["law", "success", "loses [points]", "a call [µs]", "requires"]
+    print_columns(header, lines, wrapped={4: 24})
     console.print("≈ not distinguishable from the law that succeeds most often")
 
 
 def _json(advice: Advice) -> str:
     """Return the whole advice as JSON."""
-    laws = [
-        {**law._asdict(), "law": law.law.name, "settings": law.law.table}
-        | {"success": {"share": law.success.share, **asdict(law.success)}}
-        | {"tolerant": asdict(law.tolerant), "loss": law.loss._asdict()}
-        | {"call_us": None if isnan(law.call_us) else law.call_us}
-        for law in advice.laws
-    ]
-    return json.dumps({**advice._asdict(), "laws": laws}, ensure_ascii=False, indent=1)
+    laws = []
+    for law in advice.laws:
+        entry = {
+            **law._asdict(),
+            "law": law.law.name,
+            "settings": law.law.table,
+            "success": {"share": law.success.share, **asdict(law.success)},
+            "tolerant": asdict(law.tolerant),
+            "loss": law.loss._asdict(),
+            "call_us": None if isnan(law.call_us) else law.call_us,
+        }
+        laws.append(entry)
+    data = {**advice._asdict(), "laws": laws}
+    return json.dumps(data, ensure_ascii=False, indent=1)
 
 
 def tune(
@@ -342,7 +356,8 @@ def tune(
     from ..tuning.tune import TUNED
     from ..tuning.tune import tune as run
 
-    for key in (setting.partition("=")[0].strip() for setting in settings or ()):
+    for setting in settings or ():
+        key = setting.partition("=")[0].strip()
         if key in ("half", "scenes"):
             why = "tuning uses training scenes only: set their number with --scenes"
             raise ConfigurationError(f"--set {key}: {why}")

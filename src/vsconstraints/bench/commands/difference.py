@@ -29,12 +29,15 @@ def diff(
     from ..difference import TOLERANCE, difference
     from ..reports.difference import page, verdict
 
-    names = dict(text.partition("=")[::2] for text in rename or ())
+    names = {}
     for text in rename or ():
-        if not all(text.partition("=")):
+        old, _, new = text.partition("=")
+        if not old or not new:
             raise ConfigurationError(f"--rename needs OLD=NEW, not {format_value(text)}")
+        names[old] = new
     share = TOLERANCE if tolerance is None else tolerance
-    changes = difference(a, b, metrics=metric or (), strict=strict, tolerance=share, renamed=names)
+    metrics = metric or ()
+    changes = difference(a, b, metrics=metrics, strict=strict, tolerance=share, renamed=names)
     note(*changes.a.remarks, *changes.b.remarks)
     if out is None:
         console.print(page(changes), end="")

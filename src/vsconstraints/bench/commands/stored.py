@@ -53,7 +53,10 @@ def _contents(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
         f"{len(evidence.families)} families"
     )
     files = [path for folder in folders for path in stored_files(folder)]
-    return contents, files, [f"scenes {lost} are missing"] if lost else []
+    missing = []
+    if lost:
+        missing.append(f"scenes {lost} are missing")
+    return contents, files, missing
 
 
 CAMPAIGN = ResultsKind(_write_report, _contents)

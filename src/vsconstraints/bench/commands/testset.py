@@ -48,11 +48,12 @@ def run(
     campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
-    campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
+    names += entry or ()
+    campaign = campaign.select(controllers=names, settings=settings or ())
     campaign = with_call_times(campaign, out, jobs, time_passes, slower, budget_us)
-    run_campaign(
-        campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True)
-    )
+    workers = nullcontext(processes(jobs))
+    report = ReportOptions(figures, trust=True)
+    run_campaign(campaign, out, Plan(), workers, report)
 
 
 def fresh(
@@ -82,11 +83,11 @@ def fresh(
         title=title, controllers=laws, conditions=CONDITIONS, **chosen
     )
     note_processes(jobs)
-    run_campaign(
-        campaign.checked(), out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures=False)
-    )
+    workers = nullcontext(processes(jobs))
+    report = ReportOptions(figures=False)
+    run_campaign(campaign.checked(), out, Plan(), workers, report)
     with progress() as show:
-        study = Study.load(out, on_scene=lambda done, total: show("scenes", done, total))
+        study = Study.load(out, on_scene=partial(show, "scenes"))
     table = out / FRESH_TABLE
     study.keep(table)
     print(fresh_page(study, published))
@@ -104,7 +105,8 @@ def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> No
         errors.print(f"error: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    whole = f"{sum(map(len, frozen.hashes.values()))} scenes are unchanged"
+    count = sum(map(len, frozen.hashes.values()))
+    whole = f"{count} scenes are unchanged"
     console.print(f"Test set {frozen.version}: {whole}. SHA-256 of its index: {frozen.sha256}")
 
 
@@ -124,10 +126,9 @@ def make(
     from ..families.frozen import TestSet
 
     counts = {"training": -(-scenes // 5), "held-out": scenes}
+    loaded = [Family.load(name) for name in families or shipped()]
     with progress() as show:
-        made = TestSet.make(
-            out, [Family.load(name) for name in families or shipped()], version, counts, seed, show
-        )
+        made = TestSet.make(out, loaded, version, counts, seed, show)
     console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
 
 
@@ -158,10 +159,8 @@ def leaderboard(
                     f"two tables have the name {path.stem}, which tells their laws apart: rename "
                     "one of the files"
                 )
-            study = Study.load(
-                path, trust, lambda done, scenes: show("scenes", done, scenes), custom_laws=True
-            )
-            studies[path.stem] = study
+            on_scene = partial(show, "scenes")
+            studies[path.stem] = Study.load(path, trust, on_scene, custom_laws=True)
         text = board(studies, frozen)
         families = {family.name: family for family in frozen.families}
         for name, study in studies.items() if rerun else ():
@@ -197,8 +196,7 @@ def leaderboard(
         counts += f", {len(repetition.by_rounding)} are decided by rounding"
         repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"
         errors.print(f"{repeated} were repeated: {counts}. They were drawn by --seed {drawn_by}")
-    if any(
-        repetition.differences or repetition.changed_files for repetition in repetitions.values()
-    ):
-        raise typer.Exit(NOTHING_DONE)
+    for repetition in repetitions.values():
+        if repetition.differences or repetition.changed_files:
+            raise typer.Exit(NOTHING_DONE)
     print(text)

@@ -1,6 +1,7 @@
 """Evidence: run every law on thousands of drawn scenes and store the scores.
 
-Runs are scored in the process that makes them. Results are stored as Parquet shards.
+Runs are scored in the process that makes them. The results of each batch of scenes are
+stored in Parquet files.
 """
 
 from ...comparisons.runs.folder import Keep

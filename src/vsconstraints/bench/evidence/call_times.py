@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -66,26 +67,30 @@ class CallTimes:
         Raises ConfigurationError that names the laws without a call time.
         """
         laws = [entry for entry in campaign.controllers if entry.name != BASELINE]
-        missing = [entry.name for entry in laws if not {entry.name, entry.law} & self.calls.keys()]
+        missing = []
+        for entry in laws:
+            if entry.name not in self.calls and entry.law not in self.calls:
+                missing.append(entry.name)
         if missing:
             raise ConfigurationError(f"call times are missing for {', '.join(missing)}")
         title = f"{campaign.title}, time passes"
         timed = tuple(map(self._timed, laws))
-        return campaign.changed(title=title, controllers=timed, call_times=asdict(self)).checked()
+        campaign = campaign.changed(title=title, controllers=timed, call_times=asdict(self))
+        return campaign.checked()
 
     @property
     def sentence(self) -> str:
         """Description of the call times for reports."""
-        said = [", ".join(f"{name} {1e6 * self._call(name):.4g}" for name in self.calls), self.how]
+        calls = [f"{name} {1e6 * self._call(name):.4g}" for name in self.calls]
+        statements = [", ".join(calls), self.how]
         if self.slower != 1.0:
-            said.append(f"the computer is {self.slower:g} times as slow")
+            statements.append(f"the computer is {self.slower:g} times as slow")
         if self.budget_s is not None:
-            said.append(
-                f"laws are called as often as {1e6 * self.budget_s:g} µs per T_s of the scene allow"
-            )
+            budget = f"{1e6 * self.budget_s:g} µs per T_s of the scene"
+            statements.append(f"laws are called as often as {budget} allow")
         return (
             "delay from the beginning of a period until a law's command begins to act [µs]: "
-            f"{'; '.join(said)}."
+            f"{'; '.join(statements)}."
         )
 
     def _call(self, name: str) -> float:
@@ -95,7 +100,8 @@ class CallTimes:
         call = self._call(entry.name if entry.name in self.calls else entry.law)
         factor = entry.run.sampling_time_factor
         if self.budget_s is not None:
-            factor = float(f"{min(max(call / self.budget_s, 1.0 / MAX_FACTOR), MAX_FACTOR):.6g}")
+            wanted = max(call / self.budget_s, 1.0 / MAX_FACTOR)
+            factor = float(f"{min(wanted, MAX_FACTOR):.6g}")
         return replace(entry, run=RunTiming(factor, call))
 
 
@@ -113,59 +119,60 @@ def call_times(
     """
     if source != MEASURED:
         path = Path(source)
-        return from_table(CallTimes, _stored(path) if path.is_dir() else read_toml(path), source)
-    there = {} if folder is None else _stored(folder)
-    return (
-        from_table(CallTimes, there, f"{folder}/{MANIFEST}")
-        if there
-        else _measured(campaign, workers, on_progress)
-    )
+        table = _stored(path) if path.is_dir() else read_toml(path)
+        return from_table(CallTimes, table, source)
+    stored = {} if folder is None else _stored(folder)
+    if stored:
+        return from_table(CallTimes, stored, f"{folder}/{MANIFEST}")
+    return _measured(campaign, workers, on_progress)
 
 
 def _stored(folder: Path) -> object:
     configuration = manifest_of(folder).get("configuration")
-    return configuration.get("call_times", {}) if isinstance(configuration, dict) else {}
+    if not isinstance(configuration, dict):
+        return {}
+    return configuration.get("call_times", {})
 
 
 def _measured(
     campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]
 ) -> CallTimes:
     prepare_laws(campaign.controllers)
-    tasks = dict(
-        enumerate(plan_batches(campaign.changed(half="training", scenes=SCENES, scenes_in={})))
-    )
-    found = defaultdict[tuple[str, str], list[float]](list)
+    training = campaign.changed(half="training", scenes=SCENES, scenes_in={})
+    calls = {i: (batch,) for i, batch in enumerate(plan_batches(training))}
+    measured = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:
-        for done, (_, answer) in enumerate(
-            opened.run({i: (task,) for i, task in tasks.items()}), start=1
-        ):
+        for done, (_, answer) in enumerate(opened.run(calls), start=1):
             if isinstance(answer, Failure):
                 raise ConfigurationError(f"calls cannot be measured: {answer.reason}")
             for law, family, call in answer:
-                found[law, family].append(1e6 * call)
-            on_progress(done, len(tasks))
+                measured[law, family].append(1e6 * call)
+            on_progress(done, len(calls))
     longest = defaultdict[str, float](float)
-    for (law, _), of_family in found.items():
-        longest[law] = max(longest[law], float(f"{np.median(of_family):.3g}"))
+    for (law, _), times in measured.items():
+        of_family = float(f"{np.median(times):.3g}")
+        longest[law] = max(longest[law], of_family)
     return CallTimes(dict(longest), 1e-6, HOW)
 
 
-def time_calls(task: Batch) -> list[tuple[str, str, float]]:
+def time_calls(batch: Batch) -> list[tuple[str, str, float]]:
     """Return law, family and 99 % quantile of the call times [s] of every run of a batch.
 
     Workers call this function.
     """
     found = []
-    with deadline(task.limit) as step:
-        for number in task.scenes:
-            step()
-            for bench in benches(task, number)[1].values():
-                for entry in (entry for entry in task.controllers if entry.name != BASELINE):
-                    step()
-                    times = [bench.run(entry).trajectory.step_time[1:] for _ in range(REPEATS)]
-                    if calls := min(map(len, times)):
-                        least = np.min([each[:calls] for each in times], axis=0)
-                        found.append(
-                            (entry.name, task.family.name, float(np.quantile(least, 0.99)))
-                        )
+    laws = [entry for entry in batch.controllers if entry.name != BASELINE]
+    for number in batch.scenes:
+        with deadline(batch.drawing_limit):
+            _, bench_of = benches(batch, number)
+        for bench, law in product(bench_of.values(), laws):
+            with deadline(batch.run_limit(law)):
+                runs = [bench.run(law) for _ in range(REPEATS)]
+            times = [run.trajectory.step_time[1:] for run in runs]
+            # a run that fails has fewer calls
+            calls = min(map(len, times))
+            if calls:
+                least = np.min([each[:calls] for each in times], axis=0)
+                nearly_longest = float(np.quantile(least, 0.99))
+                found.append((law.name, batch.family.name, nearly_longest))
     return found

@@ -74,12 +74,19 @@ class Campaign(Experiment):
             require_known(tables, ["controllers"], name)
             tuned = require_table(tables.get("controllers", {}), f"{name}.controllers")
             controllers += entries_of(tuned, f"{name}.controllers", folder)
-        families = tuple(Family.load(name, folder) for name in file.families)
-        name = source.stem
-        title = file.title or source.stem
-        conditions = tuple(file.conditions)
-        sizes = file.scenes, file.half, file.seed, file.scenes_in
-        return cls(name, title, file.question, families, controllers, conditions, *sizes).checked()
+        campaign = cls(
+            source.stem,
+            title=file.title or source.stem,
+            question=file.question,
+            families=tuple(Family.load(name, folder) for name in file.families),
+            controllers=controllers,
+            conditions=tuple(file.conditions),
+            scenes=file.scenes,
+            half=file.half,
+            seed=file.seed,
+            scenes_in=file.scenes_in,
+        )
+        return campaign.checked()
 
     def select(
         self,
@@ -95,26 +102,19 @@ class Campaign(Experiment):
         option.
         """
         campaign = self if scenes is None else replace(self, scenes=scenes)
-        return (
-            campaign._selected("families", Family.load, families, controllers)
-            .with_settings(settings)
-            .checked()
-        )
+        campaign = campaign._selected("families", Family.load, families, controllers)
+        return campaign.with_settings(settings).checked()
 
     def _with(self, key: str, value: Any) -> Campaign:
         table, _, condition = key.partition(".")
         if key == "half":
             return replace(self, half=str(value))
         if key == "conditions":
-            return replace(
-                self, conditions=tuple(map(str, value if isinstance(value, list) else [value]))
-            )
-        in_some = table == "scenes_in" and condition
-        return (
-            replace(self, scenes_in={**self.scenes_in, condition: value})
-            if in_some
-            else super()._with(key, value)
-        )
+            names = value if isinstance(value, list) else [value]
+            return replace(self, conditions=tuple(map(str, names)))
+        if table == "scenes_in" and condition:
+            return replace(self, scenes_in={**self.scenes_in, condition: value})
+        return super()._with(key, value)
 
     def checked(self) -> Campaign:
         """Return the campaign with the unconstrained baseline included.
@@ -133,9 +133,10 @@ class Campaign(Experiment):
             raise unknown_name("half", self.half, HALVES)
         require_names("family", [family.name for family in self.families])
         self.require_controllers()
-        known = list(
-            dict.fromkeys(condition for family in self.families for condition in family.conditions)
-        )
+        every: dict[str, None] = {}
+        for family in self.families:
+            every |= dict.fromkeys(family.conditions)
+        known = list(every)
         require_names("condition", known)
         for name in (*self.conditions, *self.scenes_in):
             if name not in known:
@@ -166,16 +167,17 @@ class Campaign(Experiment):
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
         """Return the conditions of a scene of a family, in the order of the family."""
         wanted = self.conditions or family.conditions
-        most = self.scenes_in
-        return tuple(
-            name
-            for name in family.conditions
-            if name in wanted and number < most.get(name, self.scenes)
-        )
+        conditions = []
+        for name in family.conditions:
+            if name in wanted and number < self.scenes_in.get(name, self.scenes):
+                conditions.append(name)
+        return tuple(conditions)
 
     def identity(self, family: Family) -> Identity:
         """Return everything that the results of a family depend on."""
-        limits: dict[str, Any] = {"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}
+        limits: dict[str, Any] = {}
+        if self.scenes_in:
+            limits["scenes_in"] = dict(self.scenes_in)
         return identity(
             self.controllers,
             seed=self.seed,
@@ -196,38 +198,39 @@ class Campaign(Experiment):
         that custom laws load and read on this machine when they are created.
         """
         folders = own_folders(self.controllers, self.families)
-        return partial(_on_this_machine, self, tuple(files_of_laws(self.controllers, folders)))
+        names = tuple(files_of_laws(self.controllers, folders))
+        return partial(_on_this_machine, self, names)
 
     def resolved(self) -> dict[str, Any]:
         """Return everything that determines the results, except code and files, as data."""
         families = {}
         shipped = SHIPPED.resolve()
         for family in self.families:
-            # relative to the folder of the shipped families, which differs from machine to machine
             folder = family.folder.resolve()
-            at = (
-                folder.relative_to(shipped).as_posix()
-                if folder.is_relative_to(shipped)
-                else str(folder)
-            )
-            conditions = list(self.conditions_of(family))
+            stored_folder = str(folder)
+            if folder.is_relative_to(shipped):
+                # the folder of the shipped families differs from machine to machine
+                stored_folder = folder.relative_to(shipped).as_posix()
             families[family.name] = {
-                "folder": at,
-                "conditions": conditions,
+                "folder": stored_folder,
+                "conditions": list(self.conditions_of(family)),
                 "tables": plain(family.tables),
             }
-        return {
+        configuration = {
             "campaign": self.name,
-            **{
-                name: getattr(self, name)
-                for name in ("title", "question", "scenes", "half", "seed")
-            },
+            "title": self.title,
+            "question": self.question,
+            "scenes": self.scenes,
+            "half": self.half,
+            "seed": self.seed,
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
             "controllers": {entry.name: entry.table for entry in self.controllers},
             "families": families,
-            **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
+        if self.call_times:
+            configuration["call_times"] = dict(self.call_times)
+        return configuration
 
 
 def _on_this_machine(campaign: Campaign, own_files: Sequence[str]) -> Identity:

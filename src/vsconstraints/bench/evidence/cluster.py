@@ -108,11 +108,13 @@ def end(session: str) -> None:
 
     An empty name terminates the processes of all sessions.
     """
+    ended = []
     with _lock:
-        pools = [
-            _pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)
-        ]
-    for _, pool in pools:
+        for thread, (name, pool) in list(_pools.items()):
+            if session in ("", name):
+                del _pools[thread]
+                ended.append(pool)
+    for pool in ended:
         pool.__exit__(KeyboardInterrupt, None, None)
 
 
@@ -123,8 +125,9 @@ def _answer(
     limit: float | None = None,
     again: bool = True,
 ) -> Any:
+    calls = {0: (function, *arguments)}
     limits = {} if limit is None else {0: limit}
-    ((_, answer),) = pool.run({0: (function, *arguments)}, limits, again=again)
+    ((_, answer),) = pool.run(calls, limits, again=again)
     return answer
 
 
@@ -198,31 +201,34 @@ class _Cluster:
 
         Starts the identity check of new workers, and evaluates the checks that have finished.
         """
-        there: dict[str, int] = self._client.nthreads()
+        connected: dict[str, int] = self._client.nthreads()
         # a new worker may take the address of one that disappeared
-        self._usable = {
-            worker: usable for worker, usable in self._usable.items() if worker in there
-        }
-        for worker in there.keys() - self._usable.keys() - self._asked.keys():
-            self._asked[worker] = (
-                self._submit(self._packed(str), [worker]),
-                time.monotonic() + BEGIN,
-            )
+        for worker in self._usable.keys() - connected.keys():
+            del self._usable[worker]
+        known = self._usable.keys() | self._asked.keys()
+        for worker in connected.keys() - known:
+            future = self._submit(self._packed(str), [worker])
+            self._asked[worker] = future, time.monotonic() + BEGIN
         for worker, (future, until) in list(self._asked.items()):
-            if worker in there and not future.done() and time.monotonic() <= until:
+            is_waiting = not future.done() and time.monotonic() <= until
+            if worker in connected and is_waiting:
                 continue
             del self._asked[worker]
-            if worker not in there:
+            if worker not in connected:
                 asked = "what results depend on there: can vsconstraints be imported there?"
                 self._refuse(worker, f"ended when it was asked {asked}")
             elif not future.done():
                 self._refuse(worker, f"did not answer for {BEGIN:g} s")
-            # for example, vsconstraints is not installed on the worker
-            elif (error := future.exception()) is not None:
-                self._refuse(worker, f"cannot make runs: {described(error)}")
+            elif future.exception() is not None:
+                # for example, vsconstraints is not installed on the worker
+                self._refuse(worker, f"cannot make runs: {described(future.exception())}")
             elif not self._refused_by(unpacked(future.result())):
                 self._usable[worker] = True
-        return {worker: count for worker, count in there.items() if self._usable.get(worker)}
+        threads = {}
+        for worker, count in connected.items():
+            if self._usable.get(worker):
+                threads[worker] = count
+        return threads
 
     def _refused_by(self, answer: Any) -> bool:
         """True if an answer shows that its worker would give different results.
@@ -234,7 +240,8 @@ class _Cluster:
         if isinstance(answer.identity, Failure):
             self._refuse(answer.address, f"cannot make runs: {answer.identity.reason}")
         else:
-            what = in_words(list(differences(answer.identity, self._session.expected)))
+            different = differences(answer.identity, self._session.expected)
+            what = in_words(list(different))
             why = f"would give other results: {what} (there: the worker). Install the same there"
             self._refuse(answer.address, why)
         return True
@@ -291,8 +298,9 @@ class _Cluster:
                             yield key, Failure(DIED)
                         else:
                             waiting.append(key)
-                room = PER_THREAD * sum(threads.values()) - len(under_way)
-                for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
+                most = PER_THREAD * sum(threads.values())
+                while waiting and len(under_way) < most:
+                    key = waiting.popleft()
                     try:
                         packed = self._packed(function, calls[key], limits.get(key), again)
                     except Exception as error:  # pickling custom parts can raise anything

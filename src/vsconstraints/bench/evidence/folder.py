@@ -1,4 +1,4 @@
-"""Folder of a campaign: shards, which record the finished scenes, and some trajectories."""
+"""Folder of a campaign: batches, which record the finished scenes, and some trajectories."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from . import parquet
 from .campaign import Campaign
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
-from .work import Batch, benches, make_batch, shard_name
+from .work import Batch, batch_name, benches, make_batch
 
-MARK = "runs"  # the table that is written last: a shard is complete if it has this part
+MARK = "runs"  # the table that is written last: a batch is complete if it has this file
 
 
 @dataclass(frozen=True)
 class Facts:
-    """Footer of a shard: identity of its scenes, machine, number of runs and process time [s].
+    """Footer of a batch: identity of its scenes, machine, number of runs and process time [s].
 
     ``files`` are hashes of files that custom parts loaded or read, see :mod:`.own_files`.
     """
@@ -44,18 +44,18 @@ class Facts:
 
     @classmethod
     def of(cls, path: Path) -> Facts:
-        """Read the footer of a part of a shard. Raises ConfigurationError if it is unreadable."""
+        """Read the footer of a file of a batch. Raises ConfigurationError if it is unreadable."""
         table = parquet.facts_of(path)
         try:
             return from_table(cls, table, "its footer")
         except ConfigurationError as error:
             raise ConfigurationError(
-                f"{path} cannot be read: it is not a shard of a campaign ({error})"
+                f"{path} cannot be read: it is not a batch of a campaign ({error})"
             ) from error
 
 
-class StoredShard(NamedTuple):
-    """Shard of a folder: name, footer, and path of the part that is written last.
+class StoredBatch(NamedTuple):
+    """Batch of a folder: name, footer, and path of the file that is written last.
 
     ``scenes`` are those that are read; the others are read from another folder.
     """
@@ -71,53 +71,60 @@ class StoredShard(NamedTuple):
         """True if all scenes are read."""
         return self.scenes == self.facts.scenes
 
-    def of(self, scenes: Sequence[int]) -> StoredShard:
-        """Return the shard with only these scenes."""
+    def of(self, scenes: Sequence[int]) -> StoredBatch:
+        """Return the batch with only these scenes."""
         return self._replace(scenes=tuple(scenes))
 
     @property
     def name_of_scenes(self) -> str:
-        """Name of a shard that has only the scenes that are read."""
-        return self.name if self.whole else shard_name(self.facts.family, self.scenes)
+        """Name of a batch that has only the scenes that are read."""
+        if self.whole:
+            return self.name
+        return batch_name(self.facts.family, self.scenes)
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
-        """Read one table of the shard, with the named columns or all."""
-        names = columns if columns is None or self.whole else [*columns, "scene"]
-        lines = parquet.read([shard_file(self.folder, name, self.name)], TABLES[name], names)
+        """Read one table of the batch, with the named columns or all."""
+        names = columns
+        if columns is not None and not self.whole:
+            names = [*columns, "scene"]
+        file = batch_file(self.folder, name, self.name)
+        lines = parquet.read([file], TABLES[name], names)
         if not self.whole:
             wanted = set(self.scenes)
-            lines = lines.filter([number in wanted for number in lines["scene"].to_pylist()])
+            is_wanted = [number in wanted for number in lines["scene"].to_pylist()]
+            lines = lines.filter(is_wanted)
         return lines if columns is None else lines.select(columns)
 
 
-def shard_file(folder: Path, table: str, name: str) -> Path:
-    """Return the path of a part of a shard."""
+def batch_file(folder: Path, table: str, name: str) -> Path:
+    """Return the path of the file with a table of a batch."""
     return folder / table / f"{name}.parquet"
 
 
-def shard_names(folder: Path) -> list[str]:
-    """Return the names of the shards in a folder, ordered by family and scene."""
-    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+def batch_names(folder: Path) -> list[str]:
+    """Return the names of the batches in a folder, ordered by family and scene."""
+    files = (folder / MARK).glob("part-*.parquet")
+    return sorted(path.stem for path in files)
 
 
-def shards(folder: Path) -> list[StoredShard]:
-    """Return the shards in a folder, ordered by family and scene.
+def stored_batches(folder: Path) -> list[StoredBatch]:
+    """Return the batches in a folder, ordered by family and scene.
 
     Raises ConfigurationError if a footer cannot be read.
     """
-    return [_stored_shard(folder, name) for name in shard_names(folder)]
+    return [_stored_batch(folder, name) for name in batch_names(folder)]
 
 
-def _stored_shard(folder: Path, name: str) -> StoredShard:
-    path = shard_file(folder, MARK, name)
+def _stored_batch(folder: Path, name: str) -> StoredBatch:
+    path = batch_file(folder, MARK, name)
     facts = Facts.of(path)
-    return StoredShard(folder, name, facts, path, facts.scenes)
+    return StoredBatch(folder, name, facts, path, facts.scenes)
 
 
-def files_of(shards: Iterable[Facts]) -> Files:
-    """Return hashes of the files that custom parts loaded or read when shards were made."""
+def files_of(batches: Iterable[Facts]) -> Files:
+    """Return hashes of the files that custom parts loaded or read when batches were made."""
     files: Files = {}
-    for facts in shards:
+    for facts in batches:
         files.update(facts.files)
     return files
 
@@ -127,57 +134,65 @@ def stored_files(folder: Path) -> list[Path]:
 
     The manifest comes first, followed by the files that are written once.
     """
-    parts = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
-    return [folder / MANIFEST, *parts, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
+    files = [folder / MANIFEST]
+    for table in TABLES:
+        files += sorted((folder / table).glob("part-*.parquet"))
+    files += sorted((folder / TRAJECTORIES).glob("*.npz"))
+    return files
 
 
-def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
-    """Write the parts of a shard, the table that marks it as complete last. Raises OSError."""
+def write_batch(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
+    """Write the files of a batch, the table that marks it as complete last. Raises OSError."""
+    files = []
     for table in sorted(TABLES, key=lambda table: table == MARK):
-        (folder / table).mkdir(exist_ok=True)
-        parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
-    add_sums(folder, (shard_file(folder, table, name) for table in TABLES))
+        file = batch_file(folder, table, name)
+        file.parent.mkdir(exist_ok=True)
+        parquet.write(file, tables[table], vars(facts))
+        files.append(file)
+    add_sums(folder, files)
 
 
-def finished_shards(folder: Path, campaign: Campaign) -> list[Facts]:
-    """Return the footers of the finished shards of a campaign.
+def finished_batches(folder: Path, campaign: Campaign) -> list[Facts]:
+    """Return the footers of the finished batches of a campaign.
 
-    Unfinished shards and changed files are removed. Raises ConfigurationError if the folder holds
+    Unfinished batches and changed files are removed. Raises ConfigurationError if the folder holds
     scenes of another campaign, or scenes that were run with different code, settings or files;
     nothing is removed then.
     """
-    problems = _differences([shard.facts for shard in _complete_shards(folder)], campaign)
+    stored = [batch.facts for batch in _complete_batches(folder)]
+    problems = _differences(stored, campaign)
     if problems:
         instead = "Give another folder with --out, or --fresh to replace the folder's content"
         raise ConfigurationError(
             f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}"
         )
-    for path in list(folder.rglob("*.part")):
+    unfinished_files = list(folder.rglob("*.part"))
+    for path in unfinished_files:
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
-    complete = _complete_shards(folder)  # again: a changed file was removed with its shard
-    names = {shard.name for shard in complete}
+    complete = _complete_batches(folder)  # again: a changed file was removed with its batch
+    names = {batch.name for batch in complete}
     for path in stored_files(folder):
         if path.suffix == ".parquet" and path.stem not in names:
             path.unlink()
-    return [shard.facts for shard in complete]
+    return [batch.facts for batch in complete]
 
 
-def _complete_shards(folder: Path) -> list[StoredShard]:
-    """Return the shards of which every table can be read."""
+def _complete_batches(folder: Path) -> list[StoredBatch]:
+    """Return the batches of which every table can be read."""
     complete = []
-    for name in shard_names(folder):
+    for name in batch_names(folder):
         with suppress(ConfigurationError):  # a truncated file has no footer
             for table in TABLES:
-                parquet.line_count(shard_file(folder, table, name))
-            complete.append(_stored_shard(folder, name))
+                parquet.line_count(batch_file(folder, table, name))
+            complete.append(_stored_batch(folder, name))
     return complete
 
 
 def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
-    """Describe how stored shards differ from a campaign; empty if they do not.
+    """Describe how stored batches differ from a campaign; empty if they do not.
 
-    Only the first kind of difference is described: identity of a shard, files, number of scenes.
+    Only the first kind of difference is described: identity of a batch, files, number of scenes.
     """
     identities = campaign.identities()
     for facts in stored:
@@ -186,32 +201,31 @@ def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
         different = list(differences(facts.identity, identities[facts.family]))
         if different:
             return different
-    changed_files = _changed_files(stored, campaign)
+    changed_files = content_changes(files_of(stored), campaign)
     if changed_files:
         return changed_files
-    last = max((max(facts.scenes) for facts in stored), default=-1)
+    last_scenes = [max(facts.scenes) for facts in stored]
+    last = max(last_scenes, default=-1)
     if last >= campaign.scenes:
         return [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
     return []
 
 
-def _changed_files(stored: Iterable[Facts], campaign: Campaign) -> list[str]:
-    """Return a sentence for each custom file that changed since a stored shard was made."""
+def content_changes(files: Files, campaign: Campaign) -> list[str]:
+    """Return a sentence for each custom file of a campaign that has other content now."""
     folders = own_folders(campaign.controllers, campaign.families)
-    files = files_of(stored)
-    return [
-        f"the content of {name} has changed" for name in changed(files, contents(files, folders))
-    ]
+    now = contents(files, folders)
+    return [f"the content of {name} has changed" for name in changed(files, now)]
 
 
-def require_same_files(stored: Iterable[StoredShard]) -> None:
-    """Raise ConfigurationError if shards were made with different contents of a custom file."""
-    first: dict[str, StoredShard] = {}
-    for shard in stored:
-        for name, content in shard.facts.files.items():
-            other = first.setdefault(name, shard)
+def require_same_files(stored: Iterable[StoredBatch]) -> None:
+    """Raise ConfigurationError if batches were made with different contents of a custom file."""
+    first: dict[str, StoredBatch] = {}
+    for batch in stored:
+        for name, content in batch.facts.files.items():
+            other = first.setdefault(name, batch)
             if other.facts.files[name] != content:
-                made = f"{other.path} and {shard.path} were made with different contents of {name}"
+                made = f"{other.path} and {batch.path} were made with different contents of {name}"
                 why = "which custom parts have loaded or read"
                 raise ConfigurationError(f"these are not parts of one campaign: {made}, {why}")
 
@@ -234,11 +248,8 @@ class RunKey(NamedTuple):
 
 def trajectory_file(folder: Path, key: RunKey) -> Path:
     """Return the path of the trajectory of a run."""
-    return (
-        folder
-        / TRAJECTORIES
-        / f"{key.family}--{key.condition}--{key.scene:07d}--{key.controller}.npz"
-    )
+    name = f"{key.family}--{key.condition}--{key.scene:07d}--{key.controller}.npz"
+    return folder / TRAJECTORIES / name
 
 
 def chosen(folder: Path, keep: Keep) -> list[RunKey]:
@@ -248,14 +259,19 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     """
     if keep == "none":
         return []
-    files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
+    files = [batch_file(folder, MARK, name) for name in batch_names(folder)]
     names = (*RunKey._fields, "status", "violation_depth", "duration_s")
-    lines = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
-    lines = lines.sort_values(
-        ["family", "scene", "condition", "controller"], ignore_index=True
-    ).to_dict("records")
-    kept = kept_lines(lines, keep, ("family", "condition", "controller"), ("family", "scene"))
-    return [RunKey(*(line[name] for name in RunKey._fields)) for line in kept]
+    # runs without a sample have no duration
+    runs = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
+    order = ["family", "scene", "condition", "controller"]
+    lines = runs.sort_values(order, ignore_index=True).to_dict("records")
+    group = ("family", "condition", "controller")
+    kept = kept_lines(lines, keep, group, ("family", "scene"))
+    keys = []
+    for line in kept:
+        cells = {name: line[name] for name in RunKey._fields}
+        keys.append(RunKey(**cells))
+    return keys
 
 
 def keep_trajectories(
@@ -268,38 +284,46 @@ def keep_trajectories(
     """
     if keep == "none":
         return 0
+    trajectories = folder / TRAJECTORIES
+    trajectories.mkdir(exist_ok=True)
     wanted = {trajectory_file(folder, key): key for key in chosen(folder, keep)}
-    (folder / TRAJECTORIES).mkdir(exist_ok=True)
-    for path in set((folder / TRAJECTORIES).glob("*.npz")).difference(wanted):
+    for path in set(trajectories.glob("*.npz")).difference(wanted):
         path.unlink()
     missing: dict[tuple[str, int], list[RunKey]] = {}
     for path, key in wanted.items():
         if not path.exists():
-            missing.setdefault((key.family, key.scene), []).append(key)
+            of_scene = missing.setdefault((key.family, key.scene), [])
+            of_scene.append(key)
     families = {family.name: family for family in campaign.families}
-    calls = {
-        at: (make_batch(campaign, families[at[0]], [at[1]], limit), keys)
-        for at, keys in missing.items()
-    }
+    calls = {}
+    for (family, scene), keys in missing.items():
+        batch = make_batch(campaign, families[family], [scene], limit)
+        calls[family, scene] = batch, keys
     if calls:
         with workers(rerun) as open_workers:
             for _, answer in open_workers.run(calls):
-                # runs that cannot be repeated are left out: their scores are stored
-                for key, record in {} if isinstance(answer, Failure) else answer.items():
+                if isinstance(answer, Failure):
+                    continue  # runs that cannot be repeated are left out: their scores are stored
+                for key, record in answer.items():
                     record.save(trajectory_file(folder, key))
     return sum(path.exists() for path in wanted)
 
 
-def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
+def rerun(batch: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     """Repeat runs of one scene. Workers call this function."""
     records: dict[RunKey, RunRecord] = {}
-    entries = {entry.name: entry for entry in task.controllers}
-    with deadline(task.limit) as step:
-        step()
-        _, by_condition = benches(task, task.scenes[0])
-        for key in sorted(
-            keys if by_condition else (), key=lambda key: task.conditions.index(key.condition)
-        ):
-            step()
-            records[key] = by_condition[key.condition].run(entries[key.controller])
+    entries = {entry.name: entry for entry in batch.controllers}
+    with deadline(batch.drawing_limit):
+        _, bench_of = benches(batch, batch.scenes[0])
+    if not bench_of:
+        return records
+
+    def place(key: RunKey) -> int:
+        return batch.conditions.index(key.condition)
+
+    # runs in the same condition share a setup
+    for key in sorted(keys, key=place):
+        entry = entries[key.controller]
+        with deadline(batch.run_limit(entry)):
+            records[key] = bench_of[key.condition].run(entry)
     return records

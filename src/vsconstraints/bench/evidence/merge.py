@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +12,13 @@ from ...comparisons.runs.files import TRAJECTORIES, replaced, require_unchanged
 from ...comparisons.runs.folder import locked, manifest_of
 from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
-from .folder import MARK, chosen, clear, stored_files, trajectory_file, write_parts
+from .folder import MARK, chosen, clear, stored_files, trajectory_file, write_batch
 from .parquet import TABLES
 from .stored import Evidence
 from .together import combined_manifest
+
+#: Results that remain if a file of the merged campaign cannot be written.
+KEPT = "the merged folders are unchanged, and the same command merges them again"
 
 
 class Merged(NamedTuple):
@@ -42,9 +44,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         )
     evidence = Evidence.load(folders)
     for folder, manifest in evidence.manifests.items():
-        require_unchanged(
-            folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True
-        )
+        trajectories = (folder / TRAJECTORIES).glob("*.npz")
+        require_unchanged(folder, trajectories, "finished" in manifest, all_there=True)
     _require_all(evidence)
     if manifest_of(out) and "merged" not in manifest_of(out):
         raise ConfigurationError(f"{out} already holds results: give an empty or new folder")
@@ -53,21 +54,23 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
             f"{out} is one of the folders to merge: give another output folder"
         )
     with locked(out, "evidence"):
-        store = Store(out, "evidence", stored_files)
+        store = Store(out, "evidence", stored_files, kept=KEPT)
         clear(out)
+        scenes = 0
+        runs = 0
         with store.storing():
-            counts = Counter[str]()
-            for shard in evidence.shards:
-                tables = {name: shard.table(name) for name in TABLES}
-                counts.update({name: table.num_rows for name, table in tables.items()})
-                facts = replace(shard.facts, scenes=shard.scenes, runs=tables[MARK].num_rows)
-                write_parts(out, shard.name_of_scenes, tables, facts)
-            merged = Merged(
-                counts["scenes"], counts[MARK], _copy_trajectories(evidence, out), evidence.remarks
-            )
-        manifest = combined_manifest(evidence.manifests, evidence.shards)
-        store.finish(**{**manifest, "trajectories": merged.trajectories})
-    return merged
+            for batch in evidence.batches:
+                tables = {name: batch.table(name) for name in TABLES}
+                n_runs = tables[MARK].num_rows
+                facts = replace(batch.facts, scenes=batch.scenes, runs=n_runs)
+                write_batch(out, batch.name_of_scenes, tables, facts)
+                scenes += tables["scenes"].num_rows
+                runs += n_runs
+            copied = _copy_trajectories(evidence, out)
+        manifest = combined_manifest(evidence.manifests, evidence.batches)
+        manifest["trajectories"] = copied
+        store.finish(**manifest)
+    return Merged(scenes, runs, copied, evidence.remarks)
 
 
 def _require_all(evidence: Evidence) -> None:
@@ -76,18 +79,20 @@ def _require_all(evidence: Evidence) -> None:
     lost = evidence.missing_scenes(range(configuration["scenes"]))
     if not lost:
         return
-    there = [tuple(manifest.get("shard", (1, 1))) for manifest in evidence.manifests.values()]
-    missing = [
-        f"shard {i}/{n}"
-        for n in {n for _, n in there}
-        for i in range(1, n + 1)
-        if (i, n) not in there
-    ]
-    which = "the campaign is incomplete"
+    shards = []
+    for manifest in evidence.manifests.values():
+        shards.append(tuple(manifest.get("shard", (1, 1))))
+    missing = []
+    for of in {of for _, of in shards}:
+        for number in range(1, of + 1):
+            if (number, of) not in shards:
+                missing.append(f"shard {number}/{of}")
+    problem = "the campaign is incomplete"
     if missing:
-        which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+        verb = "is" if len(missing) == 1 else "are"
+        problem = f"{', '.join(missing)} {verb} missing"
     unfinished = "to continue an interrupted command, give it again"
-    raise ConfigurationError(f"{which}: scenes {lost} are missing; {unfinished}")
+    raise ConfigurationError(f"{problem}: scenes {lost} are missing; {unfinished}")
 
 
 def _copy_trajectories(evidence: Evidence, out: Path) -> int:
@@ -100,12 +105,12 @@ def _copy_trajectories(evidence: Evidence, out: Path) -> int:
     rules = {manifest.get("keep", "none") for manifest in evidence.manifests.values()}
     for keep in sorted(rules - {"none"}):
         for key in chosen(out, keep):
-            to = trajectory_file(out, key)
-            files = (trajectory_file(folder, key) for folder in evidence.manifests)
-            at = next((file for file in files if file.is_file()), None)
-            if at is not None and not to.exists():
-                (out / TRAJECTORIES).mkdir(exist_ok=True)
-                with replaced(to) as part:
-                    shutil.copyfile(at, part)
+            target = trajectory_file(out, key)
+            files = [trajectory_file(folder, key) for folder in evidence.manifests]
+            sources = [file for file in files if file.is_file()]
+            if sources and not target.exists():
+                target.parent.mkdir(exist_ok=True)
+                with replaced(target) as part:
+                    shutil.copyfile(sources[0], part)
                 count += 1
     return count

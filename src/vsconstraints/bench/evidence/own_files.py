@@ -24,7 +24,8 @@ Folders = Mapping[str, str]  #: Absolute paths of folders by name.
 
 def has_own_parts(controllers: Entries, families: Sequence[Family]) -> bool:
     """True if a law, or a constraint of a family, does not come with the package."""
-    return any(":" in entry.law for entry in controllers) or any(map(_own_constraints, families))
+    has_own_law = any(":" in entry.law for entry in controllers)
+    return has_own_law or any(map(_has_own_constraints, families))
 
 
 def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
@@ -33,19 +34,25 @@ def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
     A folder is named after the first module or family that comes from it. The working directory is
     included.
     """
-    candidates = []
+    candidates: list[tuple[str, Path]] = []
     for entry in controllers:
         if ":" in entry.law:
             module = module_of(entry.law)
-            candidates += [(module, entry.folder)] if entry.folder is not None else []
+            if entry.folder is not None:
+                candidates.append((module, entry.folder))
             candidates += [(module, file.parent) for file in entry.files]
-    candidates += [(family.name, family.folder) for family in families if _own_constraints(family)]
+    for family in families:
+        if _has_own_constraints(family):
+            candidates.append((family.name, family.folder))
     candidates.append((WORKING_FOLDER, Path()))
     folders: dict[str, str] = {}
     for name, path in candidates:
         folder = os.path.realpath(path)
-        if folder not in folders.values():
-            folders[name if name not in folders else f"{name} {len(folders) + 1}"] = folder
+        if folder in folders.values():
+            continue
+        if name in folders:
+            name = f"{name} {len(folders) + 1}"
+        folders[name] = folder
     return folders
 
 
@@ -54,15 +61,15 @@ def named(files: Files, folders: Folders) -> Files:
 
     Files in none of the folders keep their absolute paths.
     """
-    found = {}
-    for path, content in files.items():
-        inside = (
-            f"{name}/{os.path.relpath(path, folder)}"
-            for name, folder in folders.items()
-            if os.path.commonpath([path, folder]) == folder
-        )
-        found[next(inside, path)] = content
-    return found
+    return {_name_in(folders, path): content for path, content in files.items()}
+
+
+def _name_in(folders: Folders, path: str) -> str:
+    """Return the name of a file in the first folder that contains it, or else its path."""
+    for name, folder in folders.items():
+        if os.path.commonpath([path, folder]) == folder:
+            return f"{name}/{os.path.relpath(path, folder)}"
+    return path
 
 
 def contents(names: Iterable[str], folders: Folders) -> Files:
@@ -91,10 +98,10 @@ def changed(files: Files, others: Files) -> Iterator[str]:
 def require_unchanged_files(files: Files, earlier: Files) -> None:
     """Raise ConfigurationError if the content of a file differs from that of earlier results."""
     for name in changed(files, earlier):
-        why = "was changed while the campaign ran, or differs from one worker to another"
-        what = f"the file {name}, which custom parts have loaded or read, {why}"
         raise ConfigurationError(
-            f"{what}: run the campaign again in another folder, or with --fresh"
+            f"the file {name}, which custom parts have loaded or read, was changed while the "
+            "campaign ran, or differs from one worker to another: run the campaign again in "
+            "another folder, or with --fresh"
         )
 
 
@@ -121,8 +128,10 @@ def files_of_laws(controllers: Entries, folders: Folders) -> Files:
 def _source_file(module: str) -> str:
     """Return the file that is imported as this module here, or an empty text if there is none."""
     spec = spec_of(module)
-    return spec.origin or "" if spec else ""
+    if spec is None:
+        return ""
+    return spec.origin or ""
 
 
-def _own_constraints(family: Family) -> bool:
+def _has_own_constraints(family: Family) -> bool:
     return any(code_named(family.tables))

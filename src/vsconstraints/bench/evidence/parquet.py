@@ -1,6 +1,6 @@
 """Tables of runs, constraint rows and scenes: columns and Parquet files.
 
-The footer of each file holds facts about the shard.
+The footer of each file holds facts about the batch.
 """
 
 from __future__ import annotations
@@ -41,7 +41,12 @@ EXPANDED = 100_000
 UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
 
 Kind = Literal["text", "flag", "whole", "number"]
-_TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
+_TYPES = {
+    "text": pa.string(),
+    "flag": pa.bool_(),
+    "whole": pa.int64(),
+    "number": pa.float64(),
+}
 
 
 def _cell(kind: Callable[[Any], Any], value: Any) -> Any:
@@ -72,28 +77,28 @@ class Column(NamedTuple):
 
 #: Columns that identify a run.
 KEYS = (
-    *(Column(name, "text", True, required=True) for name in ("family", "condition", "half")),
+    Column("family", "text", category=True, required=True),
+    Column("condition", "text", category=True, required=True),
+    Column("half", "text", category=True, required=True),
     Column("scene", "whole", required=True),
     Column("controller", "text", category=True, required=True),
 )
+#: Further columns of texts with few different values.
+CATEGORIES = ("status", "constraint", "kind", "unit")
 
 
 def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
     """Return the keys of runs, followed by the named columns that are not keys."""
-    kinds: dict[str, Kind] = {
-        each.column: "number" if each.kind == "time" else each.kind
-        for each in metrics
-        if each.value is not None
-    }
-    categories = ("status", "constraint", "kind", "unit")
-    return (
-        *KEYS,
-        *(
-            Column(name, kinds[name], name in categories, name in REQUIRED_COLUMNS)
-            for name in names
-            if name not in RUN
-        ),
-    )
+    kinds: dict[str, Kind] = {}
+    for metric in metrics:
+        if metric.value is not None:
+            kinds[metric.column] = "number" if metric.kind == "time" else metric.kind
+    columns = list(KEYS)
+    for name in names:
+        if name not in RUN:
+            is_required = name in REQUIRED_COLUMNS
+            columns.append(Column(name, kinds[name], name in CATEGORIES, is_required))
+    return tuple(columns)
 
 
 #: Columns of the table with one line for each run: keys, then the columns of results.csv.
@@ -104,22 +109,23 @@ ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 #: Columns of the table with one line for each scene; ``rejected`` and ``values`` are JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
-    *(
-        Column("found", "flag", required=True),
-        Column("attempts", "whole"),
-        Column("rejected", "text"),
-        Column("challenged", "text"),
-    ),
-    *(Column("share_to_hold", "number"), Column("values", "text", required=True)),
-    *(Column("least_time_s", "number"), Column("duration_s", "number")),
+    Column("found", "flag", required=True),
+    Column("attempts", "whole"),
+    Column("rejected", "text"),
+    Column("challenged", "text"),
+    Column("share_to_hold", "number"),
+    Column("values", "text", required=True),
+    Column("least_time_s", "number"),
+    Column("duration_s", "number"),
 )
-TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the shards.
+TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the batches.
 TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are reproducible.
 
 
 def schema(columns: Sequence[Column]) -> Any:
     """Return the Arrow schema of a table with these columns."""
-    return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
+    fields = [(column.name, _TYPES[column.kind]) for column in columns]
+    return pa.schema(fields)
 
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
@@ -127,23 +133,21 @@ def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
 
     Numbers that do not exist or are not finite are missing values, as in results.csv.
     """
-    arrays = [
-        pa.array([_CELLS[kind](line[name]) for line in lines], _TYPES[kind])
-        for name, kind, *_ in columns
-    ]
+    arrays = []
+    for column in columns:
+        cell = _CELLS[column.kind]
+        cells = [cell(line[column.name]) for line in lines]
+        arrays.append(pa.array(cells, _TYPES[column.kind]))
     return pa.Table.from_arrays(arrays, schema=schema(columns))
 
 
 def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
     """Write a table completely or not at all. Raises OSError."""
-    text = json.dumps(facts, ensure_ascii=False, default=str).encode("utf-8", "backslashreplace")
+    text = json.dumps(facts, ensure_ascii=False, default=str)
+    footer = {FACTS: text.encode("utf-8", "backslashreplace")}
+    lines = lines.replace_schema_metadata(footer)
     with replaced(path) as part:
-        pq.write_table(
-            lines.replace_schema_metadata({FACTS: text}),
-            part,
-            compression="zstd",
-            write_page_checksum=True,
-        )
+        pq.write_table(lines, part, compression="zstd", write_page_checksum=True)
 
 
 @contextmanager
@@ -163,7 +167,8 @@ def facts_of(path: Path) -> dict[str, Any]:
     Raises ConfigurationError that names the file if it holds none.
     """
     with _reading(path):
-        facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
+        metadata = pq.read_schema(path).metadata or {}
+        facts = json.loads(metadata[FACTS])
         if not isinstance(facts, dict):
             raise ValueError("its metadata is not a table")
     return facts
@@ -186,17 +191,15 @@ def read(
     A missing column is read as empty: a text as "", all others as null. Raises ConfigurationError
     if a file cannot be read or has no required column.
     """
-    selected = [column for column in columns if names is None or column.name in names]
+    selected = columns
+    if names is not None:
+        selected = [column for column in columns if column.name in names]
     wanted = schema(selected)
     tables = [wanted.empty_table()]
     for path in paths:
         # read single files: pyarrow would derive partition columns from the names of folders
         with _reading(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
-            groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
-            size = sum(group.total_byte_size for group in groups)
-            most = EXPANDED * (1 + file.metadata.num_rows)
-            if size > most:
-                raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
+            _require_small(file.metadata)
             lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
             unknown = set(file.schema_arrow.names).difference(column.name for column in columns)
@@ -209,9 +212,18 @@ def read(
                         f"it has no column {column.name!r}: it was written by another version, "
                         "which can report on it"
                     )
-                empty = "" if column.kind == "text" else None
-                lines = lines.append_column(
-                    column.name, pa.array([empty] * len(lines), _TYPES[column.kind])
-                )
+                empty_cell = "" if column.kind == "text" else None
+                empty = pa.array([empty_cell] * len(lines), _TYPES[column.kind])
+                lines = lines.append_column(column.name, empty)
             tables.append(lines.select(wanted.names).cast(wanted))
     return pa.concat_tables(tables)
+
+
+def _require_small(metadata: Any) -> None:
+    """Raise ValueError if the tables of a file expand to more than their lines may take."""
+    size = 0
+    for i in range(metadata.num_row_groups):
+        size += metadata.row_group(i).total_byte_size
+    most = EXPANDED * (1 + metadata.num_rows)
+    if size > most:
+        raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")

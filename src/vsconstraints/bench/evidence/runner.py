@@ -1,4 +1,4 @@
-"""Run a campaign on any kind of workers, and store each shard as soon as it is finished."""
+"""Run a campaign on any kind of workers, and store each batch as soon as it is finished."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ...comparisons.runs.machine import loaded_versions, machine, new_manifest
 from ...comparisons.runs.pool import Failure, OpenWorkers, Workers, processes
 from ...comparisons.runs.spec import BASELINE, prepare_laws
 from ...comparisons.runs.store import Store
+from ...plugins.provenance import Files
 from .campaign import Campaign
 from .folder import (
     Facts,
     clear,
     files_of,
-    finished_shards,
+    finished_batches,
     keep_trajectories,
     stored_files,
-    write_parts,
+    write_batch,
 )
 from .own_files import contents, own_folders, require_unchanged_files
-from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, plan_batches, scored
 
 # manifest entries of the last command that made runs; a command without runs keeps them
@@ -55,25 +55,27 @@ class Progress:
     reasons: dict[Kind, str] = field(default_factory=dict)
     seconds: float = 0.0
 
-    def add(self, task: Batch, part: Part) -> None:
+    def add(self, batch: Batch, part: Part) -> None:
         """Count the result of a batch."""
-        self.done += len(task.scenes)
+        self.done += len(batch.scenes)
         self.runs += part.runs.num_rows
         self.seconds += part.seconds
-        for line in part.runs.select(
-            ["family", "condition", "controller", "status", "reason"]
-        ).to_pylist():
-            family, condition, controller, status, reason = line.values()
-            self.of_kind[family, condition, controller] += 1
-            if status == "failed":
-                self.failed[family, condition, controller] += 1
-                self.reasons.setdefault((family, condition, controller), reason)
+        columns = ["family", "condition", "controller", "status", "reason"]
+        for line in part.runs.select(columns).to_pylist():
+            kind = (line["family"], line["condition"], line["controller"])
+            self.of_kind[kind] += 1
+            if line["status"] == "failed":
+                self.failed[kind] += 1
+                self.reasons.setdefault(kind, line["reason"])
 
     @property
     def all_failed(self) -> bool:
         """True if runs were made and all runs of the compared controllers failed."""
-        compared = [kind for kind in self.of_kind if kind[2] != BASELINE] or list(self.of_kind)
-        return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
+        kinds = list(self.of_kind)
+        compared = [kind for kind in kinds if kind[2] != BASELINE] or kinds
+        runs = sum(self.of_kind[kind] for kind in compared)
+        failed = sum(self.failed[kind] for kind in compared)
+        return runs > 0 and failed == runs
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,9 @@ class Finished:
 class Plan:
     """Settings for the execution of a campaign that do not change its results.
 
-    ``limit`` is the time limit of a run [s]; None derives it from the number of samples. ``fresh``
-    replaces the content of the folder. ``workers`` opens the workers that make the runs.
+    ``limit`` is the time limit of a run [s]; None derives it from the number of samples, for each
+    law. ``fresh`` replaces the content of the folder. ``workers`` opens the workers that make the
+    runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -119,11 +122,11 @@ def collect(
     command: Sequence[str] = (),
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Finished:
-    """Run a campaign and store its shards in ``folder``, without repeating scenes that are stored.
+    """Run a campaign and store its batches in ``folder``, without repeating scenes that are stored.
 
     ``on_progress`` is called once at the start and after every batch. Raises ConfigurationError if
     the folder cannot be used or a family has no scene. Raises StorageError if a file cannot be
-    written; stored shards remain.
+    written; stored batches remain.
     """
     plan = plan or Plan()
     parse_keep(plan.keep)
@@ -132,42 +135,30 @@ def collect(
         store = Store(folder, "evidence", stored_files)
         if plan.fresh:
             clear(folder)
-        there = finished_shards(folder, campaign)
-        scenes_there = {(facts.family, scene) for facts in there for scene in facts.scenes}
-        tasks = plan_batches(campaign, plan.shard, plan.limit, scenes_there)
-        for family in {task.family.name: task.family for task in tasks}.values():
+        before = finished_batches(folder, campaign)
+        finished_scenes = {(facts.family, scene) for facts in before for scene in facts.scenes}
+        batches = plan_batches(campaign, plan.shard, plan.limit, finished_scenes)
+        families = {batch.family.name: batch.family for batch in batches}
+        for family in families.values():
             family.require_scenes(campaign.half, campaign.seed)
         prepare_laws(campaign.controllers)
-        manifest = {
-            **new_manifest(command, campaign.resolved()),
-            "shard": [plan.shard.number, plan.shard.of],
-            "keep": plan.keep,
-            **{name: value for name, value in manifest_of(folder).items() if name in OF_WORK},
-        }
+        manifest = new_manifest(command, campaign.resolved())
+        manifest["shard"] = [plan.shard.number, plan.shard.of]
+        manifest["keep"] = plan.keep
+        for name, value in manifest_of(folder).items():
+            if name in OF_WORK:
+                manifest[name] = value
         store.begin(manifest, stored_files(folder)[1:])
-        stored = len(scenes_there)
-        progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
+        planned = sum(len(batch.scenes) for batch in batches)
+        stored = len(finished_scenes)
+        progress = Progress(stored + planned, stored, stored)
         on_progress(progress)
-        identities = campaign.identities()
-        here = machine()
-        folders = own_folders(campaign.controllers, campaign.families)
-        files = files_of(there)
         kept = 0
         with store.interruptible():
-            if tasks:
+            if batches:
                 with plan.workers(scored) as workers:
-                    for i, part in results(tasks, workers):
-                        task = tasks[i]
-                        name = task.family.name
-                        files = contents(part.files.keys() - files.keys(), folders) | files
-                        require_unchanged_files(part.files, files)
-                        files.update(part.files)
-                        made = part.runs.num_rows, part.seconds, part.files
-                        facts = Facts(name, task.scenes, identities[name], here, *made)
-                        tables = dict(zip(TABLES, part, strict=False))
-                        with store.storing():
-                            write_parts(folder, task.name, tables, facts)
-                        progress.add(task, part)
+                    for batch, part in _stored(campaign, batches, workers, store, files_of(before)):
+                        progress.add(batch, part)
                         on_progress(progress)
             with store.storing():
                 kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
@@ -177,8 +168,8 @@ def collect(
             rates = {"wall_time_s": finished.wall_time, "runs_per_s": finished.rate}
         store.finish(
             **rates,
-            process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
-            runs=sum(facts.runs for facts in there) + progress.runs,
+            process_time_s=sum(facts.seconds for facts in before) + progress.seconds,
+            runs=sum(facts.runs for facts in before) + progress.runs,
             scenes=progress.scenes,
             finished=progress.done,
             stored_before=stored,
@@ -188,25 +179,61 @@ def collect(
         return finished
 
 
-def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
+def _stored(
+    campaign: Campaign, batches: Sequence[Batch], workers: Workers, store: Store, files: Files
+) -> Iterator[tuple[Batch, Part]]:
+    """Run batches, and yield each with its result as soon as it is stored.
+
+    ``files`` are hashes of the custom parts' files on which the stored results depend. Raises
+    ConfigurationError if the content of such a file changes.
+    """
+    identities = campaign.identities()
+    here = machine()
+    folders = own_folders(campaign.controllers, campaign.families)
+    for i, part in results(batches, workers):
+        batch = batches[i]
+        family = batch.family.name
+        # files that no earlier batch has loaded must be the same on this machine
+        files = contents(part.files.keys() - files.keys(), folders) | files
+        require_unchanged_files(part.files, files)
+        files.update(part.files)
+        facts = Facts(
+            family,
+            batch.scenes,
+            identities[family],
+            here,
+            runs=part.runs.num_rows,
+            seconds=part.seconds,
+            files=part.files,
+        )
+        with store.storing():
+            write_batch(store.folder, batch.name, part.tables, facts)
+        yield batch, part
+
+
+def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
     """Yield the number and the result of every batch as soon as it is finished.
 
     Batches whose process died are repeated run by run when all others are finished, in one queue. A
     run whose process dies again fails with the reason.
     """
     pieces: dict[tuple[int, int], Batch] = {}
-    for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):
+    limits: dict[tuple[int, int], float] = {}
+    batch_calls = {i: (batch,) for i, batch in enumerate(batches)}
+    for i, answer in workers.run(batch_calls, again=False):
         if isinstance(answer, Failure):
-            pieces |= {(i, j): piece for j, piece in enumerate(tasks[i].pieces())}
+            for j, (piece, limit) in enumerate(batches[i].pieces()):
+                pieces[i, j] = replace(piece, limit=limit + GRACE)
+                limits[i, j] = limit
         else:
             yield i, answer
-    limits = {key: piece.limit for key, piece in pieces.items() if piece.limit is not None}
-    patient = {key: replace(pieces[key], limit=limit + GRACE) for key, limit in limits.items()}
     count = Counter(i for i, _ in pieces)
     parts = defaultdict[int, dict[int, Part]](dict)
-    for (i, j), answer in workers.run(
-        {key: (patient.get(key, piece),) for key, piece in pieces.items()}, limits
-    ):
-        parts[i][j] = failed(pieces[i, j], answer.reason) if isinstance(answer, Failure) else answer
+    piece_calls = {key: (piece,) for key, piece in pieces.items()}
+    for (i, j), answer in workers.run(piece_calls, limits):
+        if isinstance(answer, Failure):
+            answer = failed(pieces[i, j], answer.reason)
+        parts[i][j] = answer
         if len(parts[i]) == count[i]:
-            yield i, Part.joined([part for _, part in sorted(parts.pop(i).items())])
+            in_order = sorted(parts.pop(i).items())
+            yield i, Part.joined([part for _, part in in_order])

@@ -1,4 +1,4 @@
-"""Evidence read from its folder, with every shard checked against the manifest.
+"""Evidence read from its folder, with every batch checked against the manifest.
 
 Each planned run is stored exactly once, and there are no others.
 """
@@ -32,19 +32,37 @@ from .folder import (  # fmt: skip
     MARK,
     Facts,
     RunKey,
-    StoredShard,
+    StoredBatch,
+    batch_file,
     files_of,
     require_same_files,
-    shard_file,
-    shards,
+    stored_batches,
     stored_files,
     trajectory_file,
 )
 from .parquet import KEYS, TABLES
-from .together import combined_manifest, combined_shards, in_order
+from .together import combined_batches, combined_manifest, in_order
 
-MAX_ROWS = 1000  # maximum number of constraint rows of a run in a shard
+MAX_ROWS = 1000  # maximum number of constraint rows of a run in a batch
 MAX_NAMED = 5  # maximum number of scene ranges in a message
+
+#: Kinds of the entries of a manifest that may be missing.
+OPTIONAL_ENTRIES: dict[str, Any] = {
+    "machine": Table,
+    "packages": Table,
+    "command": Texts,
+    "keep": Keep,
+    "shard": tuple[int, int],
+    "runs": int,
+    "scenes": int,
+    "finished": int,
+    "wall_time_s": Number,
+    "process_time_s": Number,
+    "runs_per_s": Number,
+}
+
+RunCells = tuple[Any, ...]  #: Cells of a run in the columns :data:`.parquet.KEYS`.
+SCENE_CELL = 3  #: Position of the scene in :data:`RunCells`.
 
 
 @dataclass(frozen=True)
@@ -71,12 +89,16 @@ class Evidence(StoredResults):
         parts = tuple(super(Evidence, cls).load(each, trust) for each in folders)
         if len(parts) == 1:
             return parts[0]
-        remarks = tuple(text for part in parts for text in part.remarks)
+        remarks: list[str] = []
+        stored: list[StoredBatch] = []
+        for part in parts:
+            remarks += part.remarks
+            stored += part.batches
         manifests = {part.folder: part.manifest for part in parts}
-        stored = combined_shards(manifests, [shard for part in parts for shard in part.shards])
-        manifest = combined_manifest(manifests, stored)
-        evidence = cls(folders[0], manifest, trust, remarks, parts)
-        vars(evidence)["shards"] = stored  # the cached property, which would compare them again
+        batches = combined_batches(manifests, stored)
+        manifest = combined_manifest(manifests, batches)
+        evidence = cls(folders[0], manifest, trust, tuple(remarks), parts)
+        vars(evidence)["batches"] = batches  # the cached property, which would compare them again
         return evidence
 
     @property
@@ -85,45 +107,49 @@ class Evidence(StoredResults):
         return {part.folder: part.manifest for part in self.parts or (self,)}
 
     @cached_property
-    def shards(self) -> tuple[StoredShard, ...]:
-        """Shards of all folders, which have each scene once."""
+    def batches(self) -> tuple[StoredBatch, ...]:
+        """Batches of all folders, which have each scene once."""
         if self.parts:
-            stored = [shard for part in self.parts for shard in part.shards]
-            return combined_shards(self.manifests, stored)
-        return in_order(shards(self.folder))
+            stored = [batch for part in self.parts for batch in part.batches]
+            return combined_batches(self.manifests, stored)
+        return in_order(stored_batches(self.folder))
 
     def missing_scenes(self, wanted: range) -> str:
         """List the wanted scenes that are not stored, by family; empty if none is missing."""
         missing = {name: set(wanted) for name in self.manifest["configuration"]["families"]}
-        for shard in self.shards:
-            missing[shard.facts.family].difference_update(shard.facts.scenes)
-        lost = []
+        for batch in self.batches:
+            missing[batch.facts.family].difference_update(batch.facts.scenes)
+        ranges = []
         for name, numbers in missing.items():
             firsts = sorted(number for number in numbers if number - 1 not in numbers)
             lasts = sorted(number for number in numbers if number + 1 not in numbers)
-            lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
-        return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
+            for first, last in zip(firsts, lasts, strict=True):
+                ranges.append(f"{name} {first}–{last}")
+        text = ", ".join(ranges[:MAX_NAMED])
+        return f"{text} and more" if len(ranges) > MAX_NAMED else text
 
     @property
     def families(self) -> dict[str, Family]:
         """Families as they were run, by name."""
-        stored = self.manifest["configuration"]["families"]
-        # paths of shipped families are stored relative to a folder that depends on the machine
-        return {
-            name: family_of(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
-            for name, entry in stored.items()
-        }
+        families = {}
+        for name, entry in self.manifest["configuration"]["families"].items():
+            # paths of shipped families are stored relative to a folder that depends on the machine
+            folder = SHIPPED / entry["folder"]
+            families[name] = family_of(name, entry["tables"], folder, self.trusted)
+        return families
 
     @property
     def conditions(self) -> tuple[str, ...]:
         """Conditions in which scenes were run, in the order of the families."""
-        stored = self.manifest["configuration"]["families"].values()
-        return tuple(dict.fromkeys(name for entry in stored for name in entry["conditions"]))
+        conditions: dict[str, None] = {}
+        for entry in self.manifest["configuration"]["families"].values():
+            conditions |= dict.fromkeys(entry["conditions"])
+        return tuple(conditions)
 
     @property
     def own_files(self) -> Files:
         """Hashes of files that custom parts loaded or read, see :mod:`.own_files`."""
-        return files_of(shard.facts for shard in self.shards)
+        return files_of(batch.facts for batch in self.batches)
 
     @cached_property
     def runs(self) -> Any:
@@ -146,7 +172,9 @@ class Evidence(StoredResults):
     def drawn(self, family: str, scene: int) -> Drawn:
         """Draw a scene again, as it was run."""
         configuration = self.manifest["configuration"]
-        return self.families[family].scene(scene, configuration["half"], configuration["seed"])
+        half = configuration["half"]
+        seed = configuration["seed"]
+        return self.families[family].scene(scene, half, seed)
 
     def record(self, family: str, condition: str, scene: int, controller: str) -> RunRecord | None:
         """Return the record of a run, None if its trajectory is not stored.
@@ -155,18 +183,24 @@ class Evidence(StoredResults):
         """
         if family not in self.families:
             return None
+        for part in self.parts:
+            record = part.record(family, condition, scene, controller)
+            if record is not None:
+                return record
         if self.parts:
-            found = (part.record(family, condition, scene, controller) for part in self.parts)
-            return next((record for record in found if record is not None), None)
-        path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
+            return None
+        key = RunKey(family, condition, scene, controller)
+        path = trajectory_file(self.folder, key)
         require_unchanged(self.folder, [path], "finished" in self.manifest)
-        return RunRecord.load(path, most_samples(self.families[family].tables))
+        most = most_samples(self.families[family].tables)
+        return RunRecord.load(path, most)
 
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        lines = [parquet.table(TABLES[name], []), *(shard.table(name) for shard in self.shards)]
-        table = parquet.joined(lines).to_pandas()
+        empty = parquet.table(TABLES[name], [])
+        tables = [batch.table(name) for batch in self.batches]
+        table = parquet.joined([empty, *tables]).to_pandas()
         orders: dict[str, Sequence[str]] = {
             "family": tuple(self.families),
             "condition": self.conditions,
@@ -175,8 +209,9 @@ class Evidence(StoredResults):
         }
         for column in TABLES[name]:
             if column.category:
-                order = orders.get(column.name, sorted(table[column.name].unique()))
-                table[column.name] = pd.Categorical(table[column.name], order)
+                values = table[column.name]
+                order = orders.get(column.name, sorted(values.unique()))
+                table[column.name] = pd.Categorical(values, order)
         keys = [key for key in RunKey._fields if key in table]
         # a stable sort keeps the order of the rows of a run
         return table.sort_values(keys, kind="stable", ignore_index=True)
@@ -193,59 +228,54 @@ class Evidence(StoredResults):
     def _require_planned(self) -> None:
         configuration = self.manifest["configuration"]
         owner = dict[tuple[str, int], str]()
-        for shard in self.shards:
-            facts = shard.facts
-            path = shard.path
-            others = [
-                shard_file(self.folder, table, shard.name) for table in TABLES if table != MARK
-            ]
-            if any(Facts.of(other) != facts for other in others):
+        for batch in self.batches:
+            facts = batch.facts
+            path = batch.path
+            for table in TABLES:
+                file = batch_file(self.folder, table, batch.name)
+                if table != MARK and Facts.of(file) != facts:
+                    raise ConfigurationError(
+                        f"the metadata of {path} contradicts that of its other tables"
+                    )
+            # lines are read only if the footer is valid
+            problem = _foreign(facts, self.manifest)
+            if not problem:
+                problem = next(_wrong_lines(batch, configuration), "")
+            if problem:
                 raise ConfigurationError(
-                    f"the metadata of {path} contradicts that of its other tables"
-                )
-            if problem := _foreign(facts, self.manifest) or next(
-                _wrong_lines(shard, configuration), ""
-            ):
-                raise ConfigurationError(
-                    f"{path}, a shard: {problem}; {MANIFEST} does not ask for that"
+                    f"{path}, a batch: {problem}; {MANIFEST} does not ask for that"
                 )
             for scene in facts.scenes:
-                other = owner.setdefault((facts.family, scene), shard.name)
-                if other != shard.name:
+                other = owner.setdefault((facts.family, scene), batch.name)
+                if other != batch.name:
                     raise ConfigurationError(
-                        f"{path}, a shard: {other} has scene {scene} of {facts.family}, too"
+                        f"{path}, a batch: {other} has scene {scene} of {facts.family}, too"
                     )
-        require_same_files(self.shards)
+        require_same_files(self.batches)
 
     @classmethod
     def _require_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
-        others: dict[str, Any] = {
-            "machine": Table,
-            "packages": Table,
-            "command": Texts,
-            "keep": Keep,
-        }
-        others |= {"shard": tuple[int, int], **dict.fromkeys(("runs", "scenes", "finished"), int)}
-        others |= dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number)
-        manifest = entries(manifest, where, {"configuration": Table}, others)
+        manifest = entries(manifest, where, {"configuration": Table}, OPTIONAL_ENTRIES)
         where += ".configuration"
-        needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
-        configuration = entries(
-            manifest["configuration"], where, needed, {"scenes_in": dict[str, int]}
-        )
-        scenes, families, controllers = (
-            configuration[name] for name in ("scenes", "families", "controllers")
-        )
-        if not (
-            0 < scenes <= MAX_SCENES
-            and configuration["seed"] >= 0
-            and configuration["half"] in HALVES
-        ):
+        needed = {
+            "families": Table,
+            "controllers": Table,
+            "scenes": int,
+            "half": str,
+            "seed": int,
+        }
+        optional = {"scenes_in": dict[str, int]}
+        configuration = entries(manifest["configuration"], where, needed, optional)
+        has_valid_scenes = 0 < configuration["scenes"] <= MAX_SCENES
+        has_valid_seed = configuration["seed"] >= 0
+        if not has_valid_scenes or not has_valid_seed or configuration["half"] not in HALVES:
             must = (
                 f"scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of "
                 f"{', '.join(HALVES)}"
             )
             raise ConfigurationError(f"{where}: {must}")
+        families = configuration["families"]
+        controllers = configuration["controllers"]
         require_names("family", families, f"{where}: ")
         require_names("controller", controllers, f"{where}: ")
         for name, entry in families.items():
@@ -264,12 +294,8 @@ def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
     family = configuration["families"].get(facts.family)
     if family is None:
         return f"it is of the family {format_value(facts.family)}"
-    if (
-        not scenes
-        or list(scenes) != sorted(set(scenes))
-        or scenes[0] < 0
-        or scenes[-1] >= configuration["scenes"]
-    ):
+    is_ascending = list(scenes) == sorted(set(scenes))
+    if not scenes or not is_ascending or scenes[0] < 0 or scenes[-1] >= configuration["scenes"]:
         return f"its scenes are {format_value(scenes)}, of {configuration['scenes']}"
     planned = {
         **manifest,
@@ -277,21 +303,21 @@ def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
         "conditions": family["conditions"],
         "family": family["tables"],
     }
-    stored = {**identity, "family": _inside(identity.get("family")).get("tables")}
-    # without hashes of custom files and versions of packages
-    stored["controllers"] = {
-        name: {
+    controllers = {}
+    for name, entry in _inside(identity.get("controllers")).items():
+        # without hashes of custom files and versions of packages
+        controllers[name] = {
             key: value
             for key, value in _inside(entry).items()
             if not key.startswith(("file ", "package "))
         }
-        for name, entry in _inside(identity.get("controllers")).items()
+    stored = {
+        **identity,
+        "family": _inside(identity.get("family")).get("tables"),
+        "controllers": controllers,
     }
-    optional = [
-        name for name in ("seed", "half", "code", "scenes_in", "conditions") if name in stored
-    ]
-    for name in (*optional, "family", "controllers"):
-        if name in planned and stored[name] != planned[name]:
+    for name in ("seed", "half", "code", "scenes_in", "conditions", "family", "controllers"):
+        if name in stored and name in planned and stored[name] != planned[name]:
             return f"its runs were made with another {name}"
     return ""
 
@@ -300,54 +326,69 @@ def _inside(table: Any) -> Mapping[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterator[str]:
-    """Yield problems in the lines of a shard whose footer is valid."""
+def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterator[str]:
+    """Yield problems in the lines of a batch whose footer is valid."""
 
     def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
-        read = shard.table(table, names)
-        return list(zip(*(read[name].to_pylist() for name in names), strict=True))
+        read = batch.table(table, names)
+        cells = [read[name].to_pylist() for name in names]
+        return list(zip(*cells, strict=True))
 
-    facts = shard.facts
+    facts = batch.facts
     half = configuration["half"]
-    most = configuration.get("scenes_in", {})
-    counts = {
-        table: parquet.line_count(shard_file(shard.folder, table, shard.name)) for table in TABLES
-    }
-    conditions = configuration["families"][facts.family]["conditions"]
-    planned = {
-        (facts.family, condition, half, scene, law)
-        for scene, condition, law in product(facts.scenes, conditions, configuration["controllers"])
-        if scene < most.get(condition, configuration["scenes"])
-    }
+    counts = {}
+    for table in TABLES:
+        file = batch_file(batch.folder, table, batch.name)
+        counts[table] = parquet.line_count(file)
+    planned = _planned_runs(facts, configuration)
     if counts["scenes"] != len(facts.scenes):
         yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-    if (
-        counts[MARK] != facts.runs
-        or facts.runs > len(planned)
-        or counts["rows"] > MAX_ROWS * facts.runs
-    ):
+    runs_are_wrong = counts[MARK] != facts.runs or facts.runs > len(planned)
+    if runs_are_wrong or counts["rows"] > MAX_ROWS * facts.runs:
         yield (
             f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned "
             f"are {len(planned)} runs"
         )
     scenes = lines("scenes", "family", "half", "scene", "found")
-    if Counter(line[:3] for line in scenes) != Counter(
-        (facts.family, half, scene) for scene in facts.scenes
-    ):
+    listed_scenes = Counter((family, half, scene) for family, half, scene, _ in scenes)
+    footer_scenes = Counter((facts.family, half, scene) for scene in facts.scenes)
+    if listed_scenes != footer_scenes:
         yield "its scenes are not those of its footer"
     keys = [column.name for column in KEYS]
-    runs = lines(MARK, *keys, "violated")
-    there = Counter(line[:-1] for line in runs)
-    drawn = {scene for *_, scene, found in scenes if found}
-    missing = {key for key in planned if key[3] in drawn} - there.keys()
-    more = there.keys() - planned, {key for key, count in there.items() if count > 1}
-    for problem, wrong in zip(("no run", "a run", "more than once"), (missing, *more), strict=True):
-        if wrong:
-            yield f"it has {problem} {', '.join(map(str, min(wrong, key=str)))}"
-    rows = Counter(lines("rows", *keys, "constraint"))
-    violated = {
-        (*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label
+    runs = Counter[RunCells]()
+    violated_rows = set()
+    for *cells, violated in lines(MARK, *keys, "violated"):
+        run = tuple(cells)
+        runs[run] += 1
+        labels = (violated or "").split("; ")
+        violated_rows |= {(*run, label) for label in labels if label}
+    found_scenes = {scene for *_, scene, found in scenes if found}
+    expected = {run for run in planned if run[SCENE_CELL] in found_scenes}
+    problems = {
+        "no run": expected - runs.keys(),
+        "a run": runs.keys() - planned,
+        "more than once": {run for run, count in runs.items() if count > 1},
     }
-    once = max(rows.values(), default=1) == 1
-    if not (once and {row[:-1] for row in rows} <= there.keys() and violated <= rows.keys()):
+    for problem, wrong in problems.items():
+        if wrong:
+            first = min(wrong, key=str)
+            cells_text = ", ".join(map(str, first))
+            yield f"it has {problem} {cells_text}"
+    rows = Counter(lines("rows", *keys, "constraint"))
+    is_listed_twice = any(count > 1 for count in rows.values())
+    runs_of_rows = {row[:-1] for row in rows}
+    if is_listed_twice or not runs_of_rows <= runs.keys() or not violated_rows <= rows.keys():
         yield "its rows are not those of its runs"
+
+
+def _planned_runs(facts: Facts, configuration: Mapping[str, Any]) -> set[RunCells]:
+    """Return the cells that identify the runs of all scenes of a batch, whether found or not."""
+    conditions = configuration["families"][facts.family]["conditions"]
+    limits = configuration.get("scenes_in", {})
+    planned = set()
+    for condition in conditions:
+        end = limits.get(condition, configuration["scenes"])
+        scenes = [scene for scene in facts.scenes if scene < end]
+        for scene, law in product(scenes, configuration["controllers"]):
+            planned.add((facts.family, condition, configuration["half"], scene, law))
+    return planned

@@ -1,4 +1,4 @@
-"""Shards of several folders, read as one campaign: each scene once."""
+"""Batches of several folders, read as one campaign: each scene once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from ...comparisons.runs.identity import differences, in_words
 from ...comparisons.runs.machine import VERSION
 from ...errors import ConfigurationError
-from .folder import MARK, StoredShard, require_same_files
+from .folder import MARK, StoredBatch, require_same_files
 from .parquet import TABLES, TIMING
 
 #: Entries of a manifest that may differ between the folders of a campaign.
@@ -31,110 +31,132 @@ OWN = (
 COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
 
 Manifests = Mapping[Path, Mapping[str, Any]]  #: Manifests by folder.
+FolderTable = tuple[Path, Mapping[str, Any]]  #: Folder and a table of what it states.
 
 
-def combined_shards(manifests: Manifests, stored: Iterable[StoredShard]) -> tuple[StoredShard, ...]:
-    """Return the shards of all folders, each with the scenes that no earlier one contains.
+def combined_batches(
+    manifests: Manifests, stored: Iterable[StoredBatch]
+) -> tuple[StoredBatch, ...]:
+    """Return the batches of all folders, each with the scenes that no earlier one contains.
 
-    Shards are ordered by family and scene, whatever the order of the folders. Raises
-    ConfigurationError if the folders are not parts of one campaign, or if two shards hold different
-    results of a scene; the message names the difference.
+    Batches are ordered by family and scene, whatever the order of the folders. Raises
+    ConfigurationError if the folders are not parts of one campaign, or if two batches hold
+    different results of a scene; the message names the difference.
     """
     every = in_order(stored)
     _require_one_campaign(every, manifests)
     return _each_once(every)
 
 
-def in_order(stored: Iterable[StoredShard]) -> tuple[StoredShard, ...]:
-    """Return shards in the order of families and scenes."""
-    return tuple(sorted(stored, key=lambda shard: (shard.facts.family, shard.facts.scenes)))
+def in_order(stored: Iterable[StoredBatch]) -> tuple[StoredBatch, ...]:
+    """Return batches in the order of families and scenes."""
+
+    def place(batch: StoredBatch) -> tuple[str, tuple[int, ...]]:
+        return batch.facts.family, batch.facts.scenes
+
+    return tuple(sorted(stored, key=place))
 
 
-def _require_one_campaign(stored: Sequence[StoredShard], manifests: Manifests) -> None:
+def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -> None:
     """Raise ConfigurationError if code, settings, packages or files of the folders differ.
 
     Machines and the folders of families may differ.
     """
-    for family in {shard.facts.family for shard in stored}:
-        own = (shard for shard in stored if shard.facts.family == family)
-        _require_equal((shard.folder, shard.facts.identity) for shard in own)
-    _require_equal(
-        (shard.folder, {name: shard.facts.identity.get(name) for name in COMMON})
-        for shard in stored
-    )
-    settings = {}
+    by_family: dict[str, list[FolderTable]] = {}
+    common: list[FolderTable] = []
+    for batch in stored:
+        batch_identity = batch.facts.identity
+        of_family = by_family.setdefault(batch.facts.family, [])
+        of_family.append((batch.folder, batch_identity))
+        of_all_families = {name: batch_identity.get(name) for name in COMMON}
+        common.append((batch.folder, of_all_families))
+    for identities in by_family.values():
+        _require_equal(identities)
+    _require_equal(common)
+    settings: list[FolderTable] = []
     for folder, manifest in manifests.items():
         configuration = manifest["configuration"]
-        families = {
-            name: {**entry, "folder": ""} for name, entry in configuration["families"].items()
-        }
-        settings[folder] = {**configuration, "families": families}
-    _require_equal(settings.items())
+        families = {}
+        for name, entry in configuration["families"].items():
+            families[name] = {**entry, "folder": ""}
+        settings.append((folder, {**configuration, "families": families}))
+    _require_equal(settings)
     require_same_files(stored)
 
 
-def _require_equal(tables: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
+def _require_equal(tables: Sequence[FolderTable]) -> None:
     """Raise ConfigurationError that names differences between tables of two folders."""
-    (there, first), *others = [*tables] or [(Path(), {})]
-    for here, other in others:
-        if first != other:
-            texts = [f"{text} ({there} and {here})" for text in differences(first, other)]
+    for folder, table in tables[1:]:
+        first_folder, first = tables[0]
+        if table != first:
+            texts = [f"{text} ({first_folder} and {folder})" for text in differences(first, table)]
             raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
 
 
-def _each_once(stored: Sequence[StoredShard]) -> tuple[StoredShard, ...]:
-    """Return each shard with the scenes that no earlier shard contains."""
-    owners: dict[tuple[str, int], StoredShard] = {}
+def _each_once(stored: Sequence[StoredBatch]) -> tuple[StoredBatch, ...]:
+    """Return each batch with the scenes that no earlier batch contains."""
+    owners: dict[tuple[str, int], StoredBatch] = {}
     once = []
-    for shard in stored:
-        # scenes of this shard, by the path of the first shard that contains them
-        scenes: dict[str, list[int]] = {}
-        for number in shard.facts.scenes:
-            owner = owners.setdefault((shard.facts.family, number), shard)
-            scenes.setdefault(str(owner.path), []).append(number)
-        if own := scenes.pop(str(shard.path), []):
-            once.append(shard.of(own))
-        for shared in scenes.values():
-            _require_same_results(owners[shard.facts.family, shared[0]], shard, shared)
+    for batch in stored:
+        new_scenes = []
+        # scenes that an earlier batch contains, by the path of that batch
+        repeated: dict[Path, list[int]] = {}
+        for number in batch.facts.scenes:
+            owner = owners.setdefault((batch.facts.family, number), batch)
+            if owner is batch:
+                new_scenes.append(number)
+            else:
+                repeated.setdefault(owner.path, []).append(number)
+        if new_scenes:
+            once.append(batch.of(new_scenes))
+        for scenes in repeated.values():
+            owner = owners[batch.facts.family, scenes[0]]
+            _require_same_results(owner, batch, scenes)
     return tuple(once)
 
 
-def _require_same_results(one: StoredShard, other: StoredShard, scenes: list[int]) -> None:
-    """Raise ConfigurationError if two shards hold different results of the same scenes."""
-
-    def differ(name: str, scenes: list[int]) -> bool:
-        columns = [column.name for column in TABLES[name] if column.name not in TIMING]
-        first, second = (shard.of(scenes).table(name, columns) for shard in (one, other))
-        return not first.equals(second)
-
+def _require_same_results(first: StoredBatch, second: StoredBatch, scenes: list[int]) -> None:
+    """Raise ConfigurationError if two batches hold different results of the same scenes."""
     for name in TABLES:
-        if differ(name, scenes):
-            at = next(number for number in scenes if differ(name, [number]))
-            twice = (
-                f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, "
+        if _differ(first, second, name, scenes):
+            at = next(number for number in scenes if _differ(first, second, name, [number]))
+            problem = (
+                f"scene {at} of {first.facts.family} is in {first.folder} and in {second.folder}, "
                 f"with different {name}"
             )
             why = "one of them was changed, or the law's runs are not reproducible"
-            raise ConfigurationError(f"{twice}: {why}")
+            raise ConfigurationError(f"{problem}: {why}")
 
 
-def _run_count(shard: StoredShard) -> int:
+def _differ(first: StoredBatch, second: StoredBatch, name: str, scenes: list[int]) -> bool:
+    """Return True if tables differ in these scenes, except in columns of times."""
+    columns = [column.name for column in TABLES[name] if column.name not in TIMING]
+    lines = first.of(scenes).table(name, columns)
+    other_lines = second.of(scenes).table(name, columns)
+    return not lines.equals(other_lines)
+
+
+def _run_count(batch: StoredBatch) -> int:
     """Return the number of runs of the scenes that are read."""
-    return shard.facts.runs if shard.whole else int(shard.table(MARK, ["scene"]).num_rows)
+    if batch.whole:
+        return batch.facts.runs
+    return int(batch.table(MARK, ["scene"]).num_rows)
 
 
-def combined_manifest(manifests: Manifests, stored: Sequence[StoredShard]) -> dict[str, Any]:
+def combined_manifest(manifests: Manifests, stored: Sequence[StoredBatch]) -> dict[str, Any]:
     """Return the first manifest, extended by the entries that differ between the folders."""
     every = list(manifests.values())
     first = every[0]
+    common = {name: value for name, value in first.items() if name not in OWN}
+    own = []
+    for manifest in every:
+        own.append({name: manifest[name] for name in OWN if name in manifest})
     configuration = first["configuration"]
-    finished = sum(len(shard.scenes) for shard in stored)
+    finished = sum(len(batch.scenes) for batch in stored)
     return {
-        **{name: value for name, value in first.items() if name not in OWN},
+        **common,
         "version": VERSION,
-        "merged": [
-            {name: manifest[name] for name in OWN if name in manifest} for manifest in every
-        ],
+        "merged": own,
         "machine": first.get("machine", {}),
         "process_time_s": sum(manifest.get("process_time_s", 0.0) for manifest in every),
         "scenes": configuration["scenes"] * len(configuration["families"]),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import chdir, nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
@@ -19,11 +19,13 @@ from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
 from ...comparisons.run import failed_record, failed_score
 from ...comparisons.runs.law_process import LawRun, simulate_law
+from ...comparisons.runs.machine import run_limit
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
 from ...plugins.processes import deadline
 from ...plugins.provenance import Files, own_parts_noted
+from ...scenarios.reading import Table
 from ...simulation import RunWorkspace, Setup, until_settled
 from ..families import Drawn, Family
 from . import parquet
@@ -33,8 +35,8 @@ from .parquet import TABLES
 
 # Maximum number of runs of a batch, unless a single scene has more. It limits what an interrupt
 # loses to some 12 s, and the size of a file to a hundred kilobytes. Results do not depend on it.
-RUNS_OF_TASK = 600
-MIN_TASKS = 16  # minimum number of batches of a family; results do not depend on it
+RUNS_OF_BATCH = 600
+MIN_BATCHES = 16  # minimum number of batches of a family; results do not depend on it
 
 NO_FILES: Files = {}
 
@@ -54,8 +56,9 @@ class Shard:
     @classmethod
     def parsed(cls, text: str) -> Shard:
         """Return the shard denoted by ``i/n``. Raises ConfigurationError for any other text."""
-        number, slash, of = text.partition("/")
-        if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+        number, _, of = text.partition("/")
+        are_integers = number.isdecimal() and of.isdecimal()
+        if not are_integers or not 1 <= int(number) <= int(of):
             raise ConfigurationError(
                 f"--shard must be i/n with i from 1 to n, such as 2/4, not {text!r}"
             )
@@ -66,7 +69,9 @@ class Shard:
 
     def scenes(self, count: int) -> range:
         """Return the consecutive scene numbers of this shard out of ``count`` scenes."""
-        return range((self.number - 1) * count // self.of, self.number * count // self.of)
+        first = (self.number - 1) * count // self.of
+        end = self.number * count // self.of
+        return range(first, end)
 
 
 @dataclass(frozen=True)
@@ -74,10 +79,11 @@ class Batch:
     """Scenes of one family with all data that a worker needs to run them.
 
     Each of the ``scenes`` is run in every condition with every controller, the unconstrained
-    baseline first. ``limit`` is the time limit of one step [s], where a step draws one scene or
-    makes one run; the process of the worker is ended after it. ``single`` is the only controller
-    whose runs are requested; None requests the runs of all controllers and the line of each scene.
-    ``drawn`` is the only scene, if it is already drawn.
+    baseline first. ``limit`` is the time limit for drawing one scene and for making one run [s],
+    after which the process of the worker is ended; None gives each law its own limit, see
+    :meth:`run_limit`. ``single`` is the only controller whose runs are requested; None requests the
+    runs of all controllers and the line of each scene. ``drawn`` is the only scene, if it is
+    already drawn.
     """
 
     family: Family
@@ -92,28 +98,49 @@ class Batch:
 
     @property
     def name(self) -> str:
-        """Name of the shard."""
-        return shard_name(self.family.name, self.scenes)
+        """Name of the batch."""
+        return batch_name(self.family.name, self.scenes)
 
-    def pieces(self) -> list[Batch]:
-        """Split the batch into one batch for each run.
+    @property
+    def drawing_limit(self) -> float:
+        """Time limit for drawing one scene [s]."""
+        return self.limit or run_limit(self._tables)
+
+    def run_limit(self, entry: ControllerSpec) -> float:
+        """Return the time limit of one run of a controller [s].
+
+        A stack that may start slowly has a longer one, see :meth:`.ControllerSpec.run_limit`.
+        """
+        return self.limit or entry.run_limit(self._tables)
+
+    @property
+    def _tables(self) -> Table:
+        """Tables with duration and sampling time, on which time limits depend."""
+        if self.drawn is None or not self.conditions:
+            return self.family.tables
+        return self.drawn.tables[self.conditions[0]]
+
+    def pieces(self) -> list[tuple[Batch, float]]:
+        """Split the batch into one batch for each run; return each with its time limit [s].
 
         For each scene, a further batch without runs returns the line of the scene.
         """
-        own = [replace(self, scenes=(number,)) for number in self.scenes]
-        runs = product(own, self.conditions, self.controllers)
-        pieces = [replace(task, conditions=()) for task in own]
-        return pieces + [
-            replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs
-        ]
+        scenes = [replace(self, scenes=(number,)) for number in self.scenes]
+        pieces = []
+        for scene in scenes:
+            pieces.append((replace(scene, conditions=()), self.drawing_limit))
+        for scene, condition, entry in product(scenes, self.conditions, self.controllers):
+            run = replace(scene, conditions=(condition,), single=entry.name)
+            pieces.append((run, run.run_limit(entry)))
+        return pieces
 
 
-def shard_name(family: str, scenes: Sequence[int]) -> str:
-    """Return the name of the shard of these scenes: family, first and last scene."""
+def batch_name(family: str, scenes: Sequence[int]) -> str:
+    """Return the name of the batch of these scenes: family, first and last scene."""
     return f"part-{family}-{scenes[0]:07d}-{scenes[-1]:07d}"
 
 
-ALL = Shard()
+WHOLE_CAMPAIGN = Shard()
 
 
 def make_batch(
@@ -121,38 +148,63 @@ def make_batch(
 ) -> Batch:
     """Return the batch of scenes that are run in the same conditions.
 
-    Without ``limit``, the time limit follows from the number of samples of a run.
+    Without ``limit``, each law has its own time limit.
     """
-    limit = limit or max(each.run_limit(family.tables) for each in campaign.controllers)
-    conditions = campaign.conditions_of(family, scenes[0])
     return Batch(
-        family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit
+        family,
+        tuple(scenes),
+        campaign.conditions_of(family, scenes[0]),
+        campaign.controllers,
+        campaign.half,
+        campaign.seed,
+        limit,
     )
 
 
 def plan_batches(
     campaign: Campaign,
-    shard: Shard = ALL,
+    shard: Shard = WHOLE_CAMPAIGN,
     limit: float | None = None,
-    there: Collection[tuple[str, int]] = (),
+    finished: Collection[tuple[str, int]] = (),
 ) -> list[Batch]:
-    """Split the scenes of a campaign, except those already ``there``, into batches.
+    """Split the scenes of a campaign, except the ``finished`` ones, into batches.
 
     Families are interleaved, so that a slow family does not end up alone in the last batches.
     """
     scenes = shard.scenes(campaign.scenes)
+    by_family = []
+    for family in campaign.families:
+        unfinished = [number for number in scenes if (family.name, number) not in finished]
+        size = _batch_size(campaign, family, len(scenes))
+        batches = []
+        for numbers in _split(campaign, family, unfinished, size):
+            batches.append(make_batch(campaign, family, numbers, limit))
+        by_family.append(batches)
+    rounds = zip_longest(*by_family)
+    return [batch for batches in rounds for batch in batches if batch is not None]
 
-    def of_family(family: Family) -> list[Batch]:
-        runs = len(campaign.conditions_of(family)) * len(campaign.controllers)
-        size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
-        missing = (number for number in scenes if (family.name, number) not in there)
-        alike = groupby(
-            missing, key=lambda number: (number // size, campaign.conditions_of(family, number))
-        )
-        return [make_batch(campaign, family, list(batch), limit) for _, batch in alike]
 
-    in_turn = zip_longest(*map(of_family, campaign.families))
-    return [task for tasks in in_turn for task in tasks if task is not None]
+def _batch_size(campaign: Campaign, family: Family, scenes: int) -> int:
+    """Return the largest number of scenes of a batch of a family."""
+    runs_of_scene = len(campaign.conditions_of(family)) * len(campaign.controllers)
+    most = min(RUNS_OF_BATCH // runs_of_scene, ceil(scenes / MIN_BATCHES))
+    return max(1, most)
+
+
+def _split(
+    campaign: Campaign, family: Family, scenes: Iterable[int], size: int
+) -> Iterator[list[int]]:
+    """Yield the scenes of each batch.
+
+    A scene belongs to the same batch whichever scenes are finished. All scenes of a batch are run
+    in the same conditions.
+    """
+
+    def batch_of(scene: int) -> tuple[int, tuple[str, ...]]:
+        return scene // size, campaign.conditions_of(family, scene)
+
+    for _, numbers in groupby(scenes, key=batch_of):
+        yield list(numbers)
 
 
 class Part(NamedTuple):
@@ -170,8 +222,10 @@ class Part(NamedTuple):
     @classmethod
     def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
         """Return the result built from lines by table."""
-        tables = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
-        return cls._make((*tables, seconds, dict(files)))
+        tables = {}
+        for name, columns in TABLES.items():
+            tables[name] = parquet.table(columns, lines[name])
+        return cls(**tables, seconds=seconds, files=dict(files))
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
@@ -179,15 +233,25 @@ class Part(NamedTuple):
 
         Raises ConfigurationError if a file of a custom part changed between them.
         """
-        *tables, seconds, files = zip(*parts, strict=True)
-        together: Files = {}
-        for own in files:
-            require_unchanged_files(own, together)
-            together.update(own)
-        return cls._make((*map(parquet.joined, tables), sum(seconds), together))
+        files: Files = {}
+        for part in parts:
+            require_unchanged_files(part.files, files)
+            files.update(part.files)
+        return cls(
+            runs=parquet.joined([part.runs for part in parts]),
+            rows=parquet.joined([part.rows for part in parts]),
+            scenes=parquet.joined([part.scenes for part in parts]),
+            seconds=sum(part.seconds for part in parts),
+            files=files,
+        )
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """Arrow tables by name."""
+        return {name: getattr(self, name) for name in TABLES}
 
 
-def scored(task: Batch) -> Part:
+def scored(batch: Batch) -> Part:
     """Draw the scenes of a batch, run every controller in every condition, and score the runs.
 
     All controllers see the same noise in a scene. A run that fails becomes a line with its reason.
@@ -195,91 +259,114 @@ def scored(task: Batch) -> Part:
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
-    own_parts = has_own_parts(task.controllers, [task.family])
-    with (
-        own_parts_noted() if own_parts else nullcontext(NO_FILES) as files,
-        deadline(task.limit) as step,
-    ):
-        for number in task.scenes:
-            step()
-            scene, there = benches(task, number)
-            if task.single is None:
-                lines["scenes"].append(_scene_line(task, number, scene))
-            for condition, bench in there.items():
-                baseline = None
-                for entry in task.controllers:
-                    if task.single in (None, entry.name) or entry.name == BASELINE:
-                        step()
-                        record = bench.run(entry)
-                        baseline = record if entry.name == BASELINE else baseline
-                        if task.single in (None, entry.name):
-                            _add(lines, task, (number, condition, entry.name), record, baseline)
+    own_parts = has_own_parts(batch.controllers, [batch.family])
+    with own_parts_noted() if own_parts else nullcontext(NO_FILES) as files:
+        for scene in batch.scenes:
+            _score_scene(lines, batch, scene)
     if own_parts:
-        files = named(files, own_folders(task.controllers, [task.family]))
+        folders = own_folders(batch.controllers, [batch.family])
+        files = named(files, folders)
     return Part.of(lines, time.perf_counter() - begun, files)
 
 
-def failed(task: Batch, reason: str) -> Part:
+def _score_scene(lines: Lines, batch: Batch, number: int) -> None:
+    """Draw a scene, run the requested controllers in it, and add the results to ``lines``."""
+    with deadline(batch.drawing_limit):
+        scene, bench_of = benches(batch, number)
+    if batch.single is None:
+        lines["scenes"].append(_scene_line(batch, number, scene))
+    for condition, bench in bench_of.items():
+        baseline = None
+        for entry in batch.controllers:
+            is_baseline = entry.name == BASELINE
+            is_requested = batch.single in (None, entry.name)
+            if not is_requested and not is_baseline:
+                continue
+            with deadline(batch.run_limit(entry)):
+                record = bench.run(entry)
+                if is_baseline:
+                    baseline = record
+                if is_requested:
+                    _add(lines, batch, (number, condition, entry.name), record, baseline)
+
+
+def failed(batch: Batch, reason: str) -> Part:
     """Return the result of a batch of one scene, or of one of its runs, whose process died."""
     lines: Lines = {name: [] for name in TABLES}
-    (number,) = task.scenes
-    if task.single is None:
-        lines["scenes"].append(_scene_line(task, number, reason))
+    (number,) = batch.scenes
+    if batch.single is None:
+        lines["scenes"].append(_scene_line(batch, number, reason))
     else:
-        _add(lines, task, (number, task.conditions[0], task.single), RunRecord.failed(reason, ""))
+        (condition,) = batch.conditions
+        record = RunRecord.failed(reason, "")
+        _add(lines, batch, (number, condition, batch.single), record)
     return Part.of(lines, 0.0)
 
 
-def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
+def benches(batch: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
     """Return a scene and its ``Bench`` for each condition, none if no scene was found.
 
     If drawing the scene raises an exception, which only custom parts do, the reason replaces the
     scene.
     """
-    try:
-        with chdir("."), beside(task.family.folder):
-            scene, setups = (
-                (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
-            )
-    # custom constraints can raise anything: the scene is listed with the reason
-    except Exception as error:
-        return described(error), {}
-    return scene, {
-        name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found
-    }
+    scene = batch.drawn
+    setups: Mapping[str, Setup] = {}
+    if scene is None:
+        try:
+            with chdir("."), beside(batch.family.folder):
+                scene, setups = batch.family.set_up(number, batch.half, batch.seed)
+        # custom constraints can raise anything: the scene is listed with the reason
+        except Exception as error:
+            return described(error), {}
+    if not scene.found:
+        return scene, {}
+    bench_of = {}
+    for condition in batch.conditions:
+        bench_of[condition] = Bench(scene, condition, setups.get(condition))
+    return scene, bench_of
 
 
 def _add(
     lines: Lines,
-    task: Batch,
+    batch: Batch,
     key: tuple[int, str, str],
     record: RunRecord,
     baseline: RunRecord | None = None,
 ) -> None:
+    """Score a run with this scene, condition and controller, and add its lines."""
     try:
         run = score(record, baseline)
     except Exception as error:  # arrays of custom parts can hold anything
         run = failed_score(f"the run cannot be scored: {described(error)}")
-    names = ("family", "half", "scene", "condition", "controller")
-    keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
+    scene, condition, controller = key
+    keys = {
+        "family": batch.family.name,
+        "half": batch.half,
+        "scene": scene,
+        "condition": condition,
+        "controller": controller,
+    }
     lines["runs"].append({**keys, **run.result})
-    lines["rows"] += [
-        {**keys, **row}
-        for row in run.constraints
-        if row["challenged"] or row["violation_depth"] > 0.0 or row["active_time_s"] > 0.0
-    ]
+    for row in run.constraints:
+        is_violated = row["violation_depth"] > 0.0
+        is_active = row["active_time_s"] > 0.0
+        if row["challenged"] or is_violated or is_active:
+            lines["rows"].append({**keys, **row})
 
 
-def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
-    if isinstance(scene, str):  # the scene could not be drawn: only the reason is known
-        scene = Drawn(
-            task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1}
-        )
+def _scene_line(batch: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
+    """Return the line of a scene; a text is the reason why it could not be drawn."""
+    family = batch.family
+    if isinstance(scene, str):
+        reasons = {scene: 1}
+        scene = Drawn(family.name, number, batch.half, batch.seed, family.folder, rejected=reasons)
     return {
-        "family": task.family.name,
-        "half": task.half,
+        "family": family.name,
+        "half": batch.half,
         "scene": number,
-        **{name: getattr(scene, name) for name in ("found", "attempts", "share_to_hold")},
+        "found": scene.found,
+        "attempts": scene.attempts,
+        "share_to_hold": scene.share_to_hold,
         "rejected": _json(scene.rejected),
         "challenged": "; ".join(scene.challenged),
         "values": _json(scene.values),
@@ -289,7 +376,10 @@ def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
 
 
 def _json(data: Any) -> str:
-    return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
+    def as_list(value: Any) -> Any:
+        return value.tolist()
+
+    return json.dumps(dict(data), ensure_ascii=False, default=as_list)
 
 
 class Bench:
@@ -317,15 +407,7 @@ class Bench:
             with chdir("."), entry.importing_beside(scene.folder):
                 scenario = scene.scenario(self._condition)
                 own_parts = bool(scenario.own_parts)
-                if self._ready is None:
-                    setup = self._setup
-                    self._setup = None
-                    setup = until_settled(
-                        scene.setup(self._condition) if setup is None or own_parts else setup
-                    )
-                    prepared = RunWorkspace(setup)
-                    self._ready = prepared, setup.check_start(prepared.world)
-                prepared, remarks = self._ready
+                prepared, remarks = self._ready or self._prepare(own_parts)
                 self._ready = None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
@@ -335,7 +417,21 @@ class Bench:
                 record = RunRecord.of(setup, trajectory, "")
         except BaseException as error:
             return failed_record(error)
-        left_as_it_was = entry.in_own_process or ":" not in entry.law
-        if record.trajectory.status != "failed" and left_as_it_was and not own_parts:
+        is_custom = ":" in entry.law
+        is_unchanged = entry.in_own_process or not is_custom
+        if record.trajectory.status != "failed" and is_unchanged and not own_parts:
             self._ready = prepared, remarks
         return record
+
+    def _prepare(self, own_parts: bool) -> tuple[RunWorkspace, list[str]]:
+        """Return the workspace of a run and the remarks on its start.
+
+        The setup from the drawing of the scene is used once, and not with custom parts.
+        """
+        setup = self._setup
+        self._setup = None
+        if setup is None or own_parts:
+            setup = self._scene.setup(self._condition)
+        setup = until_settled(setup)
+        prepared = RunWorkspace(setup)
+        return prepared, setup.check_start(prepared.world)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -79,20 +79,21 @@ def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
     cannot be read.
     """
     scene = build_scene(tables, where, folder)
+    nothing_placed = Ends(scene, [])
     start = _configuration(
-        tables.get("q0"), Ends(scene, []), tables, f"{where}.q0", Reason.START_OUT_OF_REACH
+        tables.get("q0"), nothing_placed, tables, f"{where}.q0", Reason.START_OUT_OF_REACH
     )
     ends = Ends(scene, [start])
     tables = {**tables, "q0": start.tolist()}
     task = tables.get("task")
-    goals = task.get("goals", []) if isinstance(task, Mapping) else []
-    if isinstance(task, Mapping) and isinstance(goals, list):
-        known = []
-        for i, goal in enumerate(goals):
-            goal, q = _goal(goal, ends, f"{where}.task.goals.{i}")
-            known.append(goal)
+    stated: Any = task.get("goals", []) if isinstance(task, Mapping) else None
+    if isinstance(task, Mapping) and isinstance(stated, list):
+        goals = []
+        for i, goal in enumerate(stated):
+            placed_goal, q = _goal(goal, ends, f"{where}.task.goals.{i}")
+            goals.append(placed_goal)
             ends = Ends(scene, [*ends.q, q])
-        tables["task"] = {**task, "goals": known}
+        tables["task"] = {**task, "goals": goals}
     _check_views(ends)
     filled: Table = _filled(tables, ends, {}, where)
     return filled, ends
@@ -103,18 +104,22 @@ def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
 
     The configuration is None if the goal is given by its image only.
     """
-    if isinstance(goal, Mapping) and "camera_at_q" in goal:
+    if not isinstance(goal, Mapping):
+        return goal, None
+    if "camera_at_q" in goal:
         q = _configuration(
             goal["camera_at_q"], ends, goal, f"{where}.camera_at_q", Reason.GOAL_OUT_OF_REACH
         )
         return {**goal, "camera_at_q": q.tolist()}, q
-    if isinstance(goal, Mapping) and "camera_pose" in goal:
+    if "camera_pose" in goal:
         camera = from_table(Pose.from_xyz_rpy, goal["camera_pose"], f"{where}.camera_pose")
-        return goal, _reached(ends, tip_of(ends.scene, camera), ends.q[0])
+        tip = tip_of(ends.scene, camera)
+        return goal, _reached(ends, tip, near=ends.q[0])
     return goal, None
 
 
 def _reached(ends: Ends, tip: Pose, near: Array | None) -> Array:
+    """Return the configuration near another one at which the tip has a pose."""
     assert near is not None  # only goals can be given by an image alone
     q = inverse_kinematics(ends.scene.robot, tip, near)
     if q is None:
@@ -133,9 +138,8 @@ def _configuration(
 
 
 def _value(placed: Placed, ends: Ends, beside: Table, where: str) -> list[float] | None:
-    return from_table(
-        PLACEMENTS[placed.name], placed.table, where, {"place": Place(ends, beside, where)}
-    )
+    context = {"place": Place(ends, beside, where)}
+    return from_table(PLACEMENTS[placed.name], placed.table, where, context)
 
 
 def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
@@ -148,30 +152,45 @@ def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
             )
         return value
     if isinstance(tree, dict):
-        return {name: _filled(inner, ends, tree, f"{where}.{name}") for name, inner in tree.items()}
+        table = {}
+        for name, inner in tree.items():
+            table[name] = _filled(inner, ends, tree, f"{where}.{name}")
+        return table
     if isinstance(tree, list):
         return [_filled(inner, ends, beside, f"{where}.{i}") for i, inner in enumerate(tree)]
     return tree
 
 
+class _EndReasons(NamedTuple):
+    """Reasons for rejecting an attempt because of one of its ends."""
+
+    out_of_range: Reason
+    behind: Reason
+    unseen: Reason
+
+
+_START = _EndReasons(Reason.START_OUT_OF_RANGE, Reason.START_BEHIND, Reason.START_UNSEEN)
+_GOAL = _EndReasons(Reason.GOAL_OUT_OF_RANGE, Reason.GOAL_BEHIND, Reason.GOAL_UNSEEN)
+
+
 def _check_views(ends: Ends) -> None:
+    """Raise Rejected unless all ends are in the ranges and all markers are visible there."""
     scene = ends.scene
-    known = [(min(i, 1), q) for i, q in enumerate(ends.q) if q is not None]
-    for is_goal, q in known:
+    known = []
+    for i, q in enumerate(ends.q):
+        if q is not None:
+            known.append((_START if i == 0 else _GOAL, q))
+    for reasons, q in known:
         outside = scene.robot.outside_ranges(q)
         if outside:
-            raise Rejected(
-                (Reason.START_OUT_OF_RANGE, Reason.GOAL_OUT_OF_RANGE)[is_goal], outside[0]
-            )
-    for is_goal, q in known:
+            raise Rejected(reasons.out_of_range, outside[0])
+    for reasons, q in known:
         try:
-            seen = scene.camera.sees(scene.project(scene.camera_pose(q)))
+            pixels = scene.project(scene.camera_pose(q))
         except SceneError as error:
-            raise Rejected(
-                (Reason.START_BEHIND, Reason.GOAL_BEHIND)[is_goal], str(error)
-            ) from error
-        if not np.all(seen):
-            raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[is_goal])
+            raise Rejected(reasons.behind, str(error)) from error
+        if not np.all(scene.camera.sees(pixels)):
+            raise Rejected(reasons.unseen)
 
 
 def check_ends(setup: Setup, ends: Ends) -> None:
@@ -180,18 +199,9 @@ def check_ends(setup: Setup, ends: Ends) -> None:
     The robot must not hide a marker there either.
     """
     duration = (setup.samples - 1) * setup.Ts
-    goal = setup.task.goals[-1].camera
-    end = None
     _check_allowed(setup, setup.q0, 0.0, Reason.START_FORBIDDEN)
-    if goal is not None:
-        scene = ends.scene
-        near = ends.q[-1] if ends.q[-1] is not None else ends.q[0]
-        end = ends.q[-1]
-        if end is None or scene.motion is not None:
-            tip = tip_of(scene, goal)
-            end = _reached(
-                ends, tip if scene.motion is None else scene.motion.pose(duration) @ tip, near
-            )
+    end = _end(setup, ends, duration)
+    if end is not None:
         _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
     if setup.on_hidden_markers != "refuse":
         return
@@ -202,26 +212,54 @@ def check_ends(setup: Setup, ends: Ends) -> None:
             f'{error}; on_hidden_markers = "continue" draws scenes without checking what the '
             "robot hides"
         ) from error
-    for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
-        hidden = [] if q is None else lines.hidden(q[None], [t])[0]
-        if hidden:
-            raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
+    _check_not_hidden(lines, setup.q0, 0.0, Reason.START_HIDDEN)
+    if end is not None:
+        _check_not_hidden(lines, end, duration, Reason.GOAL_HIDDEN)
+
+
+def _end(setup: Setup, ends: Ends, duration: float) -> Array | None:
+    """Return the configuration (n,) at the last goal after the duration [s].
+
+    Return None if the goal is given by its image only. Raises Rejected if it is out of reach.
+    """
+    goal = setup.task.goals[-1].camera
+    if goal is None:
+        return None
+    scene = ends.scene
+    q = ends.q[-1]
+    if q is not None and scene.motion is None:
+        return q
+    tip = tip_of(scene, goal)
+    if scene.motion is not None:
+        tip = scene.motion.pose(duration) @ tip
+    return _reached(ends, tip, near=ends.q[0] if q is None else q)
+
+
+def _check_not_hidden(lines: LinesOfSight, q: Array, t: float, reason: Reason) -> None:
+    """Raise Rejected if the robot hides a marker at q (n,) and time t [s]."""
+    hidden = lines.hidden(q[None], [t])[0]
+    if hidden:
+        marker, solid = hidden[0]
+        raise Rejected(reason, f"marker {marker} by {solid}")
 
 
 def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
+    """Raise Rejected if a row is violated at rest at q (n,) and time t [s]."""
     try:
-        sigma = setup.world().evaluate(t, q, np.zeros_like(q)).sigma
+        evaluation = setup.world().evaluate(t, q, np.zeros_like(q))
     except SceneError as error:
         raise Rejected(reason, str(error)) from error
-    violated = np.flatnonzero(sigma > 0.0)
+    violated = np.flatnonzero(evaluation.sigma > 0.0)
     if len(violated):
         raise Rejected(reason, setup.constraints.labels[violated[0]])
 
 
 def check_first_image(setup: Setup) -> None:
     """Raise Rejected if the sensor detects no tag in the first image; other sensors pass."""
-    sensor = setup.sensor() if setup.images is not None else None
-    if sensor is not None and sensor.renders:
+    if setup.images is None:
+        return
+    sensor = setup.sensor()
+    if sensor.renders:
         try:
             sensor.measured(0, setup.q0, setup.qd0)
         except SceneError as error:
@@ -234,11 +272,10 @@ def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
     Raises Rejected if it violates none or cannot start.
     """
     scores = _track(setup)
-    violated = scores.sigma_max > CLEAR * setup.constraints.scale
-    challenged = tuple(label for label, row in zip(scores.labels, violated, strict=True) if row)
-    if not challenged:
+    violated = np.flatnonzero(scores.sigma_max > CLEAR * setup.constraints.scale)
+    if not len(violated):
         raise Rejected(Reason.NOT_CHALLENGED)
-    return challenged
+    return tuple(scores.labels[row] for row in violated)
 
 
 def check_baseline(setup: Setup) -> None:
@@ -253,8 +290,12 @@ def share_to_hold(setup: Setup) -> float:
     It is evaluated where the unconstrained baseline meets the row's boundary. NaN without limits,
     or if no row is met; see :class:`vsconstraints.simulation.Trajectory`.
     """
-    shares = _track(setup).share_to_hold if setup.limits.any else np.empty(0)
-    return float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan
+    if not setup.limits.any:
+        return np.nan
+    shares = _track(setup).share_to_hold
+    if not np.isfinite(shares).any():
+        return np.nan
+    return float(np.nanmax(shares))
 
 
 def _track(setup: Setup) -> RunScores:
@@ -292,22 +333,26 @@ def least_time(setup: Setup, ends: Ends) -> float:
     """
     robot = setup.scene.robot
     goal = ends.q[-1]
-    if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
+    if goal is None or ends.scene.motion is not None:
         return math.nan
-    evaluation = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
+    if not setup.limits.any or np.any(setup.qd0):
+        return math.nan
+    time = setup.task.goals[-1].from_time
+    evaluation = setup.world().evaluate(time, goal, np.zeros(robot.n))
     if np.linalg.matrix_rank(evaluation.task.J) < robot.n:
         return math.nan
     # not Robot.difference: stored scenes of the test set have this time, of a fixed definition
     way = goal - setup.q0
-    speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
+    speed = np.full(robot.n, np.inf)
+    if setup.limits.ranges:
+        speed = robot.qd_max.copy()
     for rows in setup.constraints.constraints:
         if isinstance(rows, JointSpeed):
             joints = np.array(rows.joints) - 1
             # the share of a limit up to which scores count a speed as allowed
             share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
-            speed[joints] = np.minimum(
-                speed[joints], share * np.where(way[joints] > 0.0, rows.upper, -rows.lower)
-            )
-    return float(
-        rest_to_rest(np.abs(way), setup.limits.of_joint("acceleration", robot.n), speed).max()
-    )
+            limit = np.where(way[joints] > 0.0, rows.upper, -rows.lower)
+            speed[joints] = np.minimum(speed[joints], share * limit)
+    acceleration = setup.limits.of_joint("acceleration", robot.n)
+    times = rest_to_rest(np.abs(way), acceleration, speed)
+    return float(times.max())

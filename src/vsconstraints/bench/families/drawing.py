@@ -40,20 +40,21 @@ class Rule(NamedTuple):
 
 def _log_uniform(random: Random, least: Array, greatest: Array) -> Array:
     # rounding of exp and log must not leave the range
-    return np.clip(np.exp(random.uniform(np.log(least), np.log(greatest))), least, greatest)
+    logarithm = random.uniform(np.log(least), np.log(greatest))
+    return np.clip(np.exp(logarithm), least, greatest)
 
 
 def _integer(random: Random, least: Array, greatest: Array) -> Any:
-    return random.integers(least.astype(np.int64), greatest.astype(np.int64), endpoint=True)
+    low = least.astype(np.int64)
+    high = greatest.astype(np.int64)
+    return random.integers(low, high, endpoint=True)
 
 
 def _integers(least: Array, greatest: Array) -> Any:
     numbers = np.stack((least, greatest))
-    return (
-        (numbers == np.round(numbers)).all(axis=0)
-        & (np.abs(numbers) < 2**53).all(axis=0)
-        & (least <= greatest)
-    )
+    is_integer = (numbers == np.round(numbers)).all(axis=0)
+    is_exact = (np.abs(numbers) < 2**53).all(axis=0)
+    return is_integer & is_exact & (least <= greatest)
 
 
 RANGE = "least, greatest"
@@ -84,8 +85,10 @@ class Distribution:
     def draw(self, random: Random) -> Any:
         """Draw a value as a plain Python object, as files hold it."""
         if self.name == "choice":
-            return self.values[int(random.integers(len(self.values)))]
-        return np.asarray(RULES[self.name].sample(random, *self.values)).tolist()
+            position = int(random.integers(len(self.values)))
+            return self.values[position]
+        sample = RULES[self.name].sample(random, *self.values)
+        return np.asarray(sample).tolist()
 
 
 def _distribution(name: str, value: object, where: str) -> Distribution:
@@ -104,7 +107,8 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
     try:
         if not isinstance(value, list) or len(value) != 2:
             raise ValueError
-        both = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in value))
+        parameters = [np.asarray(part, dtype=np.float64) for part in value]
+        both = np.broadcast_arrays(*parameters)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(
             f"{where} must be [{rule.words}], not {format_value(value)}"
@@ -143,7 +147,8 @@ class Streams(NamedTuple):
     def entropy(self, key: str, bits: int = 128) -> int:
         """Return an integer that depends only on the fields of this object and the key."""
         text = f"{self.family}{self.seed} {self.half} {self.number} {self.attempt} {key}"
-        return int.from_bytes(hashlib.sha256(text.encode()).digest()[: bits // 8], "big")
+        digest = hashlib.sha256(text.encode()).digest()
+        return int.from_bytes(digest[: bits // 8], "big")
 
 
 @dataclass(frozen=True)
@@ -173,9 +178,8 @@ def parsed(value: Any, where: str) -> Any:
         if name in PLACEMENTS:
             return Placed(name, parsed(content, f"{where}.{name}"))
         known = [*DISTRIBUTIONS, *PLACEMENTS]
-        if not isinstance(content, str | bool) and get_close_matches(
-            name, known, n=1, cutoff=ALIKE
-        ):
+        similar = get_close_matches(name, known, n=1, cutoff=ALIKE)
+        if similar and not isinstance(content, str | bool):
             raise unknown_name(f"distribution in {where}", name, known)
     return {name: parsed(inner, f"{where}.{name}") for name, inner in value.items()}
 
@@ -190,7 +194,8 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
         values[key] = tree.draw(streams.of(key))
         return values[key]
     if isinstance(tree, Placed):
-        return Placed(tree.name, drawn(tree.table, streams, f"{key}.{tree.name}", values))
+        table = drawn(tree.table, streams, f"{key}.{tree.name}", values)
+        return Placed(tree.name, table)
     prefix = f"{key}." if key else ""
     if isinstance(tree, dict):
         return {
@@ -217,23 +222,19 @@ def merged(under: Any, over: Mapping[str, Any], where: str) -> Table:
                 )
             position = int(name)
         old = result[position] if isinstance(result, list) else result.get(position)
-        deeper = (
-            isinstance(value, dict)
-            and isinstance(old, dict | list)
-            and not _draws(value)
-            and not _draws(old)
-        )
-        result[position] = merged(old, value, f"{where}.{name}") if deeper else value
+        are_nested = isinstance(value, dict) and isinstance(old, dict | list)
+        if are_nested and not _draws(value) and not _draws(old):
+            value = merged(old, value, f"{where}.{name}")
+        result[position] = value
     return result  # type: ignore[no-any-return]
 
 
 def _draws(value: object) -> bool:
     """True if a table of a file states a distribution or a placement."""
-    return (
-        isinstance(value, dict)
-        and len(value) == 1
-        and next(iter(value)) in (*DISTRIBUTIONS, *PLACEMENTS)
-    )
+    if not isinstance(value, dict) or len(value) != 1:
+        return False
+    (name,) = value
+    return name in DISTRIBUTIONS or name in PLACEMENTS
 
 
 def require_no_placement(tree: Any, where: str) -> None:
@@ -243,12 +244,8 @@ def require_no_placement(tree: Any, where: str) -> None:
     """
     if isinstance(tree, Placed):
         raise ConfigurationError(f"{where}: {tree.name} belongs in the family, not in a condition")
-    inside = (
-        tree.items()
-        if isinstance(tree, dict)
-        else enumerate(tree)
-        if isinstance(tree, list)
-        else ()
-    )
-    for name, inner in inside:
-        require_no_placement(inner, f"{where}.{name}")
+    if isinstance(tree, list):
+        tree = dict(enumerate(tree))
+    if isinstance(tree, dict):
+        for name, inner in tree.items():
+            require_no_placement(inner, f"{where}.{name}")

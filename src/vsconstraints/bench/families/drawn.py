@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +96,7 @@ class Drawn:
 
 def reasons(rejected: Mapping[str, int]) -> str:
     """Return the counts as text, most frequent reason first."""
-    ordered = sorted(rejected.items(), key=lambda item: -item[1])
+    ordered = Counter(rejected).most_common()
     return ", ".join(f"{reason} {count}" for reason, count in ordered) or "none rejected"
 
 
@@ -117,10 +116,18 @@ class Summary:
 
     def __post_init__(self) -> None:
         self.found = [scene for scene in self.scenes if scene.found]
-        self.rejected = sum((Counter(scene.rejected) for scene in self.scenes), Counter())
-        self.acceptance = len(self.found) / max(sum(scene.attempts for scene in self.scenes), 1)
-        kinds = ({label.partition("[")[0] for label in scene.challenged} for scene in self.found)
-        self.challenged = Counter(chain.from_iterable(kinds))
-        shares = np.array([scene.share_to_hold for scene in self.found])
-        self.beyond_limits = float((shares > 1.0).mean()) if np.isfinite(shares).any() else np.nan
         self.timed = [scene for scene in self.found if np.isfinite(scene.least_time)]
+        self.rejected = Counter[str]()
+        attempts = 0
+        for scene in self.scenes:
+            self.rejected.update(scene.rejected)
+            attempts += scene.attempts
+        self.acceptance = len(self.found) / max(attempts, 1)
+        self.challenged = Counter[str]()
+        for scene in self.found:
+            kinds = {label.partition("[")[0] for label in scene.challenged}
+            self.challenged.update(kinds)
+        shares = np.array([scene.share_to_hold for scene in self.found])
+        self.beyond_limits = math.nan
+        if np.isfinite(shares).any():
+            self.beyond_limits = float((shares > 1.0).mean())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -95,17 +95,22 @@ class Family(Described):
             tables = merged(under, tables, str(path))
         family = cls(path.stem, tables, path.parent)
         # evaluate all cached properties now, so that mistakes are reported here
-        _ = family._parsed, family._overrides, family._parts, family.attempts
+        _ = family._parsed
+        _ = family._overrides
+        _ = family._parts
+        _ = family.attempts
         return family
 
     @property
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions, the nominal one first."""
-        return (NOMINAL, *(name for name in self.tables.get("conditions", {}) if name != NOMINAL))
+        others = [name for name in self.tables.get("conditions", {}) if name != NOMINAL]
+        return (NOMINAL, *others)
 
     def has_key(self, key: str, condition: str) -> bool:
         """True if the tables of a condition, or those of all conditions, have a key."""
-        parts = (self.tables["conditions"][part] for part in self._parts.get(condition, ()))
+        conditions = self.tables.get("conditions", {})
+        parts = [conditions[part] for part in self._parts.get(condition, ())]
         return any(key in tables for tables in (self.tables, *parts))
 
     @property
@@ -121,18 +126,20 @@ class Family(Described):
     @cached_property
     def _parsed(self) -> Table:
         common = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
-        return {**parsed(common, self.name), "title": self.title, "description": self.description}
+        return {
+            **parsed(common, self.name),
+            "title": self.title,
+            "description": self.description,
+        }
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
         where = f"{self.name}.conditions"
         overrides = {}
-        for name, changes in require_table(self.tables.get("conditions", {}), where).items():
-            table = {
-                key: value
-                for key, value in require_table(changes, f"{where}.{name}").items()
-                if key != TOGETHER
-            }
+        conditions = require_table(self.tables.get("conditions", {}), where)
+        for name, changes in conditions.items():
+            table = dict(require_table(changes, f"{where}.{name}"))
+            table.pop(TOGETHER, None)
             overrides[name] = parsed(table, f"{where}.{name}")
             require_no_placement(overrides[name], f"{where}.{name}")
         return overrides
@@ -181,7 +188,8 @@ class Family(Described):
             )
         if not self.trusted:
             require_data(f"family {self.name}", self.tables, self.folder)
-        return self._filled(Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted))
+        scene = Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted)
+        return self._filled(scene)
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
         """Complete a scene that has only number, half and seed, and return its setups."""
@@ -192,10 +200,9 @@ class Family(Described):
         refusal = ""
         with beside(self.folder if self.trusted else None):
             for attempt in range(self.attempts):
+                streams = Streams(scene.seed, scene.half, scene.number, attempt, key)
                 try:
-                    known, setups = self._attempt(
-                        Streams(scene.seed, scene.half, scene.number, attempt, key)
-                    )
+                    known, setups = self._attempt(streams)
                 except Rejected as error:
                     rejected[error.reason.value] += 1
                     refusal = str(error)
@@ -220,29 +227,33 @@ class Family(Described):
             common, ends = placed(bare, where, self.folder)
             tables = {}
             for name in self.conditions:
-                over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
-                tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
-            scenarios = {
-                name: Scenario(where, each, self.folder, self.trusted)
-                for name, each in tables.items()
-            }
-            setups = {NOMINAL: scenarios.pop(NOMINAL).setup(seed=noise)}
-            check_ends(setups[NOMINAL], ends)
-            check_first_image(setups[NOMINAL])
-            challenged = violated_by_tracking(setups[NOMINAL])
+                table = common
+                for part in self._parts.get(name, ()):
+                    table = merged(table, overrides.get(part, {}), where)
+                tables[name] = table
+            scenario = Scenario(where, tables[NOMINAL], self.folder, self.trusted)
+            nominal = scenario.setup(seed=noise)
+            check_ends(nominal, ends)
+            check_first_image(nominal)
+            challenged = violated_by_tracking(nominal)
             if "testset" in self.tables:
-                check_baseline(setups[NOMINAL])
+                check_baseline(nominal)
             # checks that take long and seldom fail come last
-            others = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items()}
-            for setup in others.values():
-                check_first_image(setup)
+            setups = {NOMINAL: nominal}
+            for name, table in tables.items():
+                if name != NOMINAL:
+                    scenario = Scenario(where, table, self.folder, self.trusted)
+                    setups[name] = scenario.setup(seed=noise)
+            for name, setup in setups.items():
+                if name != NOMINAL:
+                    check_first_image(setup)
         except VsconstraintsError as error:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
-        setups |= others
-        limited = setups.get(LIMITED, setups[NOMINAL])
+        limited = setups.get(LIMITED, nominal)
+        values.setdefault("q0", common["q0"])
         known = {
             "tables": tables,
-            "values": values if "q0" in values else {**values, "q0": common["q0"]},
+            "values": values,
             "challenged": challenged,
             "share_to_hold": share_to_hold(limited),
             "least_time": least_time(limited, ends),
@@ -263,9 +274,8 @@ class Family(Described):
                 return
             rejected.update(tried.rejected)
         raise ConfigurationError(
-            f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} "
-            f"scenes were rejected: "
-            f"{reasons(rejected)}; the last one: {tried.refusal}"
+            f"family {self.name}: all of {rejected.total()} attempts at its first {scenes} scenes "
+            f"were rejected: {reasons(rejected)}; the last one: {tried.refusal}"
         )
 
 

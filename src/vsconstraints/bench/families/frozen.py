@@ -94,17 +94,18 @@ class FrozenFamily(Family):
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
         try:
-            seed = self.tables["frozen"][scene.half]["seed"]
+            frozen = self.tables["frozen"][scene.half]
+            seed = frozen["seed"]
             file = self.file(scene.half)
-            lines = _checked_lines(file, self.tables["frozen"][scene.half]["sha256"])
+            lines = _checked_lines(file, frozen["sha256"])
         except (KeyError, TypeError) as error:
             raise ConfigurationError(
                 f"{self.name}: frozen has no entry for its {scene.half} scenes"
             ) from error
         if scene.seed != seed or scene.number >= len(lines):
-            asked = f"{scene.number} of seed {scene.seed}"
             raise ConfigurationError(
-                f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {asked}"
+                f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {scene.number} "
+                f"of seed {scene.seed}"
             )
         scene = self.read(lines[scene.number], scene)
         return scene, {name: scene.setup(name) for name in self.conditions}
@@ -115,18 +116,22 @@ class FrozenFamily(Family):
         Raises ConfigurationError, which names file, scene and problem, if the line is not valid.
         """
         where = f"{self.file(scene.half).name}: scene {scene.number}"
-        content: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
+        decoded = _decoded(line, _Line, where)
+        content: dict[str, Any] = msgspec.structs.asdict(decoded)
         tables = content["tables"]
         if {*tables} != {*self.conditions} or content["number"] != scene.number:
             raise ConfigurationError(
                 f"{where} states number {content['number']} with conditions {', '.join(tables)}; "
                 f"they are {', '.join(self.conditions)}"
             )
-        content["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
-        return replace(
-            scene,
-            **{**content, **{name: math.nan for name, value in content.items() if value is None}},
-        )
+        whole_tables = {}
+        for name in self.conditions:
+            whole_tables[name] = {**tables[NOMINAL], **tables[name]}
+        content["tables"] = whole_tables
+        for name, value in content.items():
+            if value is None:
+                content[name] = math.nan
+        return replace(scene, **content)
 
 
 def line_of(scene: Drawn) -> str:
@@ -134,22 +139,28 @@ def line_of(scene: Drawn) -> str:
 
     Numbers are written as their shortest exact decimals.
     """
-    nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
-    content = {name: getattr(scene, name) for name in _Line.__struct_fields__}
-    content["tables"] = {
-        name: {
+    nominal_tables = scene.scenario().tables
+    nominal = {key: _json(value) for key, value in nominal_tables.items()}
+    stored_tables = {}
+    for condition, tables in scene.tables.items():
+        stored_tables[condition] = {
             key: value
             for key, value in tables.items()
-            if name == NOMINAL or nominal.get(key) != _json(value)
+            if condition == NOMINAL or nominal.get(key) != _json(value)
         }
-        for name, tables in scene.tables.items()
-    }
-    return _json({name: None if value != value else value for name, value in content.items()})
+    content = {}
+    for name in _Line.__struct_fields__:
+        value = getattr(scene, name)
+        is_nan = value != value
+        content[name] = None if is_nan else value
+    content["tables"] = stored_tables
+    return _json(content)
 
 
 def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> Family:
     """Return a family from its tables, frozen or not."""
-    return (FrozenFamily if "frozen" in tables else Family)(name, tables, folder, trusted)
+    kind = FrozenFamily if "frozen" in tables else Family
+    return kind(name, tables, folder, trusted)
 
 
 def _json(data: Any) -> str:
@@ -177,7 +188,8 @@ def _lines(path: Path) -> list[str]:
     try:
         require_regular(path)
         with gzip.open(path, "rb") as file:
-            return file.read(MAX_BYTES).decode().split("\n")[:-1]
+            *lines, _ = file.read(MAX_BYTES).decode().split("\n")
+            return lines
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path.name} of a test set cannot be read: {error}") from error
 
@@ -229,12 +241,12 @@ class TestSet:
                 file = FILE.format(name, half)
                 kept = family.sha256.get(half, [])
                 hashes[file] = kept
-                frozen[half] = {"file": file, "seed": index.seed, "sha256": _digest("".join(kept))}
+                joint_hash = _digest("".join(kept))
+                frozen[half] = {"file": file, "seed": index.seed, "sha256": joint_hash}
             tables = {**family.tables, "testset": index.version, "frozen": frozen}
             families.append(FrozenFamily(name, tables, folder))
-        return cls(
-            folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest()
-        )
+        digest = sha256(text).hexdigest()
+        return cls(folder, index.version, index.seed, tuple(families), hashes, digest)
 
     @classmethod
     def make(
@@ -259,33 +271,30 @@ class TestSet:
         folder.mkdir(parents=True, exist_ok=True)
         index = _Index(version, seed, f"vsconstraints {__version__} on {platform.machine()}", {})
         for family in families:
-            if (
-                family.name in index.families
-                or Scenario(family.name, family.tables, family.folder).files
-            ):
+            needs_files = Scenario(family.name, family.tables, family.folder).files
+            if needs_files or family.name in index.families:
                 raise ConfigurationError(
                     f"family {family.name} appears twice, or needs files, which a test set "
                     "cannot hold"
                 )
             source = replace(family, tables={**family.tables, "testset": version})
-            index.families[family.name] = entry = _Family({}, source.tables, {})
+            entry = _Family({}, source.tables, {})
+            index.families[family.name] = entry
             for half, count in scenes.items():
-                drawn = [
-                    source.scene(number, half, seed)
-                    for number in _reported(range(count), on_done, family.name)
-                ]
-                lines = [line_of(scene) for scene in drawn]
+                lines = []
+                left_out = 0
+                for number in _reported(range(count), on_done, family.name):
+                    scene = source.scene(number, half, seed)
+                    lines.append(line_of(scene))
+                    left_out += scene.rejected.get(Reason.BASELINE_LOST, 0)
                 data = "".join(f"{line}\n" for line in lines).encode()
-                (folder / FILE.format(family.name, half)).write_bytes(
-                    gzip.compress(data, 9, mtime=0)
-                )
+                file = folder / FILE.format(family.name, half)
+                file.write_bytes(gzip.compress(data, 9, mtime=0))
                 entry.sha256[half] = [_digest(line) for line in lines]
-                entry.left_out[half] = sum(
-                    scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn
-                )
-        (folder / INDEX).write_bytes(
-            msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n"
-        )
+                entry.left_out[half] = left_out
+        encoded = msgspec.json.encode(index)
+        text = msgspec.json.format(encoded, indent=1)
+        (folder / INDEX).write_bytes(text + b"\n")
         return cls.load(folder)
 
     def chosen(
@@ -297,32 +306,32 @@ class TestSet:
         ConfigurationError for unknown names, for more scenes than the test set has, and if the
         secret seed is that of the test set.
         """
+        if half not in HALVES:
+            raise unknown_name(f"half of test set {self.version}", half, HALVES)
         known = {family.name: family for family in self.families}
-        for what, name, others in (
-            ("half", half, HALVES),
-            *(("family", name, known) for name in names),
-        ):
-            if name not in others:
-                raise unknown_name(f"{what} of test set {self.version}", name, others)
-        families = [known[name] for name in dict.fromkeys(names or known)]
-        available = (
-            min(len(self.hashes[FILE.format(family.name, half)]) for family in families)
-            if families
-            else 0
-        )
-        if secret_seed == self.seed or (most or 1) > available:
-            why = (
-                f"seed {self.seed} is that of the test set"
-                if secret_seed == self.seed
-                else f"{most} are requested"
-            )
-            raise ConfigurationError(
-                f"test set {self.version} has {available} {half} scenes of each family; {why}"
-            )
-        scenes = {"half": half, "scenes": most or available}
-        seed = self.seed if secret_seed is None else secret_seed
-        drawn = tuple(each if secret_seed is None else each.source for each in families)
-        return {**scenes, "families": drawn, "seed": seed}
+        for name in names:
+            if name not in known:
+                raise unknown_name(f"family of test set {self.version}", name, known)
+        chosen = list(dict.fromkeys(names or known))
+        files = [FILE.format(name, half) for name in chosen]
+        counts = [len(self.hashes[file]) for file in files]
+        available = min(counts, default=0)
+        stored = f"test set {self.version} has {available} {half} scenes of each family"
+        if secret_seed == self.seed:
+            raise ConfigurationError(f"{stored}; seed {self.seed} is that of the test set")
+        if (most or 1) > available:
+            raise ConfigurationError(f"{stored}; {most} are requested")
+        families: list[Family] = [known[name] for name in chosen]
+        seed = self.seed
+        if secret_seed is not None:
+            families = [known[name].source for name in chosen]
+            seed = secret_seed
+        return {
+            "half": half,
+            "scenes": most or available,
+            "families": tuple(families),
+            "seed": seed,
+        }
 
     def problems(
         self, redraw: float = 0.0, seed: int = 0, on_done: OnDrawn = lambda *_: None
@@ -343,7 +352,8 @@ class TestSet:
             except ConfigurationError as error:
                 yield str(error)
                 continue
-            for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
+            stored_and_known = zip_longest(lines, self.hashes[file.name])
+            for number, (line, known) in enumerate(stored_and_known):
                 scene = Drawn(family.name, number, half, self.seed, self.folder)
                 where = f"{file.name}: scene {number}"
                 if line is None or known is None:
@@ -356,7 +366,8 @@ class TestSet:
                         whole.append((family, scene, line))
                     except ConfigurationError as error:
                         yield str(error)
-        again = Random(seed).sample(whole, math.ceil(redraw * len(whole)))
+        count = math.ceil(redraw * len(whole))
+        again = Random(seed).sample(whole, count)
         for family, scene, line in _reported(again, on_done, "drawing again"):
             other = family.source.scene(scene.number, scene.half, self.seed)
             if not other.found or line_of(other) != line:

@@ -98,12 +98,19 @@ def look_at(
         begin = start
     else:
         bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max)
-        begin = 0.5 * (np.where(bounded, robot.q_min, 0.0) + np.where(bounded, robot.q_max, 0.0))
-    x, y = scene.camera.normalised(np.asarray(image_px, dtype=np.float64))
+        least = np.where(bounded, robot.q_min, 0.0)
+        greatest = np.where(bounded, robot.q_max, 0.0)
+        begin = 0.5 * (least + greatest)
     z = np.asarray(normal, dtype=np.float64)
+    along_normal = _turn_of_z(z / np.linalg.norm(z))
     tilting = _about("z", azimuth) @ _about("y", tilt) @ _about("z", -azimuth)
-    R = _turn_of_z(z / np.linalg.norm(z)) @ tilting @ _about("x", np.pi) @ _about("z", roll)
-    camera = Pose(R, scene.markers.mean(axis=0) - R @ (distance * np.array([x, y, 1.0])))
+    # the optical axis points to the target, against the normal
+    rotation = along_normal @ tilting @ _about("x", np.pi) @ _about("z", roll)
+    pixel = np.asarray(image_px, dtype=np.float64)
+    x, y = scene.camera.normalised(pixel)
+    from_camera = distance * np.array([x, y, 1.0])
+    target = scene.markers.mean(axis=0)
+    camera = Pose(rotation, target - rotation @ from_camera)
     q = inverse_kinematics(robot, tip_of(scene, camera), begin)
     return None if q is None else q.tolist()
 
@@ -123,9 +130,10 @@ def tip_path(
     ``after`` a time [s]; the returned value is its initial position. Goals are counted from 1. A
     ``link`` may replace the tip.
     """
-    first, last = (
-        place.ends.scene.robot.pose(q, link).t for q in place.ends.pair(goal, place.where)
-    )
+    robot = place.ends.scene.robot
+    start, end = place.ends.pair(goal, place.where)
+    first = robot.pose(start, link).t
+    last = robot.pose(end, link).t
     return place.begun(first + share * (last - first) + aside, after)
 
 
@@ -143,11 +151,12 @@ def marker_path(
     1. The other arguments are those of :func:`tip_path`, with ``aside`` in px.
     """
     scene = place.ends.scene
-    count = len(place.ends.scene.markers)
+    count = len(scene.markers)
     if not 1 <= marker <= count:
         raise ConfigurationError(f"{place.where}: there is no marker {marker}; there are {count}")
-    pair = place.ends.pair(goal, place.where)
-    first, last = (scene.project(scene.camera_pose(q))[marker - 1] for q in pair)
+    start, end = place.ends.pair(goal, place.where)
+    first = scene.project(scene.camera_pose(start))[marker - 1]
+    last = scene.project(scene.camera_pose(end))[marker - 1]
     return place.begun(first + share * (last - first) + aside, after)
 
 
@@ -160,23 +169,23 @@ def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> 
     """
     robot = place.ends.scene.robot
     both = np.stack(place.ends.pair(goal, place.where))
-    numbers = checked(
-        place.beside.get("joints", list(range(1, robot.n + 1))), list[int], place.where, "joints"
-    )
-    if not set(numbers) <= set(range(1, robot.n + 1)):
+    all_joints = list(range(1, robot.n + 1))
+    stated = place.beside.get("joints", all_joints)
+    joints = checked(stated, list[int], place.where, "joints")
+    if not set(joints) <= set(all_joints):
         raise ConfigurationError(
-            f"{place.where}: joints are numbers from 1 to {robot.n}, not {numbers}"
+            f"{place.where}: joints are numbers from 1 to {robot.n}, not {joints}"
         )
-    if np.size(beyond) not in (1, len(numbers)):
+    if np.size(beyond) not in (1, len(joints)):
         raise ConfigurationError(
-            f"{place.where}: beyond is one number, or one for each of {len(numbers)} joints"
+            f"{place.where}: beyond is one number, or one for each of {len(joints)} joints"
         )
-    chosen = both[:, np.array(numbers) - 1]
-    far = np.asarray(beyond)
-    values: list[float] = np.where(
-        far > 0.0, chosen.max(axis=0) + far, chosen.min(axis=0) + far
-    ).tolist()
-    return values
+    positions = both[:, np.array(joints) - 1]
+    distance = np.asarray(beyond)
+    above = positions.max(axis=0) + distance
+    below = positions.min(axis=0) + distance
+    limits: list[float] = np.where(distance > 0.0, above, below).tolist()
+    return limits
 
 
 #: Placements by the key of their tables; they return None if no value is possible.

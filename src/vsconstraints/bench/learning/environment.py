@@ -61,7 +61,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         acceleration: float = ACCELERATION, violation_weight: float = 1.0,
     ) -> None:  # fmt: skip
         if isinstance(scenes, str):
-            scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
+            kind = Family if scenes in families() else Scenario
+            scenes = kind.load(scenes)
         _require_usable(scenes, count, law)
         acceleration = positive_number("acceleration", acceleration)
         if violation_weight != 0.0:
@@ -70,7 +71,9 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.half = half
         self.condition = condition
         self.count = int(count)
-        self.law = make_controller(law) if isinstance(law, str) else law or Tracking()
+        if isinstance(law, str):
+            law = make_controller(law)
+        self.law = law or Tracking()
         self.adds = law is not None
         self.acceleration = acceleration
         self.violation_weight = violation_weight
@@ -79,7 +82,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.observation_space = gymnasium.spaces.Box(
             -1.0, 1.0, self._observation.shape, np.float32
         )
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
+        action_shape = self._observer.action.shape
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, action_shape, np.float32)
 
     def _begin(self, number: int) -> None:
         """Go to the first sample of a scene."""
@@ -104,29 +108,35 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 "in NumPy"
             )
         now = prepared.bound.now
-        ranges = setup.scene.robot.ranges
         self.seen = now.rows, now.task
-        self._observer = Observer(
-            loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration
-        )
+        limits = prepared.control.acceleration
+        ranges = setup.scene.robot.ranges
+        self._observer = Observer(loop.rows.scale, limits, ranges, self.acceleration)
         self._look()
         self._unit = self._error or 1.0
-        times = (setup.goal_begins[-1], setup.tolerances.dwell_s)
-        self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
+        self._last_goal = _samples(setup.goal_begins[-1], setup.Ts)
+        self._dwell = _samples(setup.tolerances.dwell_s, setup.Ts)
 
     def _look(self) -> None:
         """Update the observation and the error of a sample."""
         loop = self.run.loop
-        self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
-        self._error = float(loop.task.error @ loop.task.error) ** 0.5
+        rows, task = self.seen
+        q, qd = loop.plant.x[:2]
+        observation = self._observer(rows, task, q, qd)
+        self._observation: Array = observation.astype(np.float32)
+        error = loop.task.error
+        self._error = float(error @ error) ** 0.5
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode; see the class."""
         super().reset(seed=seed)
-        count = self.count if isinstance(self.scenes, Family) else 1
-        drawn = int(self.np_random.integers(count)) if isinstance(self.scenes, Family) else 0
+        count = 1
+        drawn = 0
+        if isinstance(self.scenes, Family):
+            count = self.count
+            drawn = int(self.np_random.integers(count))
         self._begin(_scene_number(self.scenes.name, options, drawn, count))
         if self._observation.shape != self.observation_space.shape:
             raise ConfigurationError(
@@ -144,30 +154,27 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         loop = self.run.loop
         k = self._k
         before = self._error
-        qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
-        loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
+        qdd = self._observer.action * np.clip(action, -1.0, 1.0)
+        if self.adds:
+            qdd += self.law.command(*self.seen).qdd
+        loop.answer.qdd[:] = qdd
         self._k, stage = self.run.run(k, k + 2, ALONE)
         if stage != LAW:
             return self._observation, -1.0, True, False, self._info(False)
         self._look()
         reward = (before - self._error) / self._unit
-        outside = (loop.true.sigma / loop.true.scale)[loop.true.sigma > 0.0]
+        depths = loop.true.sigma / loop.true.scale
+        outside = depths[loop.true.sigma > 0.0]
         if outside.size:
-            self._violation = max(self._violation, float(outside.max()))
-            reward -= (
-                self.violation_weight
-                * self.run.setup.Ts
-                * float((1.0 + np.minimum(outside, 1.0)).sum())
-            )
+            deepest = float(outside.max())
+            self._violation = max(self._violation, deepest)
+            penalty = float((1.0 + np.minimum(outside, 1.0)).sum())
+            reward -= self.violation_weight * self.run.setup.Ts * penalty
         # sample k is the last judged sample
-        success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
-        return (
-            self._observation,
-            reward + success,
-            success,
-            self._k + 1 >= self.run.setup.samples,
-            self._info(success),
-        )
+        first_reached = int(loop.scores.unreached[-1]) + 1
+        success = k - max(first_reached, self._last_goal) >= self._dwell
+        is_truncated = self._k + 1 >= self.run.setup.samples
+        return self._observation, reward + success, success, is_truncated, self._info(success)
 
     def _info(self, success: bool) -> dict[str, Any]:
         t = self._k * self.run.setup.Ts
@@ -200,11 +207,16 @@ def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
         )
     number = options.get("scene", drawn) if options else drawn
     if not _is_integer(number) or not 0 <= number < count:
-        which = (
-            f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
+        raise ConfigurationError(
+            f"{name}: scene must be an integer from 0 to {count - 1}, since the environment has so "
+            f"many scenes (count), not {format_value(number)}"
         )
-        raise ConfigurationError(f"{name}: scene must be {which}, not {format_value(number)}")
     return int(number)
+
+
+def _samples(time: float, period: float) -> int:
+    """Return the number of samples until a time [s], up to rounding."""
+    return int(np.ceil(time / period - 1e-6))
 
 
 def _is_integer(value: object) -> TypeGuard[int]:

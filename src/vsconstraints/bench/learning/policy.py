@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZipFile
@@ -45,23 +47,27 @@ class Observer:
         ranges: tuple[Array, Array, Array],
         otherwise: float,
     ) -> None:
-        low, high, speed = (np.where(np.isfinite(each), each, np.nan) for each in ranges)
+        known = [np.where(np.isfinite(each), each, np.nan) for each in ranges]
+        low, high, speed = known
         self.action = np.where(np.isfinite(acceleration), acceleration, otherwise)
         self._middle = np.nan_to_num(0.5 * (low + high))
-        half = np.where(high > low, 0.5 * (high - low), 1.0)
-        self._of_rows = np.concatenate(
-            (1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel())
-        )
-        self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
+        half_range = np.where(high > low, 0.5 * (high - low), 1.0)
+        greatest_speed = np.nan_to_num(speed, nan=1.0)
+        gradient_factor = self.action / scale[:, None]
+        # factors of φ, L_fφ and L_gφ, and of q and q̇
+        self._row_factor = np.concatenate((1.0 / scale, 1.0 / scale, gradient_factor.ravel()))
+        self._joint_factor = 1.0 / np.concatenate((half_range, greatest_speed))
 
     def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
         """Return the observation of rows and task at q and q̇ (n,)."""
-        of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
+        row_values = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel()))
+        of_rows = row_values * self._row_factor
         Ja = (task.J * self.action).ravel()
-        of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
-        x = np.concatenate(
-            (of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints)
-        )
+        norm = float(Ja @ Ja) ** 0.5
+        of_task = np.concatenate((Ja, task.b)) / (norm or 1.0)
+        joint_values = np.concatenate((q - self._middle, qd))
+        of_joints = joint_values * self._joint_factor
+        x = np.concatenate((of_rows, of_task, of_joints))
         return np.asarray(x / (1.0 + np.abs(x)))
 
 
@@ -93,22 +99,28 @@ class Policy(Controller):
         self.weights = weights
         self.filter = Pair(demand=demand, resolver=resolver, **options)
         self.layers, self.otherwise, law = read_weights(Path(weights))
-        self.laws: list[Controller] = [self.filter, *([make_controller(law)] if law else [])]
+        self.law = make_controller(law) if law else None
         self._observer: Observer | None = None
 
     @property
     def uses(self) -> tuple[str, ...]:
         """Required information: L_fφ, a model (for q and q̇), and that of filter and law."""
-        return tuple(
-            dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses)))
-        )
+        information = ["L_fφ", "model", *self.filter.uses]
+        if self.law is not None:
+            information += self.law.uses
+        return tuple(dict.fromkeys(information))
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
         """Reset filter and law; see :class:`.Controller`."""
         self.model = model or self.model
         self._observer = None
-        for law in self.laws:
-            law.reset() if period is None else restart(law, period, lambda: self.model)
+        for law in (self.filter, self.law):
+            if law is None:
+                continue
+            if period is None:
+                law.reset()
+            else:
+                restart(law, period, lambda: self.model)
 
     def action(self, x: Array) -> Array:
         """Return π(x) of an observation."""
@@ -129,15 +141,17 @@ class Policy(Controller):
             self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
         _, q, qd = model.present
         x = self._observer(rows, task, q, qd)
-        sizes = (self.layers[0][0].shape[1], len(self.layers[-1][1]))
+        first_W, _ = self.layers[0]
+        _, last_b = self.layers[-1]
+        sizes = (first_W.shape[1], len(last_b))
         if sizes != (len(x), n):
             scene = f"{len(rows.phi)} rows, {n} joints and {len(task.b)} features"
             raise InvalidInput(
                 f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}"
             )
         qdd = self._observer.action * self.action(x)
-        for law in self.laws[1:]:
-            qdd += law.command(rows, task).qdd
+        if self.law is not None:
+            qdd += self.law.command(rows, task).qdd
         return self.filter.command(rows, Task(np.eye(n), qdd))
 
 
@@ -158,10 +172,8 @@ def _require_small(opened: BinaryIO) -> None:
                 if read is None:
                     raise ValueError(f"{member.filename} is in an unknown format")
                 shape, _, kind = read(array)
-                if (
-                    not kind.hasobject
-                    and array.tell() + math.prod(shape) * kind.itemsize != member.file_size
-                ):
+                stated_size = array.tell() + math.prod(shape) * kind.itemsize
+                if not kind.hasobject and stated_size != member.file_size:
                     raise ValueError(f"{member.filename} is not as large as it says")
     opened.seek(0)
 
@@ -184,8 +196,15 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
         ) from error
     law = str(arrays.pop("law", ""))
     acceleration = arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
-    names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
-    if {*arrays} != {name for pair in names for name in pair}:
+    layers = _layers(path, arrays)
+    return layers, positive_number(f"acceleration in {path}", acceleration), law
+
+
+def _layers(path: Path, arrays: Mapping[str, Array]) -> list[tuple[Array, Array]]:
+    """Return the layers (W, b) of a file. Raises ConfigurationError if they do not fit together."""
+    count = max(1, (len(arrays) + 1) // 2)
+    names = [(f"W{i}", f"b{i}") for i in range(count)]
+    if set(arrays) != set(chain.from_iterable(names)):
         raise ConfigurationError(
             f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}"
         )
@@ -194,16 +213,15 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
             raise ConfigurationError(
                 f"{path}: {name} must have only finite numbers less than {LARGE:g}"
             )
-    size = arrays["W0"].shape[-1:]
-    for W, b in names:
-        if arrays[W].ndim != 2 or arrays[W].shape != (*arrays[b].shape, *size):
-            shapes = f"{W} and {b} have the shapes {arrays[W].shape} and {arrays[b].shape}"
-            raise ConfigurationError(
-                f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)"
-            )
-        size = arrays[b].shape
-    return (
-        [(arrays[W], arrays[b]) for W, b in names],
-        positive_number(f"acceleration in {path}", acceleration),
-        law,
-    )
+    layers = []
+    inputs = arrays["W0"].shape[-1:]
+    for W_name, b_name in names:
+        W = arrays[W_name]
+        b = arrays[b_name]
+        if W.ndim != 2 or W.shape != (*b.shape, *inputs):
+            shapes = f"{W_name} and {b_name} have the shapes {W.shape} and {b.shape}"
+            columns = inputs[0] if inputs else "i"
+            raise ConfigurationError(f"{path}: {shapes}, not (h, {columns}) and (h,)")
+        layers.append((W, b))
+        inputs = b.shape
+    return layers

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from ...reports.markdown import bold
 from ...reports.numbers import median
 from ...rows import Array
@@ -53,7 +55,9 @@ class Beyond(NamedTuple):
         ranks = self.ranks[:, self.laws.index(law)]
         best = int(ranks.min())
         worst = int(ranks.max())
-        return f"{best}" if best == worst else f"{best}–{worst}"
+        if best == worst:
+            return str(best)
+        return f"{best}–{worst}"
 
     @property
     def stays(self) -> int:
@@ -73,33 +77,44 @@ def beyond(dataset: Dataset) -> list[Beyond]:
 
 def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     laws = ranking(dataset, condition).laws
-    success = dataset.paired(condition, "success").astype(bool)[list(laws)]
-    groups = success.groupby(level="family", observed=True)
-    if len(groups) < FEWEST:
+    success = dataset.paired(condition, "success")[list(laws)].astype(bool)
+    families = success.groupby(level="family", observed=True)
+    if len(families) < FEWEST:
         return None
-    counts = groups.sum().T.to_numpy()
-    scenes = groups.size().to_numpy() + 0 * counts
+    counts = _by_family(success)
+    sizes = families.size().to_numpy(float)
+    estimates = across_families(counts, np.broadcast_to(sizes, counts.shape))
     shares = {}
-    for law, estimate in zip(laws, across_families(counts, scenes), strict=True):
-        shares[law] = Share(*estimate[:3])
+    for law, estimate in zip(laws, estimates, strict=True):
+        shares[law] = Share(estimate.share, estimate.low, estimate.high)
+    behind = _behind_first(success)
+    ranks = left_out_ranks(families.mean())
+    return Beyond(condition, laws, shares, behind, ranks)
+
+
+def _behind_first(success: pd.DataFrame) -> frozenset[str]:
+    """Return the laws (columns) that succeed less often than the first one in a similar family."""
+    leader, *others = success.columns
+    if not others:
+        return frozenset()
+    first = success[leader]
+    only_first = _by_family(success[others].apply(lambda other: first & ~other))
+    differing = _by_family(success[others].apply(lambda other: first ^ other))
+    # Comparison with the best law: Hsu's multiple comparisons, corrected for all others.
+    confidence = simultaneous(0.95, len(others))
+    pairs = across_families(only_first, differing, confidence)
     behind = set()
-    if len(laws) > 1:
-        # Comparison with the best law: Hsu's multiple comparisons, corrected for all others.
-        first = success.iloc[:, 0]
-        others = success.iloc[:, 1:]
-        only_first = _by_family(others.apply(lambda other: first & ~other))
-        different = _by_family(others.apply(lambda other: first ^ other))
-        pairs = across_families(only_first, different, simultaneous(0.95, len(laws) - 1))
-        for law, pair in zip(laws[1:], pairs, strict=True):
-            if pair.low > 0.5:
-                behind.add(law)
-    return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
+    for law, pair in zip(others, pairs, strict=True):
+        if pair.low > 0.5:
+            behind.add(law)
+    return frozenset(behind)
 
 
 def _by_family(flags: pd.DataFrame) -> Array:
     """Return the number of scenes (laws, families) in which a flag is true."""
-    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
-    return counts
+    counts = flags.groupby(level="family", observed=True).sum()
+    by_law: Array = counts.T.to_numpy(float)
+    return by_law
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:
@@ -115,7 +130,8 @@ def across_findings(dataset: Dataset) -> list[Finding]:
         begin = condition_text(condition)
         text = text_of("across", begin=begin, leader=leader, share=share, one=result)
         numbers: dict[str, float] = share.numbers("success", law=leader)
-        numbers |= {"families": len(result.ranks), "stays": result.stays}
+        numbers["families"] = len(result.ranks)
+        numbers["stays"] = result.stays
         findings.append(Finding(text, "across", condition, (leader,), numbers))
     return findings
 
@@ -129,15 +145,19 @@ def known_motions(dataset: Dataset) -> Any:
 
     testset = TestSet.load()
     half = dataset.configuration.get("half")
-    frozen = {family.name: family.tables["frozen"].get(half) for family in testset.families}
+    run_families = dataset.configuration["families"]
+    # families of the campaign whose scenes are those of the test set
     same = set()
-    for name, family in dataset.configuration["families"].items():
-        if family.get("tables", {}).get("frozen", {}).get(half) == frozen.get(name, ""):
-            same.add(name)
+    for family in testset.families:
+        tables = run_families.get(family.name, {}).get("tables", {})
+        run_scenes = tables.get("frozen", {}).get(half)
+        if run_scenes is not None and run_scenes == family.tables["frozen"].get(half):
+            same.add(family.name)
     if not same or parquet.facts_of(TABLE).get("sha256") != testset.sha256:
         return None
     known = pd.read_parquet(TABLE)
-    known = known[(known["half"] == half) & known["family"].isin(same)]
+    is_same = (known["half"] == half) & known["family"].isin(same)
+    known = known[is_same]
     return known if len(known) else None
 
 
@@ -148,7 +168,8 @@ def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
     utilization of the laws in the table that succeed.
     """
     reachable = known[known["outcome"] == "reachable"].astype({"family": str})
-    lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
+    best = reachable[[*SCENE, "best_time_s", "law_space"]]
+    lines = runs.merge(best, on=SCENE)
     found = {}
     for law, law_runs in lines.groupby("controller"):
         successful = law_runs[law_runs["success"]]
@@ -168,10 +189,15 @@ def beside_best(dataset: Dataset) -> dict[str, dict[str, Any]]:
     The result is empty for scenes without known best motions.
     """
     runs = dataset.among(NOMINAL)
-    known = known_motions(dataset) if len(runs) else None
-    found = {} if known is None else regrets(runs, known)
-    return {
-        law: found[law] | {"success": Share.of(found[law]["success"])}
-        for law in dataset.laws
-        if law in found
-    }
+    if not len(runs):
+        return {}
+    known = known_motions(dataset)
+    if known is None:
+        return {}
+    found = regrets(runs, known)
+    beside = {}
+    for law in dataset.laws:
+        if law in found:
+            success = Share.of(found[law]["success"])
+            beside[law] = found[law] | {"success": success}
+    return beside

@@ -50,23 +50,25 @@ class Factorial(NamedTuple):
         Levels that are never combined belong to one factor.
         """
         #: Conditions that combine levels, by these levels.
-        combined = {
-            frozenset(changes[TOGETHER]): name
-            for name, changes in table.items()
-            if list(changes) == [TOGETHER]
-        }
+        combined: dict[frozenset[str], str] = {}
+        for name, changes in table.items():
+            if list(changes) == [TOGETHER]:
+                combined[frozenset(changes[TOGETHER])] = name
         factors = _factors_of(table, combined)
-        names = {frozenset[str](): NOMINAL}
+        #: Condition of each set of levels that differ from the nominal one.
+        names: dict[frozenset[str], str] = {frozenset(): NOMINAL}
         for factor in factors:
-            names |= {frozenset([level]): level for level in factor[1:]}
+            for level in factor:
+                if level != NOMINAL:
+                    names[frozenset([level])] = level
         names |= combined
         conditions = {}
         for levels in product(*factors):
-            name = names.get(frozenset(levels) - {NOMINAL})
-            if name is None:
+            condition = names.get(frozenset(levels) - {NOMINAL})
+            if condition is None:
                 return None
-            if name in run:
-                conditions[levels] = name
+            if condition in run:
+                conditions[levels] = condition
         used = []
         for position, factor in enumerate(factors):
             used_levels = {levels[position] for levels in conditions}
@@ -86,16 +88,19 @@ def _factors_of(
     """
     factors: list[list[str]] = []
     for level in names:
-        partners = {other for levels in combined if level in levels for other in levels}
+        partners: set[str] = set()
+        for levels in combined:
+            if level in levels:
+                partners.update(levels)
         if not partners:
             continue
-        for factor in factors:
-            if partners.isdisjoint(factor):
-                factor.append(level)
-                break
+        without_partners = [factor for factor in factors if partners.isdisjoint(factor)]
+        if without_partners:
+            without_partners[0].append(level)
         else:
             factors.append([NOMINAL, level])
-    return [tuple(factor) for factor in sorted(factors, key=len, reverse=True)]
+    factors.sort(key=len, reverse=True)
+    return [tuple(factor) for factor in factors]
 
 
 class Dataset:
@@ -124,26 +129,30 @@ class Dataset:
         self.manifest = evidence.manifest
         self.configuration: dict[str, Any] = dict(evidence.manifest["configuration"])
         self._cache: dict[Hashable, Any] = {}
+        families: dict[str, Any] = self.configuration["families"]
         self.laws = _ordered(evidence.controllers, self.runs["controller"])
-        self.families = _ordered(tuple(self.configuration["families"]), self.runs["family"])
-        every = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
-        pairs = set(self.runs[["family", "condition"]].itertuples(index=False, name=None))
-        self.situations = [pair for pair in product(self.families, every) if pair in pairs]
+        self.families = _ordered(tuple(families), self.runs["family"])
+        conditions = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
+        of_runs = self.runs[["family", "condition"]].drop_duplicates()
+        pairs = set(of_runs.itertuples(index=False, name=None))
+        self.situations = [pair for pair in product(self.families, conditions) if pair in pairs]
         self.factorials: dict[str, Factorial] = {}
-        only_levels = set[tuple[str, str]]()
+        shown = {NOMINAL}
         for family in self.families:
-            tables = self.configuration["families"].get(family, {}).get("tables", {})
+            tables = families.get(family, {}).get("tables", {})
             run = [condition for name, condition in self.situations if name == family]
             factorial = Factorial.of(tables.get("conditions", {}), run)
-            if factorial is not None:
+            if factorial is None:
+                shown.update(run)
+            else:
                 self.factorials[family] = factorial
-                only_levels |= {(family, name) for name in factorial.conditions.values()}
-        shown = {NOMINAL}
-        for family, condition in self.situations:
-            if (family, condition) not in only_levels:
-                shown.add(condition)
-        self.conditions = tuple(name for name in every if name in shown) or every
-        self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
+                shown.update(set(run).difference(factorial.conditions.values()))
+        self.conditions = tuple(name for name in conditions if name in shown) or conditions
+        self.tuned = {}
+        for law in self.laws:
+            tuned = law + TUNED
+            if tuned in self.laws:
+                self.tuned[law] = tuned
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
         """Return a value that several parts need; compute it once and cache it by its key."""
@@ -172,12 +181,10 @@ class Dataset:
             runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
             runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
         runs["ending"] = endings(runs)
-        runs["tolerance"] = (
-            runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
-        )
-        plain: pd.DataFrame = runs.astype(
-            dict.fromkeys(("family", "condition", "controller", "status"), str)
-        )
+        depth = runs["violation_fraction"].astype(float)
+        runs["tolerance"] = depth.where(runs["status"] == "converged", math.inf)
+        texts = ("family", "condition", "controller", "status")
+        plain: pd.DataFrame = runs.astype(dict.fromkeys(texts, str))
         return plain
 
     @cached_property
@@ -187,7 +194,10 @@ class Dataset:
         It is None for a custom controller, whose code defines it.
         """
         entries = self.configuration["controllers"]
-        return {name: required_information(name, entries.get(name, {})) for name in self.laws}
+        required = {}
+        for name in self.laws:
+            required[name] = required_information(name, entries.get(name, {}))
+        return required
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""
@@ -196,7 +206,9 @@ class Dataset:
     def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
         """Return the runs in a condition, of some families or of all."""
         runs = self.runs[self.runs["condition"] == condition]
-        return runs if families is None else runs[runs["family"].isin(list(families))]
+        if families is None:
+            return runs
+        return runs[runs["family"].isin(list(families))]
 
     def paired(
         self, condition: str, column: str, families: Sequence[str] | None = None
@@ -206,14 +218,11 @@ class Dataset:
         Only scenes that all controllers ran are included.
         """
         runs = self.among(condition, families)
-        wide = runs.pivot_table(
-            index=SCENE, columns="controller", values=column, aggfunc="first", dropna=False
-        )
-        ran = runs.pivot_table(
-            index=SCENE, columns="controller", values="success", aggfunc="count", fill_value=0
-        )
-        wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
-        return wide[[name for name in self.laws if name in wide.columns]]
+        # a run always has a success, while its value may be missing
+        ran = runs.pivot(index=SCENE, columns="controller", values="success").notna()
+        values = runs.pivot(index=SCENE, columns="controller", values=column)
+        values = values[ran.all(axis=1)]
+        return values[[name for name in self.laws if name in values.columns]]
 
     def working(self, condition: str) -> tuple[str, ...]:
         """Return the controllers of which at least one run in a condition did not fail.
@@ -222,7 +231,8 @@ class Dataset:
         all controllers failed, all are returned.
         """
         runs = self.among(condition)
-        working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
+        has_failed = runs["status"].isin(["failed", "aborted"])
+        working = set(runs.loc[~has_failed, "controller"])
         return tuple(law for law in self.laws if law in working) or self.laws
 
     def families_of(self, *conditions: str) -> list[str]:

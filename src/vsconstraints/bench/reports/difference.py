@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,16 @@ MAX_LENGTH = 60
 
 def page(found: Difference) -> str:
     """Return the whole page."""
-    outcomes = [(each, p) for each, p in found.found if isinstance(each, Outcome)]
-    shifts = [(each, p) for each, p in found.found if isinstance(each, Shift)]
+    outcomes = []
+    shifts = []
+    lost: list[str] = []
+    for each, p in found.found:
+        if isinstance(each, Outcome):
+            outcomes.append((each, p))
+            lost += _lost(found, each)
+        else:
+            shifts.append((each, p))
+    # tested ones first, by p-value
     shifts.sort(key=lambda shift: (shift[1] is None, shift[1] or 0))
     return render(
         Path(__file__).with_name("difference.md"),
@@ -36,17 +45,24 @@ def page(found: Difference) -> str:
         same=int((~found.pairs.differ).sum()),
         named=_named,
         outcomes=outcomes,
-        lost=[line for each, _ in outcomes for line in _lost(found, each)],
+        lost=lost,
         shifts=shifts,
         most=MAX_LINES,
         times=list(_times(found)),
         mark=_mark,
         moved=_moved,
         value=_value,
-        significance=lambda p: DASH if p is None else "<0.001" if p < 1e-3 else number(p),
+        significance=_significance,
         significant=SIGNIFICANT,
         min_pairs=MIN_SCENES,
     )
+
+
+def _significance(p: float | None) -> str:
+    """Format a p-value; None if a difference was not tested."""
+    if p is None:
+        return DASH
+    return "<0.001" if p < 1e-3 else number(p)
 
 
 def verdict(found: Difference) -> str:
@@ -54,44 +70,45 @@ def verdict(found: Difference) -> str:
     if not found.pairs.differ.any():
         return f"All {len(found.pairs.differ)} runs in common are identical except for their times."
     worse = found.worse
-    better = [
-        each
-        for each, p in found.found
-        if significant(p) and not each.for_worse and each not in worse
-    ]
+    better = []
+    for each, p in found.found:
+        if significant(p) and not each.for_worse and each not in worse:
+            better.append(each)
     lines = []
-    for word, those in (("Worse", worse), ("Better", better)):
-        lines += [f"{word}: {_sentence(each, found.confidence)}" for each in those[:MAX_RUNS]]
-        if len(those) > MAX_RUNS:
-            lines.append(f"{len(those) - MAX_RUNS} more got {word.lower()}.")
+    for word, changed in (("Worse", worse), ("Better", better)):
+        for each in changed[:MAX_RUNS]:
+            lines.append(f"{word}: {_sentence(each, found.confidence)}")
+        if len(changed) > MAX_RUNS:
+            lines.append(f"{len(changed) - MAX_RUNS} more got {word.lower()}.")
     return bullets(lines or ["Nothing got worse."])
 
 
 def _sentence(found: Outcome | Shift, confidence: float) -> str:
-    group = ", ".join((bold(plain(found.group.law)), *map(plain, found.group.place)))
+    law = bold(plain(found.group.law))
+    group = ", ".join((law, *map(plain, found.group.place)))
     if isinstance(found, Outcome):
-        return (
-            f"{group}: {found.what} in {found.after} of {len(found.group.positions)} runs, "
-            f"before in {found.before}"
-        )
+        runs = len(found.group.positions)
+        return f"{group}: {found.what} in {found.after} of {runs} runs, before in {found.before}"
     return (
         f"{group}: {found.metric.header} by {_moved(found, confidence)} in the median where runs "
-        f"differ; "
-        f"worse in {found.worse}, better in {found.better} of {found.of}"
+        f"differ; worse in {found.worse}, better in {found.better} of {found.of}"
     )
 
 
 def _names(change: Change) -> str:
-    several = len(change.names) > MAX_NAMES
-    shown = f"{len(change.names)}: {', '.join(change.names[:MAX_NAMES])}, …"
-    return plain(shown if several else enumeration(change.names))
+    if len(change.names) <= MAX_NAMES:
+        return plain(enumeration(change.names))
+    first = ", ".join(change.names[:MAX_NAMES])
+    return plain(f"{len(change.names)}: {first}, …")
 
 
 def _value(value: Any) -> str:
     if value is None:
         return DASH
     text = str(value)
-    return plain(text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}…")
+    if len(text) > MAX_LENGTH:
+        text = f"{text[:MAX_LENGTH]}…"
+    return plain(text)
 
 
 def _named(runs: Any) -> str:
@@ -99,7 +116,9 @@ def _named(runs: Any) -> str:
     for run in runs.head(MAX_RUNS).itertuples(index=False):
         names.append(", ".join(map(str, run)))
     text = plain("; ".join(names))
-    return f"{text}, and {len(runs) - MAX_RUNS} more" if len(runs) > MAX_RUNS else text
+    if len(runs) > MAX_RUNS:
+        text += f", and {len(runs) - MAX_RUNS} more"
+    return text
 
 
 def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
@@ -107,26 +126,27 @@ def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
     for position in outcome.lost[:MAX_RUNS]:
         run = found.pairs.b.iloc[position]
         name = ", ".join(map(str, found.pairs.b.index[position]))
-        status = run["status"]
+        reason = run["status"]
         if outcome.what == "stays inside":
-            status = f"violated {run['violated']}"
-        why = "; ".join(filter(None, (status, run["reason"])))
-        yield f"{plain(name)} no longer {outcome.what}: {plain(why)}"
+            reason = f"violated {run['violated']}"
+        if run["reason"]:
+            reason += f"; {run['reason']}"
+        yield f"{plain(name)} no longer {outcome.what}: {plain(reason)}"
     if len(outcome.lost) > MAX_RUNS:
         yield f"{len(outcome.lost) - MAX_RUNS} more of {plain(outcome.group)}"
 
 
 def _times(found: Difference) -> Iterator[tuple[Any, ...]]:
-    for group in found.groups:
-        for column in TIMES:
-            a = group.a[column].to_numpy(dtype=float)
-            b = group.b[column].to_numpy(dtype=float)
-            known = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
-            if known.any():
-                a = a[known]
-                b = b[known]
-                medians = [number(float(np.median(times))) for times in (a, b, b / a)]
-                yield group, column, *medians
+    """Yield group, column, and medians of A, B and their ratio, for each column of times."""
+    for group, column in product(found.groups, TIMES):
+        a = group.a[column].to_numpy(dtype=float)
+        b = group.b[column].to_numpy(dtype=float)
+        known = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
+        if known.any():
+            before = a[known]
+            after = b[known]
+            medians = [np.median(times) for times in (before, after, after / before)]
+            yield group, column, *(number(float(value)) for value in medians)
 
 
 def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:
@@ -141,5 +161,8 @@ def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:
 
 def _moved(shift: Shift, confidence: float) -> str:
     """Return the median of the differences, in the unit in which reports show the metric."""
-    factor = shift.metric.factor * (100.0 if shift.metric.style == "percent" else 1.0)
-    return with_interval(*median(shift.differences, confidence)[:3], factor)
+    factor = shift.metric.factor
+    if shift.metric.style == "percent":
+        factor *= 100.0
+    middle, low, high, _ = median(shift.differences, confidence)
+    return with_interval(middle, low, high, factor)

@@ -23,7 +23,7 @@ from ...rows.readable import counted
 from ..statistics.judged import UNSUCCESSFUL
 from .dataset import Dataset, rerun, setup_of
 from .ranking import Ranking, Share, ranking
-from .tables import most_frequent
+from .tables import most_frequent, row_kinds
 
 #: Most ways to fail in a cell, and their least share of a controller's failed runs.
 MAX_REASONS = 3
@@ -40,13 +40,15 @@ TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 def kinds(runs: Any) -> list[tuple[str, int]]:
     """Return the most frequent ways in which runs were unsuccessful, with their counts."""
     texts = runs[["ending", "violated", "reason"]].fillna("").astype(str)
-    every = Counter(_failure_kind(*run) for run in texts.itertuples(index=False))
-    return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
+    counts = Counter[str]()
+    for run in texts.itertuples(index=False):
+        counts[_failure_kind(run.ending, run.violated, run.reason)] += 1
+    return most_frequent(counts, MAX_REASONS, MIN_SHARE * len(runs))
 
 
 def _failure_kind(ending: str, violated: str, reason: str) -> str:
     """Return the kinds of rows that a run violated or, without violation, its ending."""
-    kinds = {plain(label.partition("[")[0]) for label in violated.split("; ") if label}
+    kinds = {plain(kind) for kind in row_kinds(violated)}
     if kinds:
         return f"{enumeration(sorted(kinds))} violated"
     if ending == "failed" and reason:
@@ -58,9 +60,9 @@ def worst_last(runs: Any) -> Any:
     """Sort runs: successful ones first, the slowest of these last, then by violation and ending."""
     depth = runs["violation_depth"].astype(float).fillna(0.0)
     ending = runs["status"].map(ORDER).fillna(len(ORDER))
-    by = ["success", "depth", "order", "settling_time_s"]
+    ascending = {"success": False, "depth": True, "order": True, "settling_time_s": True}
     return runs.assign(depth=depth, order=ending).sort_values(
-        by, ascending=[False, True, True, True], kind="stable"
+        list(ascending), ascending=list(ascending.values()), kind="stable"
     )
 
 
@@ -74,7 +76,8 @@ def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
     for law in dataset.laws:
         runs = failures[failures["controller"] == law]
         if len(runs):
-            examples[law] = {"typical": runs.iloc[(len(runs) - 1) // 2], "worst": runs.iloc[-1]}
+            median_run = runs.iloc[(len(runs) - 1) // 2]
+            examples[law] = {"typical": median_run, "worst": runs.iloc[-1]}
     return examples
 
 
@@ -85,24 +88,35 @@ def where(run: Any) -> str:
 
 def reason_text(dataset: Dataset, run: Any) -> str:
     """Return why a run was unsuccessful, and the depth of its worst violation."""
-    parts = [plain(run["reason"])] if run["reason"] else []
+    reasons = []
+    if run["reason"]:
+        reasons.append(plain(run["reason"]))
+    rows = _violated_rows(dataset, run)
+    if len(rows):
+        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
+        name = code(str(worst["constraint"]))
+        unit, factor = finer_unit(str(worst["unit"]))
+        depth = number(factor * float(worst["violation_depth"]))
+        violation = f"violates {name} by {depth} {unit}"
+        if len(rows) > 1:
+            violation += f" and {counted(len(rows) - 1, 'other row')}"
+        reasons.append(violation)
+    elif run["violated"]:
+        reasons.append(f"violates {plain(run['violated'])}")
+    return "; ".join(reasons) or "the goal is not reached, no row is violated"
+
+
+def _violated_rows(dataset: Dataset, run: Any) -> Any:
+    """Return the lines of the rows that a run violated; the index of all lines is cached."""
     keys = ["family", "condition", "scene", "controller"]
 
     def violated() -> tuple[Any, Any]:
-        rows = dataset.evidence.rows[dataset.evidence.rows["violation_depth"] > 0.0]
+        rows = dataset.evidence.rows
+        rows = rows[rows["violation_depth"] > 0.0]
         return rows, rows.groupby(keys, observed=True).indices
 
-    every, places = dataset.once("violated rows", violated)
-    rows = every.iloc[places.get(tuple(run[keys]), [])]
-    if len(rows):
-        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
-        unit, factor = finer_unit(str(worst["unit"]))
-        more = f" and {counted(len(rows) - 1, 'other row')}" if len(rows) > 1 else ""
-        depth = number(factor * float(worst["violation_depth"]))
-        parts.append(f"violates {code(str(worst['constraint']))} by {depth} {unit}{more}")
-    elif run["violated"]:
-        parts.append(f"violates {plain(run['violated'])}")
-    return "; ".join(parts) or "the goal is not reached, no row is violated"
+    rows, positions = dataset.once("violated rows", violated)
+    return rows.iloc[positions.get(tuple(run[keys]), [])]
 
 
 def divisive_scene(dataset: Dataset, family: str) -> int | None:
@@ -110,9 +124,13 @@ def divisive_scene(dataset: Dataset, family: str) -> int | None:
 
     Return None if all controllers agree on every scene.
     """
-    share = dataset.paired(dataset.conditions[0], "success", [family]).astype(bool).mean(axis=1)
+    success = dataset.paired(dataset.conditions[0], "success", [family]).astype(bool)
+    share = success.mean(axis=1)
     divided: Any = share[(share > 0.0) & (share < 1.0)]
-    return None if divided.empty else int((divided - 0.5).abs().idxmin()[1])
+    if divided.empty:
+        return None
+    _, scene = (divided - 0.5).abs().idxmin()
+    return int(scene)
 
 
 def scene_figures(dataset: Dataset) -> list[str]:
@@ -120,23 +138,23 @@ def scene_figures(dataset: Dataset) -> list[str]:
 
     It shows the tracks of the best controllers and of the unconstrained baseline.
     """
-    texts = []
+    texts: list[str] = []
     condition = dataset.conditions[0]
-    for family in dataset.families if dataset.figures else ():
+    if not dataset.figures:
+        return texts
+    for family in dataset.families:
         scene = divisive_scene(dataset, family)
         if scene is None:
             continue
-        first = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
+        best = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
         # In this order they have the colours of other figures.
-        laws = [law for law in dataset.laws if law in first]
+        laws = [law for law in dataset.laws if law in best]
         try:
             setup = setup_of(dataset.evidence, family, scene, condition)
             runs = {name: rerun(dataset.evidence, setup, name) for name in (BASELINE, *laws)}
         except Exception as error:  # missing custom parts can raise anything
-            texts.append(
-                f"Scene {scene} of {plain(family)} could not be simulated again: "
-                f"{plain(described(error))}."
-            )
+            problem = f"Scene {scene} of {plain(family)} could not be simulated again"
+            texts.append(f"{problem}: {plain(described(error))}.")
             continue
         flags: Any = dataset.paired(condition, "success", [family]).astype(bool)
         success = flags.loc[(family, scene)]
@@ -144,7 +162,8 @@ def scene_figures(dataset: Dataset) -> list[str]:
         title = f"{plain(family)} {scene}, {condition}"
         caption = f"{title}. Successful: {successful}."
         figure = replace(TRACKS, name=f"scene--{family}", title=title, caption=caption)
-        texts.append(dataset.picture(figure, View(setup, runs, (BASELINE, *laws))))
+        view = View(setup, runs, (BASELINE, *laws))
+        texts.append(dataset.picture(figure, view))
     return texts
 
 
@@ -175,9 +194,12 @@ class Cell(NamedTuple):
         from matplotlib.colors import to_hex
 
         rgb = np.array(colormaps["cividis"](self.share.value)[:3])
+        # sRGB to linear light (IEC 61966-2-1)
         linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
         luminance = linear @ LUMINANCE
-        return to_hex(rgb), "#000" if luminance > BRIGHT else "#fff"
+        text = "#000" if luminance > BRIGHT else "#fff"
+        background = to_hex(rgb)
+        return background, text
 
 
 class Situation(NamedTuple):
@@ -196,21 +218,29 @@ def situations(dataset: Dataset) -> list[Situation]:
 
 def _situations(dataset: Dataset) -> list[Situation]:
     keys = ["family", "condition", "controller"]
-    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
+    run_keys = dataset.runs[[*keys, "ending"]]
+    counts = Counter(run_keys.itertuples(index=False, name=None))
+    worst: dict[tuple[str, ...], Any] = {}
     last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
-    worst: dict[tuple[str, ...], Any] = {tuple(run[keys]): run for _, run in last.iterrows()}
+    for _, run in last.iterrows():
+        worst[tuple(run[keys])] = run
     found = []
     for family, condition in dataset.situations:
         ranked = ranking(dataset, condition, families=[family])
         cells = {}
         for law, share in ranked.shares.items():
             run = worst[family, condition, law]
-            front = law in ranked.front and ranked.next is not None
-            ends = {
-                name: counts[family, condition, law, name] for name in ("success", *UNSUCCESSFUL)
-            }
-            reason = "" if run["success"] else reason_text(dataset, run)
-            cells[law] = Cell(share, front, ends, int(run["scene"]), str(run["status"]), reason)
+            run_endings = {}
+            for ending in ("success", *UNSUCCESSFUL):
+                run_endings[ending] = counts[family, condition, law, ending]
+            cells[law] = Cell(
+                share=share,
+                front=law in ranked.front and ranked.next is not None,
+                endings=run_endings,
+                worst=int(run["scene"]),
+                status=str(run["status"]),
+                reason="" if run["success"] else reason_text(dataset, run),
+            )
         if cells:
             found.append(Situation(family, condition, ranked, cells))
     return found
@@ -222,7 +252,11 @@ def heat_map(dataset: Dataset) -> str:
     A cell links to its worst run. A click on a heading sorts the columns.
     """
     entries = dataset.configuration["controllers"]
-    custom = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
+    custom = set()
+    for law in dataset.laws:
+        kind = str(entries.get(law, {}).get("type", law))
+        if ":" in kind:
+            custom.add(law)
     return render_html(
         Path(__file__).with_name("heat-map.html"),
         situations=situations(dataset),

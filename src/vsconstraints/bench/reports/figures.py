@@ -55,26 +55,36 @@ def _panels(
     sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any
 ) -> list[Any]:
     """Add panels with a common vertical axis and a title each."""
-    made = sheet.panels(len(titles), columns, **{"above": 0.28, "same_y": True, **options})
-    for ax, title in zip(made, titles, strict=True):
+    options = {"above": 0.28, "same_y": True, **options}
+    axes = sheet.panels(len(titles), columns, **options)
+    for ax, title in zip(axes, titles, strict=True):
         ax.set_title(title, loc="left", fontsize=8.5, pad=4)
-    return made
+    return axes
 
 
 def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequence[str]) -> None:
     """Draw the shares (laws, N) of the shown laws over x (N,), each in its usual style."""
-    look = looks(laws)
-    width = widths(laws, 2.4, 1.2)
+    style = _line_styles(laws)
     for law, share in zip(shown, shares, strict=True):
-        style = {"color": look[law].colour, "linestyle": look[law].line, "linewidth": width[law]}
-        ax.plot(x, 100.0 * share, **style, **markers(law, laws, len(x)))
+        marks = markers(law, laws, len(x))
+        ax.plot(x, 100.0 * share, **style[law], **marks)
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
+
+
+def _line_styles(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return colour, dashes and width of the curve of each law."""
+    width = widths(laws, 2.4, 1.2)
+    styles = {}
+    for law, look in looks(laws).items():
+        styles[law] = {"color": look.colour, "linestyle": look.line, "linewidth": width[law]}
+    return styles
 
 
 def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
     entries = []
     for law, look in looks(laws).items():
-        entries.append(line(shortened(law), look.colour, look.line, **mark_of(look)))
+        mark = mark_of(look)
+        entries.append(line(shortened(law), look.colour, look.line, **mark))
     sheet.legend(entries)
 
 
@@ -85,9 +95,12 @@ def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | Non
     sheet = Sheet(left=0.62, right=0.2)
     depth = np.geomspace(NEGLIGIBLE, DEEPEST, 400)
     labels = "tolerated depth [% of L]", "success [% of scenes]"
-    every = _panels(sheet, [title for title, _ in panels], height=2.0, gap=0.4, labels=labels)
-    for ax, (_, least) in zip(every, panels, strict=True):
-        success = (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0)
+    titles = [title for title, _ in panels]
+    axes = _panels(sheet, titles, height=2.0, gap=0.4, labels=labels)
+    for ax, (_, least) in zip(axes, panels, strict=True):
+        # (scenes, depths, laws)
+        is_success = least.to_numpy()[:, None] <= depth[:, None]
+        success = is_success.mean(axis=0)
         _curves(ax, 100.0 * depth, success.T, least.columns, laws)
         ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
         logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
@@ -105,25 +118,31 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     sheet = Sheet(left=0.62, right=0.2)
     labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
-        # Where nearly all curves have reached their end.
-        last = 1.1
-        for _, _, profile in panels:
-            finite = profile.ratios[np.isfinite(profile.ratios)]
-            if len(finite):
-                last = max(last, min(float(np.quantile(finite, 0.99)), MAX_RATIO))
+        last = _last_ratio([profile for _, _, profile in panels])
         tau = np.geomspace(1.0, last, 400)
         ticks = [1.0]
         for tick in TICKS:
-            if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
+            gap = np.log(tick / ticks[-1])
+            if tick <= last and gap >= TICK_GAP * np.log(last):
                 ticks.append(tick)
-        every = _panels(
-            sheet, [title for title, _, _ in panels], height=1.75, gap=0.2, labels=labels
-        )
-        for ax, (_, shown, profile) in zip(every, panels, strict=True):
+        titles = [title for title, _, _ in panels]
+        axes = _panels(sheet, titles, height=1.75, gap=0.2, labels=labels)
+        for ax, (_, shown, profile) in zip(axes, panels, strict=True):
             _curves(ax, tau, profile.share(tau).T, shown, laws)
             logarithmic(ax.xaxis, ticks)
     _legend(sheet, laws)
     return sheet
+
+
+def _last_ratio(profiles: Sequence[Profile]) -> float:
+    """Return the ratio at which nearly all curves have reached their end."""
+    last = 1.1
+    for profile in profiles:
+        finite = profile.ratios[np.isfinite(profile.ratios)]
+        if len(finite):
+            end = float(np.quantile(finite, 0.99))
+            last = max(last, min(end, MAX_RATIO))
+    return last
 
 
 def draw_levels(
@@ -134,34 +153,35 @@ def draw_levels(
     ``rankings`` are keyed by condition.
     """
     first, *others = factorial.factors
-    # The second factor varies along a row of panels.
-    panels: list[tuple[str, ...]] = []
+    panels = _combinations(others)
     titles = []
-    for *rest, column in product(*others[1:], _columns(others)):
-        panel = (*column, *map(str, rest))
-        panels.append(panel)
+    for panel in panels:
         changed = [level for level in panel if level != NOMINAL]
         titles.append(", ".join(changed) or NOMINAL)
     sheet = Sheet(left=0.62, right=0.2)
     look = looks(laws)
     labels = ("", "success [% of scenes]")
+    columns = len(others[0]) if others else 1
+    axes = _panels(sheet, titles, columns, height=1.9, gap=0.2, above=0.3, labels=labels)
+    # Marks of laws at one level are beside each other, around the tick of the level.
     step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
-    count = len(_columns(others))
-    axes = _panels(sheet, titles, count, height=1.9, gap=0.2, above=0.3, labels=labels)
+    first_offset = -0.5 * step * (len(laws) - 1)
     for ax, panel in zip(axes, panels, strict=True):
         for i, (law, law_look) in enumerate(look.items()):
             places = []
             shares = []
-            for k, level in enumerate(first):
+            for tick, level in enumerate(first):
                 condition = factorial.conditions.get((level, *panel), "")
                 if condition in rankings and law in rankings[condition].shares:
-                    places.append(k + step * (i - 0.5 * (len(laws) - 1)))
+                    places.append(tick + first_offset + i * step)
                     shares.append(rankings[condition].shares[law])
-            middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
+            per_cent = 100.0 * np.reshape(shares, (-1, 3))
+            middle, low, high = per_cent.T
+            error = np.maximum([middle - low, high - middle], 0.0)
             ax.errorbar(
                 places,
                 middle,
-                np.maximum([middle - low, high - middle], 0.0),
+                error,
                 color=law_look.colour,
                 linestyle=law_look.line,
                 marker=law_look.marker,
@@ -184,62 +204,81 @@ def draw_levels(
     return sheet
 
 
-def _columns(factors: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    """Return the levels of the first of these factors, one empty combination without factors."""
-    return [(level,) for level in factors[0]] if factors else [()]
+def _combinations(factors: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
+    """Return all combinations of levels; the level of the first factor changes first.
+
+    It varies along a row of panels. Without factors, there is one empty combination.
+    """
+    return [tuple(reversed(levels)) for levels in product(*reversed(factors))]
 
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """Draw one critical-difference diagram per condition, as by Demšar: best on the left."""
     look = looks(laws)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
-    margin = _room_for_names([law for _, ranked_laws, _ in shown for law in ranked_laws])
+    names: list[str] = []
+    for _, ranked_laws, _ in shown:
+        names += ranked_laws
+    margin = _room_for_names(names)
     sheet = Sheet(left=margin, right=margin)
     for title, ranked_laws, ranks in shown:
         count = len(ranked_laws)
-        half = math.ceil(count / 2)
+        lines_of_names = math.ceil(count / 2)
         bars = BAR * len(ranks.groups) + 0.08
-        height = bars + NAME_LINE * half + 0.1
+        height = bars + NAME_LINE * lines_of_names + 0.1
         sheet.text(0.1, sheet.bottom + 0.1, title, fontsize=9.0, va="center", color=INK)
         ax = sheet.axes(margin, sheet.bottom + 0.5, WIDTH - 2.0 * margin, height)
         sheet.bottom += 0.12
         ax.set(
             xlim=(0.9, count + 0.1),
             ylim=(height, 0.0),
-            xticks=range(1, count + 1, -(-count // 15)),
+            xticks=range(1, count + 1, math.ceil(count / 15)),
             yticks=[],
         )
         ax.xaxis.tick_top()
         ax.grid(False)
         ax.spines[["left", "right", "bottom"]].set_visible(False)
         for i, group in enumerate(ranks.groups):
-            ends = [float(ranks.means[k]) for k in group]
+            means = ranks.means[list(group)]
+            ends = [means.min() - 0.03, means.max() + 0.03]
             y = 0.08 + BAR * i
-            bar = [min(ends) - 0.03, max(ends) + 0.03]
-            ax.plot(bar, [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
+            ax.plot(ends, [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
         order = np.argsort(ranks.means, kind="stable")
         for place, k in enumerate(order):
-            # A line from the rank down to the law's name beside the diagram.
             law = ranked_laws[k]
-            rank = float(ranks.means[k])
-            left = place < half
-            y = bars + NAME_LINE * (place if left else count - 1 - place)
-            end = ax.get_xlim()[not left]
-            colour = look[law].colour
-            ax.plot([rank, rank, end], [0.0, y, y], color=colour, linewidth=1.3, clip_on=False)
-            name = shortened(law)
-            ax.annotate(
-                f"{name}  {rank:.2f}" if left else f"{rank:.2f}  {name}",
-                (end, y),
-                (-5 if left else 5, 0),
-                textcoords="offset points",
-                ha="right" if left else "left",
-                va="center_baseline",
-                fontsize=NAME_SIZE,
-                color=INK,
-                annotation_clip=False,
-            )
+            on_left = place < lines_of_names
+            line_of_name = place if on_left else count - 1 - place
+            y = bars + NAME_LINE * line_of_name
+            _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left)
     return sheet if shown else None
+
+
+def _name_rank(ax: Any, law: str, rank: float, y: float, colour: str, on_left: bool) -> None:
+    """Draw a line from a rank down to a law's name beside the diagram, at height ``y``."""
+    left_end, right_end = ax.get_xlim()
+    name = shortened(law)
+    if on_left:
+        end = left_end
+        text = f"{name}  {rank:.2f}"
+        offset = -5
+        alignment = "right"
+    else:
+        end = right_end
+        text = f"{rank:.2f}  {name}"
+        offset = 5
+        alignment = "left"
+    ax.plot([rank, rank, end], [0.0, y, y], color=colour, linewidth=1.3, clip_on=False)
+    ax.annotate(
+        text,
+        (end, y),
+        (offset, 0),
+        textcoords="offset points",
+        ha=alignment,
+        va="center_baseline",
+        fontsize=NAME_SIZE,
+        color=INK,
+        annotation_clip=False,
+    )
 
 
 def _room_for_names(laws: Iterable[str]) -> float:
@@ -258,22 +297,23 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
 
     A band from the least to the greatest value is drawn where they differ.
     """
-    width = widths(laws, 2.4, 1.2)
     sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.2, above=0.05)
-    for law, look in looks(laws).items():
+    for law, style in _line_styles(laws).items():
         tried = evaluations[evaluations["law"] == law].sort_values("number")
-        tried = tried.assign(share=100.0 * tried["successes"] / tried["runs"])
-        best = tried.pivot_table(index="number", columns="seed", values="share").cummax()
-        number = best.index + 1
-        style = {"color": look.colour, "linestyle": look.line, "linewidth": width[law]}
-        ax.plot(number, best.median(axis=1), **style, **markers(law, laws, len(number)))
-        ax.fill_between(
-            number, best.min(axis=1), best.max(axis=1), color=look.colour, alpha=0.12, linewidth=0
+        success = 100.0 * tried["successes"] / tried["runs"]
+        by_seed = tried.assign(success=success).pivot_table(
+            index="number", columns="seed", values="success"
         )
-    ax.set(
-        xlabel="evaluations of each law, the default first", ylabel="success on training scenes [%]"
-    )
+        best = by_seed.cummax()
+        count = best.index + 1
+        marks = markers(law, laws, len(count))
+        ax.plot(count, best.median(axis=1), **style, **marks)
+        least = best.min(axis=1)
+        greatest = best.max(axis=1)
+        ax.fill_between(count, least, greatest, color=style["color"], alpha=0.12, linewidth=0)
+    ax.set_xlabel("evaluations of each law, the default first")
+    ax.set_ylabel("success on training scenes [%]")
     _legend(sheet, laws)
     return sheet
 

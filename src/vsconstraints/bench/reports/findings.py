@@ -60,16 +60,18 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
     by_condition = {}
     for condition in dataset.conditions:
         ranked = ranking(dataset, condition)
-        if ranked.scenes:
-            several = [
-                best(ranked),
-                *without_information(dataset, ranked),
-                calmest(dataset, ranked),
-                best(ranking(dataset, condition, "tolerant success"), "tolerant"),
-                violations(dataset, condition),
-                attainable(dataset, condition),
-            ]
-            by_condition[condition] = [finding for finding in several if finding is not None]
+        if not ranked.scenes:
+            continue
+        tolerant = ranking(dataset, condition, "tolerant success")
+        several = [
+            best(ranked),
+            *without_information(dataset, ranked),
+            calmest(dataset, ranked),
+            best(tolerant, "tolerant"),
+            violations(dataset, condition),
+            attainable(dataset, condition),
+        ]
+        by_condition[condition] = [finding for finding in several if finding is not None]
     return by_condition
 
 
@@ -79,15 +81,17 @@ def best(ranked: Ranking, standard: str = "strict") -> Finding:
     named = [ranked.leader]
     pair = None
     if not ranked.hopeless and len(ranked.laws) > 1:
-        about = "best" if ranked.next else "alike"
         named = named_of(ranked.front)
-        pair = (ranked.leader, ranked.next) if ranked.next else None
-    about = about if standard == "strict" else standard
-    named += pair[1:] if pair else ()
+        if ranked.next is None:
+            about = "alike"
+        else:
+            pair = (ranked.leader, ranked.next)
+            named.append(ranked.next)
+    if standard != "strict":
+        about = standard
     text = text_of(about, ranked=ranked, begin=condition_text(ranked.condition))
-    return Finding(
-        text, about, ranked.condition, tuple(named), numbers_of(ranked, named, pair), standard
-    )
+    numbers = numbers_of(ranked, named, pair)
+    return Finding(text, about, ranked.condition, tuple(named), numbers, standard)
 
 
 def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
@@ -100,24 +104,28 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         if required is not None:
             known[law] = required
     several = []
-    for what, words in INFORMATION:
-        spare = [law for law, required in known.items() if what not in required]
-        about = f"without {what}"
-        in_front = [law for law in ranked.front if law in spare]
+    for information, words in INFORMATION:
+        without = [law for law, required in known.items() if information not in required]
+        if not without or len(without) == len(known):
+            continue
+        in_front = [law for law in ranked.front if law in without]
         # It is obvious that leaders without this information need no model.
-        if not spare or len(spare) == len(known) or (in_front and what != INFORMATION[0][0]):
+        if in_front and information != INFORMATION[0][0]:
             continue
         named = named_of(in_front)
         numbers = dict[str, float]()
         facts = dict[str, Any]()
         if not in_front:
-            without = ranked.among(spare)
+            best_without = ranked.among(without)
             leader = ranked.leader
-            pair = (leader, without.leader)
-            named = named_of(without.front)
+            pair = (leader, best_without.leader)
+            named = named_of(best_without.front)
             numbers = numbers_of(ranked, named, pair)
             named.append(leader)
-            facts = {"ranked": without, "leader": leader, "difference": ranked.differences[pair]}
+            facts["ranked"] = best_without
+            facts["leader"] = leader
+            facts["difference"] = ranked.differences[pair]
+        about = f"without {information}"
         text = text_of(about, words=words, in_front=names_text(in_front), **facts)
         several.append(Finding(text, about, ranked.condition, tuple(named), numbers))
     return several
@@ -129,10 +137,14 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
     if len(front) < 2 or ranked.hopeless:
         return None
     best = best_by(dataset, ranked.condition, front, "acceleration_variation", ratio=True)
-    if best is None or len(best[0]) > 1:
+    if best is None:
         return None
-    (calm,), pairs = best
-    second = max((law for law in front if law != calm), key=lambda law: pairs[calm, law].difference)
+    (calm, *equally_calm), pairs = best
+    if equally_calm:
+        return None
+    others = [law for law in front if law != calm]
+    second = max(others, key=lambda law: pairs[calm, law].difference)
+    others.remove(second)
     pair = pairs[calm, second]
     scenes = counted(pair.scenes, "scene")
     text = text_of("calmest", calm=calm, second=second, pair=pair, scenes=scenes)
@@ -142,16 +154,17 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
         "ratio_high": pair.high,
         "ratio_scenes": pair.scenes,
     }
-    others = tuple(law for law in front if law not in (calm, second))
     return Finding(text, "calmest", ranked.condition, (calm, second, *others), numbers)
 
 
 def violations(dataset: Dataset, condition: str) -> Finding:
     """Return the finding on controllers that violate a row least often, by the strict standard."""
     ranked = kept_ranking(dataset, condition)
-    violated = {law: ranked.shares[law].complement for law in named_of(ranked.front)}
+    violated = {}
     numbers: dict[str, float] = {"scenes": ranked.scenes}
-    for law, share in violated.items():
+    for law in named_of(ranked.front):
+        share = ranked.shares[law].complement
+        violated[law] = share
         numbers |= share.numbers("violation", law=law)
     text = text_of("violations", shares=violated)
     return Finding(text, "violations", condition, tuple(violated), numbers)
@@ -160,9 +173,10 @@ def violations(dataset: Dataset, condition: str) -> Finding:
 def attainable(dataset: Dataset, condition: str) -> Finding | None:
     """Return the finding on how often the baseline reaches the goal, None if nearly always."""
     runs = dataset.evidence.runs
-    baseline = runs[(runs["controller"] == BASELINE) & (runs["condition"] == condition)]
-    count = len(baseline)
-    share = Share.of(rate((baseline["status"] == "converged").to_numpy(bool)))
+    is_baseline = (runs["controller"] == BASELINE) & (runs["condition"] == condition)
+    reached = (runs.loc[is_baseline, "status"] == "converged").to_numpy(bool)
+    count = len(reached)
+    share = Share.of(rate(reached))
     if not count or share.value >= MIN_REACHED:
         return None
     text = text_of("attainable", share=share, scenes=counted(count, "scene"))
@@ -185,29 +199,27 @@ def reversals(dataset: Dataset) -> Iterator[Finding]:
         if not sizes:
             continue
         a, b = max(sizes, key=sizes.__getitem__)
-        shares = {first: before.differences[a, b], other: after.differences[b, a]}
-        texts = {}
+        differences = {first: before.differences[a, b], other: after.differences[b, a]}
+        shares = {}
         numbers: dict[str, float] = {
             "scenes": before.scenes,
             "families": before.families,
             "pairs": len(sizes),
         }
-        for condition, share in shares.items():
-            texts[condition_text(condition, inside=True)] = share
-            numbers |= share.numbers(
-                f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]"
-            )
-        text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
+        for condition, difference in differences.items():
+            shares[condition_text(condition, inside=True)] = difference
+            numbers |= difference.numbers("difference", law=condition)
+        text = text_of("turned", a=a, b=b, shares=shares, ranked=before, more=len(sizes) - 1)
         yield Finding(text, "turned", other, (a, b), numbers)
 
 
 def _reversal_sizes(before: Ranking, after: Ranking) -> dict[tuple[str, str], float]:
     """Return the smaller difference of each pair that is significantly reversed, by pair."""
     sizes = {}
-    for a, b in combinations(before.laws, 2):
-        if a not in after.laws or b not in after.laws or after.differences[a, b].value >= 0.0:
-            continue
-        if before.significant(a, b) and after.significant(a, b):
+    in_both = [law for law in before.laws if law in after.laws]
+    for a, b in combinations(in_both, 2):
+        is_reversed = after.differences[a, b].value < 0.0
+        if is_reversed and before.significant(a, b) and after.significant(a, b):
             gap_before = before.differences[a, b].value
             gap_after = after.differences[b, a].value
             sizes[a, b] = min(gap_before, gap_after)
@@ -217,27 +229,35 @@ def _reversal_sizes(before: Ranking, after: Ranking) -> dict[tuple[str, str], fl
 def tuning_gain(dataset: Dataset) -> Finding | None:
     """Return the finding on the gain from tuning in the first condition, for each controller."""
     ranked = ranking(dataset, dataset.conditions[0])
-    pairs = {law: name for law, name in dataset.tuned.items() if {law, name} <= set(ranked.laws)}
-    if not pairs:
+    compared = []
+    same = []
+    better = {}
+    worse = {}
+    for law, tuned in dataset.tuned.items():
+        if law not in ranked.laws or tuned not in ranked.laws:
+            continue
+        compared.append(law)
+        gain = ranked.differences[tuned, law]
+        if not ranked.significant(tuned, law):
+            same.append(law)
+        elif gain.value > 0.0:
+            better[law] = gain
+        else:
+            worse[law] = gain.reversed
+    if not compared:
         return None
-    gains = {
-        law: ranked.differences[name, law]
-        for law, name in pairs.items()
-        if ranked.significant(name, law)
-    }
-    better = {law: gain for law, gain in gains.items() if gain.value > 0.0}
-    worse = {law: gain.reversed for law, gain in gains.items() if gain.value < 0.0}
     numbers = {"scenes": float(ranked.scenes)}
     for law in (*better, *worse):
-        numbers |= gains[law].numbers("difference", law=law)
-    changed = {"more successful": better, "less successful": worse}
-    same = [law for law in pairs if law not in gains]
-    condition = condition_text(ranked.condition, inside=True)
-    scenes = counted(ranked.scenes, "held-out scene")
+        gain = ranked.differences[dataset.tuned[law], law]
+        numbers |= gain.numbers("difference", law=law)
     text = text_of(
-        "tuned", condition=condition, changed=changed, same=names_text(same), scenes=scenes
+        "tuned",
+        condition=condition_text(ranked.condition, inside=True),
+        changed={"more successful": better, "less successful": worse},
+        same=names_text(same),
+        scenes=counted(ranked.scenes, "held-out scene"),
     )
-    return Finding(text, "tuned", ranked.condition, tuple(pairs), numbers)
+    return Finding(text, "tuned", ranked.condition, tuple(compared), numbers)
 
 
 def always_failing(dataset: Dataset) -> list[Finding]:
@@ -245,13 +265,15 @@ def always_failing(dataset: Dataset) -> list[Finding]:
     several = []
     for law in dataset.laws:
         runs = dataset.of_law(law)
-        if runs["status"].isin(["failed", "aborted"]).all():
-            reasons = runs["reason"].fillna("").astype(str)
-            why = str(reasons.value_counts().index[0])
-            count = counted(len(runs), "run")
-            text = text_of("nowhere", law=law, runs=count, why=why)
-            numbers = {"runs": len(runs)}
-            several.append(Finding(text, "nowhere", "", (law,), numbers, standard=""))
+        has_failed = runs["status"].isin(["failed", "aborted"])
+        if not has_failed.all():
+            continue
+        reasons = runs["reason"].fillna("").astype(str)
+        most_frequent = str(reasons.value_counts().index[0])
+        count = counted(len(runs), "run")
+        text = text_of("nowhere", law=law, runs=count, why=most_frequent)
+        numbers = {"runs": len(runs)}
+        several.append(Finding(text, "nowhere", "", (law,), numbers, standard=""))
     return several
 
 

@@ -57,16 +57,15 @@ def fresh_rates(fresh: Study, published: Study) -> list[FreshRate]:
 
 def _success(study: Study, law: str, condition: str) -> Rate:
     runs = study.runs
-    return rate(
-        runs.loc[(runs["controller"] == law) & (runs[CONDITION] == condition), "success"].astype(
-            bool
-        )
-    )
+    is_counted = (runs["controller"] == law) & (runs[CONDITION] == condition)
+    return rate(runs.loc[is_counted, "success"].astype(bool))
 
 
 def _p_value(fresh: Rate, published: Rate) -> float:
-    counts = [[rate.count, rate.of - rate.count] for rate in (fresh, published)]
-    return float(fisher_exact(counts).pvalue)
+    table = []
+    for success in (fresh, published):
+        table.append([success.count, success.of - success.count])
+    return float(fisher_exact(table).pvalue)
 
 
 def fresh_page(fresh: Study, published: Study) -> str:
@@ -89,9 +88,8 @@ def fresh_page(fresh: Study, published: Study) -> str:
     sentence = (
         f"Success on {rates[0].fresh.of} fresh scenes, with exact 95 % intervals, and on the "
         f"{rates[0].published.of} published ones. Fisher's exact test, Bonferroni over "
-        f"{len(rates)} "
-        f"comparisons: {len(differing) or 'none'} {verdict}. The smallest p is {lowest.p:.2g} "
-        f"({lowest.law}, {lowest.condition})."
+        f"{len(rates)} comparisons: {len(differing) or 'none'} {verdict}. The smallest p is "
+        f"{lowest.p:.2g} ({lowest.law}, {lowest.condition})."
     )
     return f"{Table(header, lines)}\n\n{sentence}"
 

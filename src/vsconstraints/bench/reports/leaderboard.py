@@ -13,7 +13,7 @@ from ...reports.groups import information_text
 from ...reports.page import render
 from ..families.frozen import FILE, TestSet
 from ..study import CONDITION, SCENE, Study
-from .ranking import condition_text, ranked
+from .ranking import Ranking, condition_text, ranked
 
 HALF = "held-out"
 DISTURBED = "disturbed"
@@ -29,19 +29,21 @@ def require_whole(study: Study, testset: TestSet, where: str) -> None:
         file = FILE.format(family.name, HALF)
         known = family.tables["frozen"][HALF]
         stored = study.frozen.get(family.name, {})
-        if any(stored.get(key) != known[key] for key in ("seed", "sha256")):
+        has_same_seed = stored.get("seed") == known["seed"]
+        if not has_same_seed or stored.get("sha256") != known["sha256"]:
             raise ConfigurationError(
                 f"{where}: {file} of test set {testset.version} is not the file that was run"
             )
     _require_scenes(study, testset, where)
     runs = study.runs.fillna({"violation_fraction": 0.0})  # NaN in a run that failed at once
-    wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
-    wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (
-        runs["violation_fraction"] <= TOLERANT
-    )
-    wrong |= (runs["violated"] == "") != (runs["violation_fraction"] <= NEGLIGIBLE)
-    if wrong.any():
-        first = runs[wrong].iloc[0]
+    converged = runs["status"] == "converged"
+    keeps_rows = runs["violated"] == ""
+    keeps_rows_nearly = runs["violation_fraction"] <= TOLERANT
+    is_wrong = runs["success"] != converged & keeps_rows
+    is_wrong |= runs["tolerant_success"] != converged & keeps_rows_nearly
+    is_wrong |= keeps_rows != (runs["violation_fraction"] <= NEGLIGIBLE)
+    if is_wrong.any():
+        first = runs[is_wrong].iloc[0]
         run = f"{first['family']} {first['scene']}, {first[CONDITION]}, {first['controller']}"
         raise ConfigurationError(
             f"{where}: success, status and violations of {run} contradict each other"
@@ -58,19 +60,22 @@ def _require_scenes(study: Study, testset: TestSet, where: str) -> None:
             which = f"{half} scenes of {family_name}, {condition}"
             raise ConfigurationError(f"{where}: test set {testset.version} has no {which}")
     for family in testset.families:
-        scenes = set(range(len(testset.hashes[FILE.format(family.name, HALF)])))
+        hashes = testset.hashes[FILE.format(family.name, HALF)]
+        scenes = set(range(len(hashes)))
         runs = study.runs[study.runs["family"] == family.name]
         for condition in family.conditions:
             run_scenes = set(runs.loc[runs[CONDITION] == condition, "scene"])
             which = f"{HALF} scenes of {family.name}, {condition}"
-            if unknown := sorted(run_scenes - scenes):
+            unknown = run_scenes - scenes
+            if unknown:
                 raise ConfigurationError(
-                    f"{where}: {len(unknown)} {which}, do not exist, such as scene {unknown[0]}; "
+                    f"{where}: {len(unknown)} {which}, do not exist, such as scene {min(unknown)}; "
                     f"they are numbered from 0 to {len(scenes) - 1}"
                 )
-            if condition in CONDITIONS and (missing := sorted(scenes - run_scenes)):
+            missing = scenes - run_scenes
+            if missing and condition in CONDITIONS:
                 raise ConfigurationError(
-                    f"{where}: {len(missing)} {which}, are missing, such as scene {missing[0]}"
+                    f"{where}: {len(missing)} {which}, are missing, such as scene {min(missing)}"
                 )
 
 
@@ -82,41 +87,41 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
     are distinguished by their authors. Tables without values of some results are marked by †, and
     named below the leaderboard. Raises ConfigurationError as :func:`require_whole`.
     """
-    parts = []
-    of = dict[str, tuple[str, Study, str]]()
-    for who, study in studies.items():
-        require_whole(study, testset, who)
-        names = {law: law if law not in of else f"{law} ({who})" for law in study.laws}
-        of |= {name: (law, study, who) for law, name in names.items()}
-        parts.append(study.runs.assign(controller=study.runs["controller"].map(names)))
-    runs = pd.concat(parts)
+    tables = []
+    #: Law, study and author by the name on the leaderboard.
+    sources = dict[str, tuple[str, Study, str]]()
+    missing_results = {}
+    for author, study in studies.items():
+        require_whole(study, testset, author)
+        names = {law: law if law not in sources else f"{law} ({author})" for law in study.laws}
+        for law, name in names.items():
+            sources[name] = law, study, author
+        controllers = study.runs["controller"].map(names)
+        tables.append(study.runs.assign(controller=controllers))
+        if study.missing_results:
+            missing_results[author] = study.missing_results
+    runs = pd.concat(tables)
     runs = runs[runs[CONDITION].isin(CONDITIONS)]
-    by_condition = []
-    for condition in CONDITIONS:
-        chosen = runs[runs[CONDITION] == condition]
-        if len(chosen):
-            flags = chosen.pivot(index=SCENE, columns="controller", values="success")
-            by_condition.append(ranked(flags, condition))
+    rankings = [_ranked(runs, condition, "success") for condition in CONDITIONS]
     disturbed = runs[runs[CONDITION] == DISTURBED]
-    tolerated = ranked(
-        disturbed.pivot(index=SCENE, columns="controller", values="tolerant_success"), DISTURBED
-    )
-    families = disturbed.groupby(["controller", "family"])["success"].mean().unstack()
-    order = (
-        runs.groupby("controller")["success"]
-        .mean()
-        .sort_values(ascending=False, kind="stable")
-        .index
-    )
+    by_family = disturbed.groupby(["controller", "family"])["success"].mean()
+    success = runs.groupby("controller")["success"].mean()
+    order = success.sort_values(ascending=False, kind="stable").index
     text = render(
         Path(__file__).with_name("leaderboard.md"),
-        rankings=by_condition,
-        tolerated=tolerated,
-        families=families,
-        laws={law: of[law] for law in order},
+        rankings=[ranking for ranking in rankings if ranking.scenes],
+        tolerated=_ranked(runs, DISTURBED, "tolerant_success"),
+        families=by_family.unstack(),
+        laws={law: sources[law] for law in order},
         condition_text=condition_text,
         information_text=information_text,
         tolerant=TOLERANT,
-        missing={who: each for who, study in studies.items() if (each := study.missing_results)},
+        missing=missing_results,
     )
     return text.rstrip("\n")
+
+
+def _ranked(runs: pd.DataFrame, condition: str, column: str) -> Ranking:
+    """Rank the laws in a condition by a column of flags."""
+    chosen = runs[runs[CONDITION] == condition]
+    return ranked(chosen.pivot(index=SCENE, columns="controller", values=column), condition)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -87,23 +88,27 @@ class Share(NamedTuple):
     def _texts(self) -> tuple[str, str]:
         """Return the value and its interval as texts without a unit."""
         value, low, high = (percentage(share, self.digits) for share in self)
-        # A dash next to a negative number would be read as a sign.
-        return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
+        return value, f"{low}{_range_sign(self.low)}{high}"
 
     @property
     def cell(self) -> str:
         """Share for tables in per cent, as ``93.0 (91.2–94.6)``."""
-        return "{} ({})".format(*self._texts()) if math.isfinite(self.value) else DASH
+        if not math.isfinite(self.value):
+            return DASH
+        value, interval = self._texts()
+        return f"{value} ({interval})"
 
     @property
     def text(self) -> str:
         """Share for sentences, as ``93.0 % (91.2–94.6 %)``."""
-        return "{} % ({} %)".format(*self._texts())
+        value, interval = self._texts()
+        return f"{value} % ({interval} %)"
 
     @property
     def points(self) -> str:
         """Difference of two shares, as ``1.7 points (0.6–3.0)``."""
-        return "{} points ({})".format(*self._texts())
+        value, interval = self._texts()
+        return f"{value} points ({interval})"
 
     def numbers(
         self, name: str, low: str = "low", high: str = "high", law: str = ""
@@ -111,6 +116,14 @@ class Share(NamedTuple):
         """Return the value and its interval by these names, with the controller if given."""
         of = f"[{law}]" if law else ""
         return {name + of: self.value, low + of: self.low, high + of: self.high}
+
+
+def _range_sign(low: float) -> str:
+    """Return the text between the limits of an interval.
+
+    A dash next to a negative number would be read as a sign.
+    """
+    return " to " if low < 0.0 else "–"
 
 
 class Ranking(NamedTuple):
@@ -156,9 +169,8 @@ class Ranking(NamedTuple):
     @property
     def front(self) -> tuple[str, ...]:
         """Leader, and all controllers that do not differ significantly from it."""
-        return tuple(
-            law for law in self.laws if law == self.leader or not self.significant(self.leader, law)
-        )
+        equal = [law for law in self.laws[1:] if not self.significant(self.leader, law)]
+        return (*self.laws[:1], *equal)
 
     @property
     def next(self) -> str | None:
@@ -168,7 +180,8 @@ class Ranking(NamedTuple):
     def among(self, laws: Iterable[str]) -> Ranking:
         """Return the ranking of some controllers; intervals stay simultaneous for all pairs."""
         chosen = set(laws)
-        return self._replace(laws=tuple(law for law in self.laws if law in chosen))
+        in_order = tuple(law for law in self.laws if law in chosen)
+        return self._replace(laws=in_order)
 
     def cell(self, law: str, complement: bool = False) -> str:
         """Format the success rate of a controller, or its complement.
@@ -179,8 +192,8 @@ class Ranking(NamedTuple):
             return DASH
         share = self.shares[law]
         text = share.complement.cell if complement else share.cell
-        is_compared = len(self.laws) > 1 and law in self.laws
-        if not is_compared or law not in self.front or (self.hopeless and not complement):
+        has_winner = complement or not self.hopeless
+        if len(self.laws) < 2 or not has_winner or law not in self.front:
             return text
         return bold(text) if len(self.front) == 1 else f"≈ {text}"
 
@@ -201,8 +214,12 @@ def ranking(
 
     Only scenes of the condition that all controllers ran are used.
     """
-    key = (condition, column, None if families is None else tuple(families))
-    return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
+
+    def compute() -> Ranking:
+        return ranked(dataset.paired(condition, column, families), condition)
+
+    chosen = None if families is None else tuple(families)
+    return dataset.once((condition, column, chosen), compute)
 
 
 def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Ranking:
@@ -215,20 +232,23 @@ def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
 
     The first level of the index is the family of a scene.
     """
-    arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
-    # Sorting is stable: ties keep their order.
-    laws: tuple[str, ...] = ()
-    if len(flags):
-        laws = tuple(sorted(arrays, key=lambda law: int(arrays[law].sum()), reverse=True))
+    if flags.empty:
+        return Ranking(condition, (), {}, {}, 0, 0)
+    flags = flags.astype(bool)
+    # A stable sort keeps the order of ties.
+    counts = flags.sum().sort_values(ascending=False, kind="stable")
+    laws = tuple(map(str, counts.index))
+    arrays = {law: flags[law].to_numpy() for law in laws}
     shares = {law: Share.of(rate(arrays[law])) for law in laws}
     pairs = list(combinations(laws, 2))
     level = simultaneous(0.95, len(pairs))
     differences = {}
     for a, b in pairs:
-        difference = Share(*mcnemar(arrays[a], arrays[b], level)[:3])
+        tested = mcnemar(arrays[a], arrays[b], level)
+        difference = Share(tested.difference, tested.low, tested.high)
         differences[a, b] = difference
         differences[b, a] = difference.reversed
-    families = len(set(flags.index.get_level_values(0)))
+    families = flags.index.get_level_values(0).nunique()
     return Ranking(condition, laws, shares, differences, len(flags), families)
 
 
@@ -249,13 +269,32 @@ class PairVerdict(NamedTuple):
     differ: int
     verdict: str
 
+    def reversed(self, ratio: bool) -> PairVerdict:
+        """Return the comparison of the second controller with the first one.
+
+        ``ratio`` is True if the difference is a ratio.
+        """
+        inverse = _reciprocal if ratio else operator.neg
+        opposite = {"better": "worse", "worse": "better"}
+        return self._replace(
+            difference=inverse(self.difference),
+            low=inverse(self.high),
+            high=inverse(self.low),
+            verdict=opposite.get(self.verdict, self.verdict),
+        )
+
+
+def _reciprocal(ratio: float) -> float:
+    return 1.0 / ratio if ratio else math.inf
+
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """Return numbers for files, with None for those that are not finite."""
-    return {
-        name: None if isinstance(x, float) and not math.isfinite(x) else x
-        for name, x in numbers.items()
-    }
+    found = {}
+    for name, value in numbers.items():
+        is_number = not isinstance(value, float) or math.isfinite(value)
+        found[name] = value if is_number else None
+    return found
 
 
 PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Verdicts by pair of controllers.
@@ -270,14 +309,12 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
     for line in compare_laws(runs, metric, by=()).itertuples():
         if ratio:
             estimate = (line.ratio, line.ratio_low, line.ratio_high)
-            middle, high, low = (1.0 / value if value else math.inf for value in estimate)
         else:
             estimate = (line.difference, line.low, line.high)
-            middle, high, low = (-value for value in estimate)
-        opposite = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
-        test = (line.p_corrected, line.paired, line.differ)
-        verdicts[line.a, line.b] = PairVerdict(*estimate, *test, line.verdict)
-        verdicts[line.b, line.a] = PairVerdict(middle, low, high, *test, opposite)
+        tested = (line.p_corrected, line.paired, line.differ)
+        verdict = PairVerdict(*estimate, *tested, line.verdict)
+        verdicts[line.a, line.b] = verdict
+        verdicts[line.b, line.a] = verdict.reversed(ratio)
     return verdicts
 
 
@@ -291,17 +328,18 @@ def best_by(
     """
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     success = dataset.paired(condition, "success").astype(bool)[list(laws)]
-    values = values[success.all(axis=1) & values.notna().all(axis=1)]
+    # One set of scenes for all laws, so that the same scenes decide which law is first.
+    is_judged = success.all(axis=1) & values.notna().all(axis=1)
+    values = values[is_judged]
     if len(laws) < 2 or values.empty:
         return None
     medians = values.median()
     less_is_better = judged_metric(metric).better == "less"
     first = str(medians.idxmin() if less_is_better else medians.idxmax())
-    # One set of scenes for all laws, so that the same scenes decide which law is first.
     runs = dataset.among(condition)
     in_scenes = runs.set_index(["family", "scene"]).index.isin(values.index)
-    runs = runs[runs["controller"].isin(list(laws)) & in_scenes]
-    pairs = pairwise_verdicts(runs, metric, ratio=ratio)
+    is_compared = runs["controller"].isin(list(laws))
+    pairs = pairwise_verdicts(runs[is_compared & in_scenes], metric, ratio=ratio)
     best = [first]
     for law in laws:
         if law != first and pairs[first, law].verdict != "better":
@@ -313,11 +351,11 @@ def gap(pair: PairVerdict, factor: float = 1.0) -> str:
     """Format a median difference with its interval, after ≈ if it is not significant."""
     if not pair.scenes:
         return DASH
-    middle, low, high = (factor * value for value in pair[:3])
-    text = number(middle)
+    text = number(factor * pair.difference)
     if pair.verdict not in ("better", "worse"):
         text = f"≈ {text}"
+    low = factor * pair.low
+    high = factor * pair.high
     if math.isfinite(low) and math.isfinite(high) and low != high:
-        between = " to " if low < 0.0 else "–"
-        text += f" ({number(low)}{between}{number(high)})"
+        text += f" ({number(low)}{_range_sign(low)}{number(high)})"
     return text

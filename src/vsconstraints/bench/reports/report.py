@@ -75,7 +75,8 @@ def write_evidence_report(
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:
         on_remark(remark)
-    if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
+    count = evidence.manifest.get("runs")
+    if count and not len(evidence.runs):
         raise ConfigurationError(
             f"{evidence.folder} has none of the {count} runs that its report was made from: runs, "
             "rows and scenes are missing. The report is left unchanged"
@@ -108,19 +109,14 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "answers": list(map(finite, context["answers"])),
         "situations": list(map(finite, failures.situation_data(dataset))),
     }
+    definitions = {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS}
     call_times = dataset.configuration.get("call_times")
-    late = (
-        {"call_time": from_table(CallTimes, call_times, "call_times").sentence}
-        if call_times
-        else {}
-    )
+    if call_times:
+        definitions["call_time"] = from_table(CallTimes, call_times, "call_times").sentence
     context |= {
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
-        "definitions": {
-            **{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
-            **late,
-        },
+        "definitions": definitions,
         "tables": tables,
         "failures": failures,
         "across": across,
@@ -166,16 +162,18 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
     rankings = [each for each in rankings if each.scenes]
     texts = []
     depths = []
-    for condition in (each.condition for each in rankings):
-        sentences = [
-            claim.text
-            for claim in claims
-            if claim.condition == condition and claim.about not in HIDDEN
-        ]
+    for each in rankings:
+        condition = each.condition
+        sentences = []
+        for claim in claims:
+            if claim.condition == condition and claim.about not in HIDDEN:
+                sentences.append(claim.text)
         texts.append(" ".join(sentences))
         depths.append((condition_text(condition), dataset.paired(condition, "tolerance")))
     texts += [claim.text for claim in claims if claim.about in ACROSS]
-    laws = dict.fromkeys((*rankings[0].laws, *dataset.laws)) if rankings else ()
+    laws: list[str] = []
+    if rankings:
+        laws = list(dict.fromkeys((*rankings[0].laws, *dataset.laws)))
     return {
         "claims": claims,
         "headline": [tables.headline_numbers(dataset, rankings, law) for law in laws],
@@ -229,8 +227,14 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
 
 def _singles(dataset: Dataset) -> dict[str, Any]:
     """Return the figures of single scenes and of the tuning."""
-    shown: dict[str, Any] = {"scene_figures": failures.scene_figures(dataset)}
+    shown: dict[str, Any] = {
+        "scene_figures": failures.scene_figures(dataset),
+        "evaluations": None,
+        "budgets_figure": "",
+    }
     evaluations = tables.evaluations_of(dataset)
-    laws = () if evaluations is None else list(dict.fromkeys(evaluations["law"].astype(str)))
-    budgets = dataset.picture(BUDGETS, evaluations, laws) if laws else ""
-    return shown | {"evaluations": evaluations if laws else None, "budgets_figure": budgets}
+    if evaluations is not None and len(evaluations):
+        laws = list(dict.fromkeys(evaluations["law"].astype(str)))
+        shown["evaluations"] = evaluations
+        shown["budgets_figure"] = dataset.picture(BUDGETS, evaluations, laws)
+    return shown

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from math import isfinite
 from statistics import median
@@ -82,9 +83,14 @@ class Conclusion(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Return the conclusion as a dictionary for files."""
-        more = {"reversal_excluded": self.excluded, "standard": "strict"}
-        pairs = {"first": finite(self.first._asdict()), "other": finite(self.other._asdict())}
-        return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
+        return {
+            **self._asdict(),
+            "measure": self.measure.name,
+            "first": finite(self.first._asdict()),
+            "other": finite(self.other._asdict()),
+            "reversal_excluded": self.excluded,
+            "standard": "strict",
+        }
 
 
 class Power(NamedTuple):
@@ -123,22 +129,35 @@ def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
     for condition, measure in product(others, MEASURES):
         before = _verdicts(dataset, first, condition, measure)
         after = _verdicts(dataset, condition, first, measure)
-        better = [pair for pair, verdict in before.items() if verdict.verdict == "better"]
-        concluded = [pair for pair in better if pair in after]
-        if not concluded:
-            continue
-        for a, b in concluded:
-            outcome = REPEATED.get(after[a, b].verdict, "inconclusive")
-            every.append(Conclusion(measure, a, b, condition, outcome, before[a, b], after[a, b]))
-        verdicts = [after[pair] for pair in concluded]
-        scenes = median(verdict.scenes for verdict in verdicts)
-        differing = 0.0
-        if scenes:
-            differing = median(v.differ / v.scenes for v in verdicts if v.scenes)
-        tests = sum(verdict.verdict != "too few" for verdict in after.values()) // 2
-        least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
-        powers.append(Power(measure.name, condition, len(concluded), scenes, least))
+        concluded = []
+        for (better, worse), verdict in before.items():
+            other = after.get((better, worse))
+            if verdict.verdict == "better" and other is not None:
+                outcome = REPEATED.get(other.verdict, "inconclusive")
+                concluded.append(
+                    Conclusion(measure, better, worse, condition, outcome, verdict, other)
+                )
+        if concluded:
+            every += concluded
+            powers.append(_power(concluded, after))
     return every, powers
+
+
+def _power(concluded: Sequence[Conclusion], verdicts: PairVerdicts) -> Power:
+    """Return the detectable reversals of the conclusions by one measure in one condition.
+
+    ``verdicts`` are those on all pairs in that condition.
+    """
+    others = [each.other for each in concluded]
+    scenes = median(other.scenes for other in others)
+    differing = 0.0
+    if scenes:
+        differing = median(other.differ / other.scenes for other in others if other.scenes)
+    # each pair has a verdict in both orders
+    tests = sum(verdict.verdict != "too few" for verdict in verdicts.values()) // 2
+    least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+    conclusion = concluded[0]
+    return Power(conclusion.measure.name, conclusion.condition, len(concluded), scenes, least)
 
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:
@@ -154,8 +173,13 @@ def _runs(dataset: Dataset, condition: str, other: str) -> Any:
 def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
     """Return :func:`pairwise_verdicts` of the runs comparable with another condition; cached."""
     runs = _runs(dataset, condition, other)
-    key = "pairs", measure.name, condition, frozenset(runs["family"]), frozenset(runs["controller"])
-    return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
+
+    def compute() -> PairVerdicts:
+        return pairwise_verdicts(runs, measure.name, ratio=measure.ratio)
+
+    families = frozenset(runs["family"])
+    laws = frozenset(runs["controller"])
+    return dataset.once(("pairs", measure.name, condition, families, laws), compute)
 
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
@@ -176,10 +200,11 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
             "families": len(set(runs["family"])),
         }
         for power in powers(dataset):
-            is_success = (power.condition, power.measure) == (condition, "success")
-            if is_success and isfinite(power.detectable):
+            is_shown = power.condition == condition and power.measure == "success"
+            if is_shown and isfinite(power.detectable):
                 numbers["detectable"] = power.detectable
-        several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
+        text = text_of("holds", **numbers)
+        several.append(Finding(text, "holds", condition, (), numbers))
     return several
 
 

@@ -28,6 +28,8 @@ AIMS = {
     "highest utilization": "utilization",
 }
 LOSSES = ("second", "median", "worst")  #: Other controllers whose loss is reported.
+#: Columns of a tuning that the report needs.
+EVALUATION_COLUMNS = frozenset(("law", "seed", "number", "options", "runs", "successes", "chosen"))
 
 
 def middle(runs: pd.DataFrame, column: str) -> float:
@@ -38,11 +40,16 @@ def middle(runs: pd.DataFrame, column: str) -> float:
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
     """Return the unrounded numbers of a controller's line of the headline table."""
     runs = dataset.of_law(law)
-    clean = runs[(runs["condition"] == dataset.conditions[0]) & runs["success"]]
+    in_first_condition = runs["condition"] == dataset.conditions[0]
+    successful = runs[in_first_condition & runs["success"]]
+    success = {}
+    for ranked in rankings:
+        if law in ranked.laws:
+            success[ranked.condition] = ranked.shares[law].value
     return {
         "law": law,
-        **{each.condition: each.shares[law].value for each in rankings if law in each.laws},
-        "variation": middle(clean, "acceleration_variation"),
+        **success,
+        "variation": middle(successful, "acceleration_variation"),
         "call": middle(runs, "step_time_median_us"),
     }
 
@@ -53,23 +60,30 @@ def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
     They describe the best controller and the loss with other choices.
     """
     first, *others = ranked.laws
-    call = middle(dataset.of_law(first), "step_time_median_us")
-    numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
-    numbers |= ranked.shares[first].numbers("success")
+    numbers = {
+        "condition": ranked.condition,
+        "law": first,
+        "ties": ranked.front[1:],
+        "call": middle(dataset.of_law(first), "step_time_median_us"),
+        **ranked.shares[first].numbers("success"),
+    }
     if others:
         compared = (others[0], others[len(others) // 2], others[-1])
         for name, law in zip(LOSSES, compared, strict=True):
+            loss = ranked.differences[first, law]
             numbers[name] = law
-            numbers |= ranked.differences[first, law].numbers("loss", law=name)
+            numbers |= loss.numbers("loss", law=name)
     return numbers
 
 
 def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
     """Compare all pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
     runs = dataset.among(condition)
-    return [
-        pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()
-    ]
+    verdicts = []
+    for metric in AIMS.values():
+        is_ratio = metric == "acceleration_variation"
+        verdicts.append(pairwise_verdicts(runs, metric, ratio=is_ratio))
+    return verdicts
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
@@ -79,22 +93,27 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    if dataset.tuning is None or not (path := dataset.tuning / "evaluations.parquet").is_file():
+    if dataset.tuning is None:
+        return None
+    path = dataset.tuning / "evaluations.parquet"
+    if not path.is_file():
         return None
     try:
         data = pd.read_parquet(path)
     except UNREADABLE as error:
         raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
-    if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(
-        data.columns
-    ):
+    missing = EVALUATION_COLUMNS.difference(data.columns)
+    if missing:
         raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
     return data
 
 
 def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
     """Return the most frequent names with at least ``least`` counts, and the sum of the others."""
-    frequent = [(name, count) for name, count in counts.most_common(most) if count >= least]
+    frequent = []
+    for name, count in counts.most_common(most):
+        if count >= least:
+            frequent.append((name, count))
     others = counts.total() - sum(count for _, count in frequent)
     if others:
         frequent.append(("others", others))
@@ -116,7 +135,10 @@ def beyond_limits(scenes: pd.DataFrame) -> str:
     Only scenes in which it is known are counted.
     """
     known = scenes["share_to_hold"].astype(float).dropna()
-    return Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else ""
+    if known.empty:
+        return ""
+    is_beyond = (known > 1.0).to_numpy()
+    return Share.of(rate(is_beyond)).cell
 
 
 def scene_facts(dataset: Dataset) -> dict[str, Any]:
@@ -126,21 +148,28 @@ def scene_facts(dataset: Dataset) -> dict[str, Any]:
     that no controller can finish in time.
     """
     every = dataset.evidence.scenes
-    kinds = Counter[str]()
     is_found = every["found"].astype(bool)
     found = every[is_found]
-    known = every[every["least_time_s"].notna()]
-    for text in found["challenged"].astype(str):
-        kinds.update(sorted({label.partition("[")[0] for label in text.split("; ") if label}))
+    kinds = Counter[str]()
+    for labels in found["challenged"].astype(str):
+        kinds.update(sorted(row_kinds(labels)))
     violated = []
     for kind, count in kinds.most_common():
         violated.append(f"{plain(kind)} in {percentage(count / len(found), 0)} %")
     missing = {}
-    for family, count in every[~is_found]["family"].astype(str).value_counts().items():
+    not_found = every.loc[~is_found, "family"].astype(str)
+    for family, count in not_found.value_counts().items():
         missing[plain(family)] = counted(int(count), "scene")
+    known = every[every["least_time_s"].notna()]
+    is_late = known["least_time_s"] > known["duration_s"]
     return {
         "missing": missing,
         "violated": enumeration(violated),
-        "late": int((known["least_time_s"] > known["duration_s"]).sum()),
+        "late": int(is_late.sum()),
         "known": counted(len(known), "scene") if len(known) else "",
     }
+
+
+def row_kinds(labels: str) -> set[str]:
+    """Return the kinds of rows with these labels, which are separated by semicolons."""
+    return {label.partition("[")[0] for label in labels.split("; ") if label}

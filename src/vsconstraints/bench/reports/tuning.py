@@ -18,11 +18,12 @@ BUDGETS = (0, 20, 100)  #: Evaluations after which successes are shown, beside t
 def write_report(tuning: Tuning, folder: Path) -> None:
     """Write the report of a tuning into a folder as Markdown and HTML; raises StorageError."""
     evaluations = tuning.problem.budget.evaluations
+    budgets = [budget for budget in BUDGETS if budget < evaluations]
     text = render(
         Path(__file__).with_name("tuning.md"),
         tuning=tuning,
         families=(ALL, *tuning.families),
-        budgets=[*(budget for budget in BUDGETS if budget < evaluations), evaluations],
+        budgets=[*budgets, evaluations],
         objectives=OBJECTIVES,
         short=_short,
         success=partial(over_trials, show=percent),

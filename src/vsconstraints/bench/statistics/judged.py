@@ -44,11 +44,10 @@ def array(values: ArrayLike, name: str, ndim: int = 1) -> Array:
         numbers = np.asarray(values).astype(float)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"{name} must hold numbers only: {error}") from error
-    if numbers.ndim != ndim or (ndim == 2 and numbers.shape[1] == 0):
-        raise InvalidInput(
-            f"{name} must be of shape {('(scenes,)', '(scenes, laws)')[ndim - 1]}, not "
-            f"{numbers.shape}"
-        )
+    has_no_law = numbers.ndim == 2 and numbers.shape[1] == 0
+    if numbers.ndim != ndim or has_no_law:
+        shape = "(scenes,)" if ndim == 1 else "(scenes, laws)"
+        raise InvalidInput(f"{name} must be of shape {shape}, not {numbers.shape}")
     return numbers
 
 
@@ -68,13 +67,14 @@ def numbers(values: ArrayLike, name: str) -> Array:
     Raises InvalidInput if a value is infinite.
     """
     column = array(values, name)
-    if np.isinf(column).any():
-        infinite = format_value(column[np.isinf(column)][0])
+    is_infinite = np.isinf(column)
+    if is_infinite.any():
+        infinite = format_value(column[is_infinite][0])
         raise InvalidInput(f"{name} holds {infinite}: NaN stands for a run that does not count")
     return column
 
 
-def pair(a: Any, b: Any) -> None:
+def require_pairs(a: Any, b: Any) -> None:
     """Raise InvalidInput unless two columns have the same length.
 
     Entry i of both belongs to scene i.
@@ -91,7 +91,8 @@ def simultaneous(confidence: float, comparisons: int) -> float:
     With the Bonferroni correction, all intervals hold at once with probability ``confidence`` or
     more.
     """
-    return 1.0 - (1.0 - checked_confidence(confidence)) / max(comparisons, 1)
+    alpha = 1.0 - checked_confidence(confidence)
+    return 1.0 - alpha / max(comparisons, 1)
 
 
 def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
@@ -101,8 +102,10 @@ def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
 
 def verdict(low: float, high: float, *, n: int = MIN_SCENES, better: Better = "less") -> Verdict:
     """Return the verdict on a compared with b from the simultaneous interval of a − b."""
+    if n < MIN_SCENES:
+        return "too few"
     if not distinguishable(low, high, n):
-        return "too few" if n < MIN_SCENES else "not distinguishable"
+        return "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"
 
 
@@ -162,9 +165,8 @@ def endings(runs: Any) -> Any:
     A run that violates a row by the strict standard is ``"violated"``. All others are classified by
     status.
     """
-    return (
-        runs["status"].astype(str).map(ENDINGS).fillna("failed").where(~violated(runs), "violated")
-    )
+    by_status = runs["status"].astype(str).map(ENDINGS).fillna("failed")
+    return by_status.where(~violated(runs), "violated")
 
 
 def judged_metrics() -> dict[str, Metric]:
@@ -172,11 +174,13 @@ def judged_metrics() -> dict[str, Metric]:
 
     The name is the column, or ``column / column`` for a ratio of two.
     """
-    return {
-        f"{metric.column} / {metric.over}" if metric.over else metric.column: metric
-        for metric in METRICS
-        if metric.kind == "number" and metric.header and metric.better is not None
-    }
+    judged = {}
+    for metric in METRICS:
+        if metric.kind != "number" or not metric.header or metric.better is None:
+            continue
+        name = f"{metric.column} / {metric.over}" if metric.over else metric.column
+        judged[name] = metric
+    return judged
 
 
 def judged_metric(name: str) -> Metric:
@@ -193,12 +197,12 @@ def counts(runs: Any, metric: Metric) -> Any:
     A run counts if it converged and, depending on the metric, violated no row and never lost a
     sliding mode.
     """
-    may = converged(runs)
+    flags = converged(runs)
     if metric.judged != "any":
-        may &= ~violated(runs)
+        flags &= ~violated(runs)
     if metric.judged == "sliding":
-        may &= runs["sliding_lost_s"] == 0.0
-    return may
+        flags &= runs["sliding_lost_s"] == 0.0
+    return flags
 
 
 def values(runs: Any, metric: Metric) -> Any:
@@ -226,18 +230,22 @@ def checked(runs: Any, by: Sequence[str], metric: Metric | None = None) -> Any:
 
     Raises ConfigurationError if a required column is missing, or if a law has two runs in a scene.
     """
-    which = [*dict.fromkeys((*by, *SCENE)), LAW]
-    wanted = [*which, "status", "violated"]
+    key = [*dict.fromkeys((*by, *SCENE)), LAW]
+    needed = [*key, "status", "violated"]
     if metric is not None:
-        wanted += [metric.column, *([metric.over] if metric.over else [])]
-        wanted += ["sliding_lost_s"] if metric.judged == "sliding" else []
-    missing = [name for name in wanted if name not in runs.columns]
+        needed.append(metric.column)
+        if metric.over:
+            needed.append(metric.over)
+        if metric.judged == "sliding":
+            needed.append("sliding_lost_s")
+    missing = [name for name in needed if name not in runs.columns]
     if missing:
         raise ConfigurationError(
-            f"runs have no column {missing[0]!r}; needed are {', '.join(dict.fromkeys(wanted))}"
+            f"runs have no column {missing[0]!r}; needed are {', '.join(dict.fromkeys(needed))}"
         )
-    again = runs.duplicated(which)
-    if again.any():
-        first = ", ".join(str(cell) for cell in runs.loc[again, which].iloc[0])
-        raise ConfigurationError(f"{int(again.sum())} runs appear twice, the first of them {first}")
+    is_repeated = runs.duplicated(key)
+    if is_repeated.any():
+        first = ", ".join(map(str, runs.loc[is_repeated, key].iloc[0]))
+        count = int(is_repeated.sum())
+        raise ConfigurationError(f"{count} runs appear twice, the first of them {first}")
     return runs

@@ -47,20 +47,25 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     level = 1.0 - checked_confidence(confidence)
     known = _checked(costs)
     n, k = known.shape
+    no_p_values = np.ones((k, k))
     if n == 0:
-        everything = _groups(np.zeros(k), math.inf)
-        return Ranks(np.full(k, (k + 1) / 2), math.inf, 1.0, np.ones((k, k)), everything, 0)
-    each = rankdata(known, axis=1)
-    means = each.mean(axis=0)
+        equal_means = np.full(k, (k + 1) / 2)
+        groups = _groups(equal_means, math.inf)
+        return Ranks(equal_means, math.inf, 1.0, no_p_values, groups, n)
+    scene_ranks = rankdata(known, axis=1)
+    means = scene_ranks.mean(axis=0)
     if k == 1:
-        return Ranks(means, 0.0, 1.0, np.ones((1, 1)), (), n)
-    p = _friedman(each)
+        return Ranks(means, 0.0, 1.0, no_p_values, (), n)
+    p = _friedman(scene_ranks)
+    # The studentized range is that of normal variables; their difference has √2 times the
+    # standard deviation.
     unit = math.sqrt(k * (k + 1) / (6.0 * n))
-    width = unit * float(studentized_range.isf(level, k, math.inf)) / math.sqrt(2.0)
+    quantile = float(studentized_range.isf(level, k, math.inf))
+    critical_difference = unit * quantile / math.sqrt(2.0)
     distances = np.abs(means[:, None] - means) / unit
     p_values = studentized_range.sf(distances * math.sqrt(2.0), k, math.inf)
-    groups = _groups(means, width if p < level else math.inf)
-    return Ranks(means, width, p, p_values, groups, n)
+    groups = _groups(means, critical_difference if p < level else math.inf)
+    return Ranks(means, critical_difference, p, p_values, groups, n)
 
 
 def _checked(costs: ArrayLike) -> Array:
@@ -73,19 +78,33 @@ def _checked(costs: ArrayLike) -> Array:
     return known
 
 
-def _friedman(each: Array) -> float:
-    if not (each != each.mean(axis=1, keepdims=True)).any():
+def _friedman(scene_ranks: Array) -> float:
+    """Return the p-value of equal ranks (scenes, laws)."""
+    scene_means = scene_ranks.mean(axis=1, keepdims=True)
+    if not (scene_ranks != scene_means).any():
         return 1.0
-    if each.shape[1] == 2:
-        return sign_test(int((each[:, 0] < each[:, 1]).sum()), int((each[:, 0] > each[:, 1]).sum()))
-    return float(friedmanchisquare(*each.T).pvalue)
+    if scene_ranks.shape[1] == 2:
+        first, second = scene_ranks.T
+        wins = int((first < second).sum())
+        losses = int((first > second).sum())
+        return sign_test(wins, losses)
+    return float(friedmanchisquare(*scene_ranks.T).pvalue)
 
 
 def _groups(means: Array, width: float) -> tuple[tuple[int, ...], ...]:
+    """Return the largest sets of two or more laws whose means differ by at most a width."""
     order = np.argsort(means, kind="stable")
-    ends = np.searchsorted(means[order], means[order] + width, side="right")
-    first = [i for i, end in enumerate(ends) if end > i + 1 and (i == 0 or end > ends[i - 1])]
-    return tuple(tuple(int(law) for law in order[i : ends[i]]) for i in first)
+    ordered = means[order]
+    groups = []
+    longest_end = 0
+    ends = np.searchsorted(ordered, ordered + width, side="right")
+    for begin, end in enumerate(ends):
+        # a group that ends where an earlier one does is contained in it
+        if end > begin + 1 and end > longest_end:
+            laws = order[begin:end].tolist()
+            groups.append(tuple(laws))
+        longest_end = max(longest_end, end)
+    return tuple(groups)
 
 
 @dataclass(frozen=True)
@@ -104,13 +123,14 @@ class Profile:
 
         It is zero without scenes.
         """
-        ordered = np.sort(self.ratios, axis=0)
-        finite = np.isfinite(self.ratios).sum(axis=0)
-        within = [
-            np.searchsorted(law, np.asarray(tau, dtype=float), side="right") for law in ordered.T
-        ]
-        share: Array = np.minimum(np.stack(within, axis=-1), finite) / max(len(ordered), 1)
-        return share
+        limits = np.asarray(tau, dtype=float)
+        scenes = max(len(self.ratios), 1)
+        shares = []
+        for ratios in self.ratios.T:
+            solved = np.sort(ratios[np.isfinite(ratios)])
+            counts = np.searchsorted(solved, limits, side="right")
+            shares.append(counts / scenes)
+        return np.stack(shares, axis=-1)
 
     @property
     def solved(self) -> Array:
@@ -120,7 +140,8 @@ class Profile:
     @property
     def steps(self) -> Array:
         """All τ at which a curve steps, in ascending order from 1."""
-        return np.unique(np.concatenate([[1.0], self.ratios[np.isfinite(self.ratios)]]))
+        finite = self.ratios[np.isfinite(self.ratios)]
+        return np.unique(np.append(finite, 1.0))
 
 
 def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
@@ -135,7 +156,10 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
     finite = known[np.isfinite(known)]
     if shift is None and finite.min(initial=1.0) <= 0.0:
         least = float(finite.min())
-        shift = (float(np.median(finite) - least) or float(np.mean(finite) - least) or 1.0) - least
+        to_median = float(np.median(finite) - least)
+        to_mean = float(np.mean(finite) - least)
+        smallest_shifted = to_median or to_mean or 1.0
+        shift = smallest_shifted - least
     shift = shift or 0.0
     moved = known + shift
     if moved.min(initial=1.0) <= 0.0:
@@ -143,7 +167,8 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
             f"a profile needs positive costs: the least is {finite.min():g}, and {shift:g} is added"
         )
     ratios = np.full(moved.shape, np.inf)
-    np.divide(moved, moved.min(axis=1, keepdims=True), out=ratios, where=np.isfinite(moved))
+    least_of_scene = moved.min(axis=1, keepdims=True)
+    np.divide(moved, least_of_scene, out=ratios, where=np.isfinite(moved))
     return Profile(ratios, shift)
 
 
@@ -152,7 +177,8 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
 #: 1 − 1e-4. The grid resolves the logit of a family of 1000 scenes, which is known to 0.06.
 LOGITS = np.linspace(-12.0, 12.0, 601)
 SPREADS = np.geomspace(0.04, 6.0, 24)
-MEANS = np.linspace(-9.0, 9.0, 181) * np.sqrt(1.0 + SPREADS[:, None] ** 2 / 3.0)
+_GROWTH = np.sqrt(1.0 + SPREADS[:, None] ** 2 / 3.0)
+MEANS = np.linspace(-9.0, 9.0, 181) * _GROWTH
 
 
 class Across(NamedTuple):
@@ -191,16 +217,22 @@ def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) 
     if not ((successes >= 0.0) & (successes <= scenes)).all():
         raise InvalidInput("counts must be from 0 to the number of scenes")
     density, shares = _grid()
-    # log-likelihood without the constant binomial coefficient; its maximum is subtracted below
-    known = xlogy(successes, expit(LOGITS)[:, None, None]) + xlogy(
-        scenes - successes, expit(-LOGITS)[:, None, None]
-    )
-    top = known.max(axis=0)
-    # (spreads, means, rates, families)
-    likelihood = np.tensordot(density, np.exp(known - top), axes=1)
-    profile = np.log(np.maximum(likelihood, 1e-300)).sum(axis=-1)
-    drop = variance_ratio.isf(1.0 - checked_confidence(confidence), 1, successes.shape[1] - 1) / 2.0
-    return [_across(profile[..., i], shares, drop) for i in range(len(successes))]
+    # Log-likelihood (logits, rates, families) without the constant binomial coefficient. Its
+    # maximum is subtracted before exponentiation, so that not all likelihoods vanish.
+    success_rate = expit(LOGITS)[:, None, None]
+    failure_rate = expit(-LOGITS)[:, None, None]
+    given_logit = xlogy(successes, success_rate) + xlogy(scenes - successes, failure_rate)
+    relative = np.exp(given_logit - given_logit.max(axis=0))
+    # (spreads, means, rates, families): the logit of each family is integrated out
+    likelihood = np.tensordot(density, relative, axes=1)
+    log_likelihood = np.log(np.maximum(likelihood, 1e-300)).sum(axis=-1)
+    families = successes.shape[1]
+    quantile = variance_ratio.isf(1.0 - checked_confidence(confidence), 1, families - 1)
+    drop = quantile / 2.0
+    estimates = []
+    for i in range(len(successes)):
+        estimates.append(_across(log_likelihood[..., i], shares, drop))
+    return estimates
 
 
 @lru_cache(maxsize=1)
@@ -209,31 +241,53 @@ def _grid() -> tuple[Array, Array]:
 
     Their shapes are (spreads, means, logits) and (spreads, means).
     """
-    edges = np.concatenate([[-np.inf], (LOGITS[1:] + LOGITS[:-1]) / 2.0, [np.inf]])
-    weights = np.diff(norm.cdf((edges - MEANS[..., None]) / SPREADS[:, None, None]))
+    midpoints = (LOGITS[1:] + LOGITS[:-1]) / 2.0
+    edges = np.concatenate([[-np.inf], midpoints, [np.inf]])
+    standardized = (edges - MEANS[..., None]) / SPREADS[:, None, None]
+    weights = np.diff(norm.cdf(standardized))
     return weights, weights @ expit(LOGITS)
 
 
-def _across(profile: Array, shares: Array, drop: float) -> Across:
-    """Return the estimate from profile log-likelihoods and mean rates (spreads, means)."""
-    best = np.unravel_index(profile.argmax(), profile.shape)
+def _across(log_likelihood: Array, shares: Array, drop: float) -> Across:
+    """Return the estimate from log-likelihoods and mean rates (spreads, means).
+
+    The interval contains all mean rates whose log-likelihood is at most ``drop`` below the maximum,
+    for any spread.
+    """
+    best = np.unravel_index(log_likelihood.argmax(), log_likelihood.shape)
+    best_spread, best_mean = map(int, best)
     low = 1.0
     high = 0.0
-    last = profile.shape[1] - 1
-    for line, share in zip(profile - profile.max() + drop, shares, strict=True):
-        within = np.flatnonzero(line >= 0.0)
-        if len(within):
-            a = within[0]
-            b = within[-1]
-            low = min(low, _crossing(line, share, a, a - 1) if a else 0.0)
-            high = max(high, _crossing(line, share, b, b + 1) if b < last else 1.0)
-    share = {0: 0.0, last: 1.0}.get(int(best[1]), float(shares[best]))  # the ends represent ±∞
-    return Across(share, low, high, float(SPREADS[best[0]]))
+    last = log_likelihood.shape[1] - 1
+    margins = log_likelihood - log_likelihood.max() + drop
+    for margin, share in zip(margins, shares, strict=True):
+        inside = np.flatnonzero(margin >= 0.0)
+        if not len(inside):
+            continue
+        first_inside = inside[0]
+        last_inside = inside[-1]
+        # the ends of the grid represent means of ±∞, that is, rates of 0 and 1
+        begin = 0.0
+        if first_inside > 0:
+            begin = _crossing(margin, share, first_inside, first_inside - 1)
+        end = 1.0
+        if last_inside < last:
+            end = _crossing(margin, share, last_inside, last_inside + 1)
+        low = min(low, begin)
+        high = max(high, end)
+    estimate = float(shares[best])
+    if best_mean == 0:
+        estimate = 0.0
+    elif best_mean == last:
+        estimate = 1.0
+    return Across(estimate, low, high, float(SPREADS[best_spread]))
 
 
-def _crossing(line: Array, share: Array, inner: int, outer: int) -> float:
-    part = line[inner] / (line[inner] - line[outer])
-    return float(share[inner] + part * (share[outer] - share[inner]))
+def _crossing(margin: Array, share: Array, inner: int, outer: int) -> float:
+    """Return the share at which the margin is zero, by linear interpolation."""
+    part = margin[inner] / (margin[inner] - margin[outer])
+    step = share[outer] - share[inner]
+    return float(share[inner] + part * step)
 
 
 def left_out_ranks(rates: ArrayLike) -> Array:
@@ -245,5 +299,7 @@ def left_out_ranks(rates: ArrayLike) -> Array:
     each = array(rates, "rates", 2)
     if len(each) < 2:
         raise InvalidInput("leaving out a family needs two families or more, not one")
-    ranks: Array = rankdata(-np.round(each.sum(axis=0) - each, 12), method="min", axis=1)
+    sums_of_others = each.sum(axis=0) - each
+    # sums that differ by rounding are equal
+    ranks: Array = rankdata(-np.round(sums_of_others, 12), method="min", axis=1)
     return ranks

@@ -16,7 +16,7 @@ from scipy.stats import binom, norm
 from ...comparisons.rates import Rate, checked_confidence, rate_of
 from ...errors import InvalidInput, format_value
 from ...rows import Array
-from .judged import Better, array, checked_name, flags, numbers, pair
+from .judged import Better, array, checked_name, flags, numbers, require_pairs
 
 CONTINUITY = 1.0  #: Continuity correction, subtracted from |only a − only b| (Edwards 1948).
 
@@ -76,7 +76,9 @@ class Paired(NamedTuple):
 
         It is 0.5 without scenes.
         """
-        return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
+        if not self.n:
+            return 0.5
+        return (1.0 + (self.wins - self.losses) / self.n) / 2.0
 
 
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
@@ -96,15 +98,17 @@ def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates
     """
     first = flags(a, "a")
     second = flags(b, "b")
-    pair(first, second)
+    require_pairs(first, second)
     n = len(first)
     only_a = int((first & ~second).sum())
     only_b = int((second & ~first).sum())
     differing = only_a + only_b
-    score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
+    score = 0.0
+    if differing:
+        score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing)
+    p = min(2.0 * float(norm.sf(score)), 1.0)
     difference = (only_a - only_b) / n if n else math.nan
     low, high = difference_interval(only_a, only_b, n, confidence)
-    p = min(2.0 * float(norm.sf(score)), 1.0)
     return PairedRates(difference, low, high, n, p, only_a, only_b)
 
 
@@ -113,7 +117,8 @@ def sign_test(wins: int, losses: int) -> float:
 
     It is the probability of a split at least as uneven if both sides were equally likely.
     """
-    return min(2.0 * float(binom.cdf(min(wins, losses), wins + losses, 0.5)), 1.0)
+    one_sided = float(binom.cdf(min(wins, losses), wins + losses, 0.5))
+    return min(2.0 * one_sided, 1.0)
 
 
 def difference_interval(
@@ -129,19 +134,26 @@ def difference_interval(
     1998, eqs. 24–26, there without a correction.
     """
     z = _quantile(confidence)
-    return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
+    low = _lowest(only_a, only_b, n, z, correction)
+    # the greatest difference a − b is the negative of the smallest difference b − a
+    high = -_lowest(only_b, only_a, n, z, correction)
+    return low, high
 
 
 def _quantile(confidence: float) -> float:
-    return float(norm.isf((1.0 - checked_confidence(confidence)) / 2.0))
+    """Return the two-sided quantile of the normal distribution."""
+    alpha = 1.0 - checked_confidence(confidence)
+    return float(norm.isf(alpha / 2.0))
 
 
 def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> float:
+    """Return the smallest difference δ in the interval of :func:`difference_interval`."""
     apart = only_a - only_b - correction
     if apart <= -n:
         return -1.0
 
-    def beyond(delta: float) -> float:
+    def excess(delta: float) -> float:
+        # p is the positive root of 2 n p² + linear p − only_b δ (1 − δ) = 0
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b
         discriminant = linear**2 + 8 * n * only_b * delta * (1.0 - delta)
         p = (math.sqrt(max(discriminant, 0.0)) - linear) / (4 * n)
@@ -150,7 +162,8 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
     # exclude the observed difference: the expression may be zero there too, but it is not the end
     # of the interval
-    return float(brentq(beyond, -1.0, apart / n - 1e-12, xtol=1e-14))
+    below_observed = apart / n - 1e-12
+    return float(brentq(excess, -1.0, below_observed, xtol=1e-14))
 
 
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
@@ -161,15 +174,21 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
     would be detected.
     """
     z = _quantile(confidence)
+    # The test is significant if (wins − losses − CONTINUITY)/√m ≥ z in m differing scenes, with
+    # wins + losses = m.
     m = np.arange(n + 1)
-    needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins needed in m differing scenes
+    needed_wins = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)
 
-    def beyond(delta: float) -> float:
+    def excess(delta: float) -> float:
+        # share of scenes that differ, and probability that the first law wins in one of these
         share = max(differing, delta)
         wins = (1.0 + delta / share) / 2.0 if share else 0.5
-        return float(binom.pmf(m, n, share) @ binom.sf(needed - 1.0, m, wins)) - power
+        significant = binom.sf(needed_wins - 1.0, m, wins)
+        return float(binom.pmf(m, n, share) @ significant) - power
 
-    return float(brentq(beyond, 0.0, 1.0, xtol=1e-6)) if beyond(1.0) > 0.0 else math.inf
+    if excess(1.0) <= 0.0:
+        return math.inf
+    return float(brentq(excess, 0.0, 1.0, xtol=1e-6))
 
 
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
@@ -192,11 +211,15 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
         return Median(math.nan, -math.inf, math.inf, 0)
     lower = ordered[(n - 1) // 2]
     upper = ordered[n // 2]
-    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # −∞ and ∞ give zero
-    k = int(np.count_nonzero(binom.cdf(np.arange(n), n, 0.5) <= alpha / 2.0))
+    # the sum of −∞ and ∞ would be NaN
+    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)
+    fewer_below = binom.cdf(np.arange(n), n, 0.5)
+    k = int(np.count_nonzero(fewer_below <= alpha / 2.0))
     if k == 0:
         return Median(middle, -math.inf, math.inf, n)
-    return Median(middle, float(ordered[k - 1]), float(ordered[n - k]), n)
+    low = float(ordered[k - 1])
+    high = float(ordered[n - k])
+    return Median(middle, low, high, n)
 
 
 def paired(
@@ -218,19 +241,27 @@ def paired(
     checked_name("direction", better, Better)
     first = numbers(a, "a")
     second = numbers(b, "b")
-    pair(first, second)
-    both = ~(np.isnan(first) | np.isnan(second))
-    first = first[both]
-    second = second[both]
-    differences = first - second if kind == "difference" else log_ratios(first, second)
-    middle = median(differences[np.abs(first - second) > least], confidence)
-    less = int((second - first > least).sum())
-    more = int((first - second > least).sum())
-    wins, losses = (less, more) if better == "less" else (more, less)
-    value = middle.median if middle.n or not len(first) else 0.0
-    return Paired(
-        value, middle.low, middle.high, len(first), wins, losses, sign_test(wins, losses), len(both)
-    )
+    require_pairs(first, second)
+    of = len(first)
+    counted = ~(np.isnan(first) | np.isnan(second))
+    first = first[counted]
+    second = second[counted]
+    differences: Array = first - second
+    is_more = differences > least
+    is_less = -differences > least
+    differing = is_more | is_less
+    if kind == "log-ratio":
+        differences = log_ratios(first, second)
+    middle, low, high, n_differing = median(differences[differing], confidence)
+    n = len(first)
+    if n and not n_differing:
+        middle = 0.0
+    wins = int(is_more.sum())
+    losses = int(is_less.sum())
+    if better == "less":
+        wins, losses = losses, wins
+    p = sign_test(wins, losses)
+    return Paired(middle, low, high, n, wins, losses, p, of)
 
 
 def log_ratios(a: Array, b: Array) -> Array:
@@ -245,4 +276,5 @@ def log_ratios(a: Array, b: Array) -> Array:
             f"the ratio of negative values is undefined: {format_value(negative[0])}"
         )
     with np.errstate(divide="ignore", invalid="ignore"):  # zeros are allowed, see above
-        return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
+        difference = np.log(a) - np.log(b)
+    return cast(Array, np.where(a == b, 0.0, difference))

@@ -6,7 +6,6 @@ They require pandas.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -48,11 +47,12 @@ def rates(
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
-    flagged = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by)))
+    flags = OUTCOMES[outcome].flag(checked(runs, by))
     lines = []
-    for group, group_runs in _groups(flagged, (*by, LAW)):
+    for group, group_runs in _groups(runs.assign(flag=flags), (*by, LAW)):
         result = rate(group_runs["flag"].to_numpy(bool), confidence)
-        lines.append((*group, result.count, result.of, result.share, result.low, result.high))
+        columns = (result.count, result.of, result.share, result.low, result.high)
+        lines.append((*group, *columns))
     return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
 
 
@@ -63,11 +63,11 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
     Columns: ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
     """
     judged = judged_metric(metric)
+    column = values(checked(runs, by, judged), judged)
     lines = []
-    valued = runs.assign(value=values(checked(runs, by, judged), judged))
-    for group, group_runs in _groups(valued, (*by, LAW)):
-        middle = median(group_runs["value"].dropna(), confidence)
-        lines.append((*group, middle.n, len(group_runs), middle.median, middle.low, middle.high))
+    for group, group_runs in _groups(runs.assign(value=column), (*by, LAW)):
+        middle, low, high, counted = median(group_runs["value"].dropna(), confidence)
+        lines.append((*group, counted, len(group_runs), middle, low, high))
     return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
 
 
@@ -90,9 +90,10 @@ def costs(runs: Any, metric: str) -> Costs:
     judged = judged_metric(metric)
     result = values(checked(runs, (), judged), judged)
     cost = result if judged.better == "less" else -result
-    each = _by_law(runs, SCENE, cost.where(counts(runs, judged), np.inf))
-    whole = each.dropna()
-    return Costs(whole, len(each) - len(whole))
+    cost = cost.where(counts(runs, judged), np.inf)
+    by_law = _by_law(runs, SCENE, cost)
+    whole = by_law.dropna()
+    return Costs(whole, len(by_law) - len(whole))
 
 
 def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any]]:
@@ -104,8 +105,9 @@ def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], An
 
 def _by_law(runs: Any, scene: Sequence[str], value: Any) -> Any:
     """Return one line per scene and one column per law; NaN where a law has not run."""
-    which = [*dict.fromkeys(scene), LAW]
-    return runs[which].assign(value=value).astype({LAW: str}).set_index(which)["value"].unstack(LAW)
+    key = [*dict.fromkeys(scene), LAW]
+    lines = runs[key].assign(value=value).astype({LAW: str})
+    return lines.set_index(key)["value"].unstack(LAW)
 
 
 def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
@@ -115,17 +117,41 @@ def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
     return pandas.DataFrame(lines, columns=list(columns))
 
 
-Comparison = namedtuple(  # comparison of two laws: columns of compare_laws
-    "Comparison",
-    "scenes paired only_a only_b differ difference low high ratio ratio_low ratio_high effect p",
-)
+class Comparison(NamedTuple):
+    """Comparison of two laws: columns of :func:`compare_laws`."""
+
+    scenes: int
+    paired: int
+    only_a: int
+    only_b: int
+    differ: int
+    difference: float
+    low: float
+    high: float
+    ratio: float = math.nan
+    ratio_low: float = math.nan
+    ratio_high: float = math.nan
+    effect: float = math.nan
+    p: float = math.nan
 
 
 def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Comparison:
     result = mcnemar(a, b, confidence)
-    gain = (result.difference if result.n else 0.0) * (1.0 if better == "more" else -1.0)
-    scenes = result.n, result.n, result.only_a, result.only_b, result.only_a + result.only_b
-    return Comparison._make((*scenes, *result[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, result.p))
+    gain = 0.0
+    if result.n:
+        gain = result.difference if better == "more" else -result.difference
+    return Comparison(
+        scenes=result.n,
+        paired=result.n,
+        only_a=result.only_a,
+        only_b=result.only_b,
+        differ=result.only_a + result.only_b,
+        difference=result.difference,
+        low=result.low,
+        high=result.high,
+        effect=(1.0 + gain) / 2.0,
+        p=result.p,
+    )
 
 
 def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
@@ -133,21 +159,27 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
     known_b = ~np.isnan(b)
     both = known_a & known_b
     result = paired(a, b, better=better, least=least, confidence=confidence)
-    ratios = [math.nan] * 3
-    if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
-        with np.errstate(over="ignore"):  # a ratio above 1e308 is infinite
-            logarithms = paired(
-                a, b, "log-ratio", better=better, least=least, confidence=confidence
-            )[:3]
-            ratios = np.exp(logarithms).tolist()
-    scenes = (
-        len(a),
-        result.n,
-        int((known_a & ~known_b).sum()),
-        int((known_b & ~known_a).sum()),
-        result.wins + result.losses,
+    comparison = Comparison(
+        scenes=len(a),
+        paired=result.n,
+        only_a=int((known_a & ~known_b).sum()),
+        only_b=int((known_b & ~known_a).sum()),
+        differ=result.wins + result.losses,
+        difference=result.median,
+        low=result.low,
+        high=result.high,
+        effect=result.effect,
+        p=result.p,
     )
-    return Comparison._make((*scenes, *result[:3], *ratios, result.effect, result.p))
+    if not both.any():
+        return comparison
+    least_value = min(a[both].min(), b[both].min())
+    if least_value < 0.0:
+        return comparison
+    logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)
+    with np.errstate(over="ignore"):  # a ratio above 1e308 is infinite
+        ratio, low, high = np.exp(logarithms[:3]).tolist()
+    return comparison._replace(ratio=ratio, ratio_low=low, ratio_high=high)
 
 
 def compare_laws(
@@ -199,40 +231,73 @@ def compare_laws(
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)
-    known = [str(name) for name in dict.fromkeys(checked(runs, by, judged)[LAW])]
+    laws = checked(runs, by, judged)[LAW].unique()
+    known = [str(name) for name in laws]
     if reference is not None and reference not in known:
         raise unknown_name("controller", reference, known)
-    value = OUTCOMES[metric].flag(runs) if judged is None else values(runs, judged)
-    better: Better = (OUTCOMES[metric] if judged is None else judged).better or "less"
-    each, ran = (_by_law(runs, (*by, *SCENE), column) for column in (value.astype(float), 1.0))
+    better: Better
+    if judged is None:
+        value = OUTCOMES[metric].flag(runs)
+        better = OUTCOMES[metric].better
+        threshold = 0.0
+    else:
+        value = values(runs, judged)
+        better = judged.better or "less"
+        threshold = resolution(judged) if least is None else least
+    # a law that has run in a scene may have no value there
+    scene = (*by, *SCENE)
+    by_law = _by_law(runs, scene, value.astype(float))
+    ran = _by_law(runs, scene, 1.0).notna()
     lines: list[tuple[Any, ...]] = []
-    for group, values_by_law in _groups(each, by):
-        was_run = ran.loc[values_by_law.index].notna()
-        laws = [law for law in values_by_law.columns if was_run[law].any()]
-        against = [(law, reference) for law in laws if law != reference and reference in laws]
-        pairs = []
-        for a, b in combinations(laws, 2) if reference is None else against:
-            both = (was_run[a] & was_run[b]).to_numpy()
-            pairs.append(
-                (a, b, values_by_law[a].to_numpy()[both], values_by_law[b].to_numpy()[both])
-            )
-        tests = sum(
-            int((~np.isnan(values_a + values_b)).sum()) >= MIN_SCENES
-            for *_, values_a, values_b in pairs
-        )
+    for group, group_values in _groups(by_law, by):
+        pairs = _pairs(group_values, ran.loc[group_values.index], reference)
+        tests = sum(pair.is_tested for pair in pairs)
         level = simultaneous(confidence, tests)
-        for a, b, values_a, values_b in pairs:
+        for pair in pairs:
             if judged is None:
-                result = _by_outcome(values_a, values_b, better, level)
+                result = _by_outcome(pair.values_a, pair.values_b, better, level)
             else:
-                result = _by_metric(
-                    values_a,
-                    values_b,
-                    better,
-                    resolution(judged) if least is None else least,
-                    level,
-                )
+                result = _by_metric(pair.values_a, pair.values_b, better, threshold, level)
             judgement = verdict(result.low, result.high, n=result.paired, better=better)
-            corrected = min(result.p * tests, 1.0) if result.paired >= MIN_SCENES else 1.0
-            lines.append((*group, metric, a, b, *result, corrected, judgement))
+            p_corrected = 1.0
+            if result.paired >= MIN_SCENES:
+                p_corrected = min(result.p * tests, 1.0)
+            lines.append((*group, metric, pair.a, pair.b, *result, p_corrected, judgement))
     return _frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
+
+
+class _Pair(NamedTuple):
+    """Two laws with their values (scenes,) in all scenes that both ran, NaN where one has none."""
+
+    a: str
+    b: str
+    values_a: Array
+    values_b: Array
+
+    @property
+    def is_tested(self) -> bool:
+        """True if the pair has enough scenes for a verdict."""
+        compared = ~np.isnan(self.values_a + self.values_b)
+        return int(compared.sum()) >= MIN_SCENES
+
+
+def _pairs(by_law: Any, ran: Any, reference: str | None) -> list[_Pair]:
+    """Return all pairs of laws, or those of each law with the reference.
+
+    ``by_law`` and ``ran``, pandas.DataFrames with one line per scene and one column per law, are
+    the values and flags of the runs.
+    """
+    laws = [law for law in by_law.columns if ran[law].any()]
+    if reference is None:
+        names = list(combinations(laws, 2))
+    elif reference in laws:
+        names = [(law, reference) for law in laws if law != reference]
+    else:
+        names = []
+    pairs = []
+    for a, b in names:
+        both_ran = (ran[a] & ran[b]).to_numpy()
+        values_a = by_law[a].to_numpy()[both_ran]
+        values_b = by_law[b].to_numpy()[both_ran]
+        pairs.append(_Pair(a, b, values_a, values_b))
+    return pairs

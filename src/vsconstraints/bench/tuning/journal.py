@@ -32,7 +32,7 @@ class JournalFile:
         with storing(what, path.parent):
             path.touch()
         data = path.read_bytes()
-        *lines, rest = data.split(b"\n")
+        *lines, incomplete = data.split(b"\n")
         for number, line in enumerate(lines, 1):
             try:
                 entry = dict(json.loads(line))
@@ -44,9 +44,9 @@ class JournalFile:
                 raise ConfigurationError(
                     f"{where}: delete this line to make its runs again"
                 ) from error
-        if rest:
+        if incomplete:
             with storing(what, path.parent):
-                os.truncate(path, len(data) - len(rest))
+                os.truncate(path, len(data) - len(incomplete))
 
     def add(self, entry: Mapping[str, Any]) -> None:
         """Add a line. Raises StorageError if it cannot be written."""

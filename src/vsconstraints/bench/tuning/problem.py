@@ -98,20 +98,21 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     """
     status = str(result["status"])
     violated = bool(result["violated"])
-    if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
+    both_still_move = status in STILL_MOVING and str(baseline["status"]) in STILL_MOVING
+    if status != "converged" and not both_still_move:
         return Outcome(status, violated, REFERENCE)
+    unused = 1.0 - float(result["utilization"])
     variation = float(result["acceleration_variation"])
+    # a command that never changes has a variation of zero
+    log_variation = math.log10(variation) if variation > 0.0 else -math.inf
     tracking = float(baseline["settling_time_s"])
-    values = (
-        1.0 - float(result["utilization"]),
-        math.log10(variation) if variation > 0.0 else -math.inf,
-        float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
-    )
-    # a command that never changes has a variation of zero, the logarithm of which is −∞
-    bounded = (
-        value if math.isnan(value) else min(max(value, -worst), worst)
-        for value, worst in zip(values, REFERENCE, strict=True)
-    )
+    settling = math.nan
+    if tracking > 0.0:
+        settling = float(result["settling_time_s"]) / tracking
+    bounded = []
+    for value, worst in zip((unused, log_variation, settling), REFERENCE, strict=True):
+        # min and max would not pass NaN on
+        bounded.append(value if math.isnan(value) else min(max(value, -worst), worst))
     return Outcome(status, violated, tuple(bounded))
 
 
@@ -124,11 +125,18 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
     point = []
     for i, worst in enumerate(REFERENCE):
         values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
+        # exact sums do not depend on the order of the runs
         point.append(math.fsum(values) / len(values) if values else worst)
-    violated = sum(each.violated for each in outcomes)
     converged = [each for each in outcomes if each.status == "converged"]
-    successes = sum(not each.violated for each in converged)
-    return Judged(tuple(point), violated / len(outcomes), len(outcomes), len(converged), successes)
+    violated = sum(each.violated for each in outcomes)
+    runs = len(outcomes)
+    return Judged(
+        point=tuple(point),
+        violations=violated / runs,
+        runs=runs,
+        converged=len(converged),
+        successes=sum(not each.violated for each in converged),
+    )
 
 
 def loss(judged: Judged) -> float:
@@ -137,10 +145,11 @@ def loss(judged: Judged) -> float:
     The number of unsuccessful runs comes first. For equal numbers, the sum of the objectives in
     their units decides.
     """
-    lengths = (
-        value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True)
-    )
-    return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
+    lengths = []
+    for value, objective in zip(judged.point, OBJECTIVES, strict=True):
+        lengths.append(value / objective.unit)
+    unsuccessful = judged.runs - judged.successes
+    return 100.0 * unsuccessful + math.fsum(lengths)
 
 
 def choose(settings: Sequence[Judged]) -> int:
@@ -153,12 +162,13 @@ def choose(settings: Sequence[Judged]) -> int:
     """
     most = max(each.successes for each in settings)
     best = [i for i, each in enumerate(settings) if each.successes == most]
-    points = np.array([settings[i].point for i in best]) / [
-        objective.unit for objective in OBJECTIVES
-    ]
-    distance = np.linalg.norm(points - points.min(axis=0), axis=1)
-    nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
-    return min((best[i] for i in nearest), key=lambda i: (settings[i].point, i))
+    units = [objective.unit for objective in OBJECTIVES]
+    points = np.array([settings[i].point for i in best]) / units
+    ideal = points.min(axis=0)
+    distance = np.linalg.norm(points - ideal, axis=1)
+    is_nearest = distance <= distance.min() * (1.0 + ROUNDING)
+    nearest = [i for i, near in zip(best, is_nearest, strict=True) if near]
+    return min(nearest, key=lambda i: (settings[i].point, i))
 
 
 Options = dict[str, Any]
@@ -232,11 +242,12 @@ class Problem:
     @cached_property
     def laws(self) -> tuple[Searched, ...]:
         """All laws except the baseline. Raises ConfigurationError if a range is invalid."""
-        laws = tuple(
-            Searched(entry) for entry in self.campaign.controllers if entry.name != BASELINE
-        )
+        entries = [entry for entry in self.campaign.controllers if entry.name != BASELINE]
+        laws = tuple(map(Searched, entries))
+        # evaluate cached properties now, so that mistakes are reported here
         for law in laws:
-            _ = law.ranges, law.default
+            _ = law.ranges
+            _ = law.default
         return laws
 
     @property
@@ -250,10 +261,10 @@ class Problem:
         The number of evaluations is not included, since more can be requested later.
         """
         campaign = self.campaign
-        families = {
-            each.name: {**family_identity(each), "conditions": list(campaign.conditions_of(each))}
-            for each in campaign.families
-        }
+        families = {}
+        for family in campaign.families:
+            conditions = list(campaign.conditions_of(family))
+            families[family.name] = {**family_identity(family), "conditions": conditions}
         return identity(
             campaign.controllers,
             tuner={"name": "TPE", **module_versions(("optuna",))},
@@ -274,70 +285,72 @@ class Problem:
         or if drawing a scene raises an exception.
         """
         campaign = self.campaign
-        each = range(self.budget.scenes)
-        calls = {
-            (family.name, i): (family, i, TRAINING, campaign.seed)
-            for family in campaign.families
-            for i in each
-        }
+        numbers = range(self.budget.scenes)
+        calls = {}
+        for family, number in product(campaign.families, numbers):
+            calls[family.name, number] = family, number, TRAINING, campaign.seed
         answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
-        tasks: list[Batch] = []
+        batches: list[Batch] = []
         for family in campaign.families:
             drawn: list[Drawn] = []
-            for scene in (answers[family.name, i] for i in each):
+            for number in numbers:
+                scene = answers[family.name, number]
                 if isinstance(scene, Failure):
                     raise ConfigurationError(
                         f"family {family.name}: a training scene cannot be drawn: {scene.reason}"
                     )
-                drawn += [scene] if scene.found else []
+                if scene.found:
+                    drawn.append(scene)
             if not drawn:
                 family.require_scenes(TRAINING, campaign.seed, self.budget.scenes)
-            for scene, name in product(drawn, campaign.conditions_of(family)):
-                what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
-                tasks.append(Batch(*what, drawn=scene))
-        return tuple(tasks)
-
-
-def with_settings(task: Batch, settings: Sequence[ControllerSpec]) -> Batch:
-    """Return a batch of one scene and condition that runs these settings, too."""
-    assert task.drawn is not None
-    (condition,) = task.conditions
-    tables = task.drawn.tables[condition]
-    controllers = (*task.controllers, *settings)
-    limit = max(each.run_limit(tables) for each in controllers)
-    return replace(task, controllers=controllers, limit=limit)
+            for scene, condition in product(drawn, campaign.conditions_of(family)):
+                batch = Batch(
+                    family,
+                    scenes=(scene.number,),
+                    conditions=(condition,),
+                    controllers=(self.baseline,),
+                    half=TRAINING,
+                    seed=campaign.seed,
+                    drawn=scene,
+                )
+                batches.append(batch)
+        return tuple(batches)
 
 
 @contextmanager
-def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
+def evaluating(batches: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
     """Open processes that evaluate settings on all batches, for the duration of the ``with`` block.
 
     A run whose process dies or that exceeds its time limit is a failed run. Files that custom laws
     load and read are added to ``files``. Raises ConfigurationError if the content of a file
     changes.
     """
+    families = dict.fromkeys(batch.family.name for batch in batches)
     with processes(workers)(scored) as pool:
-        families = [task.family.name for task in tasks]
-        of_family = {
-            name: [position for position, family in enumerate(families) if name in (ALL, family)]
-            for name in (ALL, *families)
-        }
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
-            named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
-            calls = [with_settings(task, named) for task in tasks if settings]
-            found = {}
+            if not settings:
+                return []
+            named = [replace(setting, name=str(i)) for i, setting in enumerate(settings)]
+            calls = []
+            for batch in batches:
+                controllers = (*batch.controllers, *named)
+                calls.append(replace(batch, controllers=controllers))
+            outcomes: list[dict[str, list[Outcome]]] = []
+            for _ in settings:
+                outcomes.append({name: [] for name in (ALL, *families)})
             for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)
                 files.update(part.files)
+                family = batches[position].family.name
                 lines = part.runs.to_pandas().set_index("controller").to_dict("index")
-                found[position] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
-            return [
-                {
-                    name: judged([found[position][i] for position in positions])
-                    for name, positions in of_family.items()
-                }
-                for i in range(len(settings))
-            ]
+                for setting, by_family in zip(named, outcomes, strict=True):
+                    run = outcome(lines[setting.name], lines[BASELINE])
+                    by_family[ALL].append(run)
+                    by_family[family].append(run)
+            evaluated = []
+            for by_family in outcomes:
+                evaluated.append({name: judged(runs) for name, runs in by_family.items()})
+            return evaluated
 
         yield evaluate

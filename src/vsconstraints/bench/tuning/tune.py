@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,13 @@ from ...comparisons.runs.files import plain, replaced, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
 from ...comparisons.runs.identity import Identity, differences, in_words
 from ...comparisons.runs.machine import loaded_versions, new_manifest
-from ...comparisons.runs.spec import prepare_laws
+from ...comparisons.runs.spec import ControllerSpec, prepare_laws
 from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ...plugins.provenance import Files
 from ...scenarios.toml import toml_items, toml_text
-from ..evidence.own_files import changed, contents, own_folders
+from ..evidence.folder import content_changes
 from .journal import JournalFile
 from .problem import (
     ALL,
@@ -63,15 +64,18 @@ class Search:
         self._distributions: dict[str, optuna.distributions.BaseDistribution] = {}
         for option, ranged in searched.ranges.items():
             if isinstance(ranged, Choices):
+                # choices of any type are searched by their positions
                 default[option] = ranged.values.index(default[option])
-                self._distributions[option] = CategoricalDistribution(
-                    tuple(range(len(ranged.values)))
+                positions = tuple(range(len(ranged.values)))
+                self._distributions[option] = CategoricalDistribution(positions)
+            elif ranged.integer:
+                self._distributions[option] = IntDistribution(
+                    int(ranged.least), int(ranged.greatest), log=ranged.logarithmic
                 )
             else:
-                kind = IntDistribution if ranged.integer else FloatDistribution
-                number = int if ranged.integer else float
-                bounds = number(ranged.least), number(ranged.greatest)
-                self._distributions[option] = kind(*bounds, log=ranged.logarithmic)
+                self._distributions[option] = FloatDistribution(
+                    float(ranged.least), float(ranged.greatest), log=ranged.logarithmic
+                )
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         with warnings.catch_warnings(action="ignore"):  # Optuna warns of experimental options
             sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True)
@@ -81,12 +85,13 @@ class Search:
     def ask(self) -> Options:
         """Return the options of the next setting."""
         self._trial = self._study.ask(self._distributions)
-        values = self._trial.params
-        ranges = self.searched.ranges.items()
-        return {
-            option: ranged.values[values[option]] if isinstance(ranged, Choices) else values[option]
-            for option, ranged in ranges
-        }
+        options = {}
+        for option, ranged in self.searched.ranges.items():
+            value = self._trial.params[option]
+            if isinstance(ranged, Choices):
+                value = ranged.values[value]
+            options[option] = value
+        return options
 
     def tell(self, judged: Judged) -> None:
         """Report the result of the last setting to the tuner."""
@@ -108,16 +113,19 @@ class Journal(dict[Setting, ByFamily]):
     def _take(self, entry: Mapping[str, Any]) -> None:
         """Read the content of a line."""
         self.files.update(entry.get("files", {}))
-        self[entry["law"], entry["options"]] = {
-            family: Judged(**{**values, "point": tuple(values["point"])})
-            for family, values in entry["judged"].items()
-        }
+        by_family = {}
+        for family, values in entry["judged"].items():
+            point = tuple(values["point"])
+            by_family[family] = Judged(**{**values, "point": point})
+        self[entry["law"], entry["options"]] = by_family
 
     def add(self, setting: Setting, judged: ByFamily) -> None:
         """Store the result of a setting. Raises StorageError if it cannot be written."""
+        law, options = setting
         by_family = {family: values._asdict() for family, values in judged.items()}
-        entry = {"law": setting[0], "options": setting[1], "judged": by_family}
-        entry |= {"files": self.files} if self.files else {}
+        entry: dict[str, Any] = {"law": law, "options": options, "judged": by_family}
+        if self.files:
+            entry["files"] = self.files
         self._file.add(entry)
         self[setting] = judged
 
@@ -159,7 +167,8 @@ class Tuned:
 
     def best(self, family: str) -> Evaluation:
         """Return the evaluation that :func:`.choose` selects for the runs of a family."""
-        return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
+        position = choose([each.by_family[family] for each in self.evaluations])
+        return self.evaluations[position]
 
     def success(self, family: str, evaluations: int) -> list[float]:
         """Return, for each tuner seed, the highest success rate in a family within a budget.
@@ -170,13 +179,18 @@ class Tuned:
         for each in self.evaluations:
             if each.number < max(evaluations, 1):
                 judged = each.by_family[family]
-                shares[each.seed] = max(shares.get(each.seed, 0.0), judged.successes / judged.runs)
+                share = judged.successes / judged.runs
+                shares[each.seed] = max(shares.get(each.seed, 0.0), share)
         return list(shares.values())
 
     @classmethod
     def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
         """Return a law with its evaluations, given in any order."""
-        return cls(law, sorted(evaluations, key=lambda each: (each.seed, each.number)))
+
+        def place(evaluation: Evaluation) -> tuple[int, int]:
+            return evaluation.seed, evaluation.number
+
+        return cls(law, sorted(evaluations, key=place))
 
     def toml(self, family: str) -> list[str]:
         """Return lines of the best setting in a family as a TOML table of controllers."""
@@ -186,13 +200,11 @@ class Tuned:
         default = self.default.by_family[family]
         judged = best.by_family[family]
         setting = self.law.setting(best.options)
-        succeed = (
-            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} "
-            f"by default"
-        )
+        name = toml_text(f"{self.law.name}-tuned")
         return [
-            succeed,
-            f"[controllers.{toml_text(f'{self.law.name}-tuned')}]",
+            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by "
+            "default",
+            f"[controllers.{name}]",
             *toml_items(setting.table),
         ]
 
@@ -211,35 +223,34 @@ class Tuning:
         """
         import pandas
 
-        columns = [objective.column for objective in OBJECTIVES]
-        evaluations = [
-            {
-                "law": law.law.name,
-                "seed": each.seed,
-                "number": each.number,
-                "options": json.dumps(each.options, sort_keys=True),
-                **dict(
-                    zip(
-                        (*columns, *Judged._fields[1:]),
-                        (*each.judged.point, *each.judged[1:]),
-                        strict=True,
-                    )
-                ),
-                **{
-                    f"successes[{family}]": each.by_family[family].successes
-                    for family in self.families
-                },
-                "chosen": each is chosen,
-            }
-            for law, chosen in ((law, law.chosen) for law in self.laws)
-            for each in law.evaluations
-        ]
+        lines = []
+        for law in self.laws:
+            chosen = law.chosen
+            for each in law.evaluations:
+                lines.append({**self._line(law, each), "chosen": each is chosen})
         with storing("results", folder):
             with replaced(folder / EVALUATIONS) as part:
-                pandas.DataFrame(evaluations).to_parquet(part, index=False)
+                pandas.DataFrame(lines).to_parquet(part, index=False)
             for family in (ALL, *self.families):
-                with replaced(folder / (f"tuned-{family}.toml" if family else TUNED)) as part:
+                name = f"tuned-{family}.toml" if family else TUNED
+                with replaced(folder / name) as part:
                     part.write_text(self.toml(family), encoding="utf-8")
+
+    def _line(self, law: Tuned, evaluation: Evaluation) -> dict[str, Any]:
+        """Return the cells of an evaluation by column."""
+        line: dict[str, Any] = {
+            "law": law.law.name,
+            "seed": evaluation.seed,
+            "number": evaluation.number,
+            "options": json.dumps(evaluation.options, sort_keys=True),
+        }
+        judged = evaluation.judged._asdict()
+        for objective, value in zip(OBJECTIVES, judged.pop("point"), strict=True):
+            line[objective.column] = value
+        line |= judged
+        for family in self.families:
+            line[f"successes[{family}]"] = evaluation.by_family[family].successes
+        return line
 
     @property
     def families(self) -> list[str]:
@@ -251,11 +262,9 @@ class Tuning:
 
         A campaign can use them.
         """
-        of = family or ", ".join(self.families)
-        lines = [
-            f"# Laws of the campaign {self.problem.campaign.name}, tuned on training scenes of "
-            f"{of}."
-        ]
+        campaign = self.problem.campaign.name
+        scenes = family or ", ".join(self.families)
+        lines = [f"# Laws of the campaign {campaign}, tuned on training scenes of {scenes}."]
         for law in self.laws:
             lines += ["", *law.toml(family)]
         return "\n".join(lines) + "\n"
@@ -281,18 +290,17 @@ def tune(
     with locked(folder, "a tuning"):
         prepare_laws(problem.campaign.controllers)
         claim(folder, plain(problem.configuration()), _facts(problem), command)
-        tasks = problem.tasks(
-            workers, lambda done, total: on_progress("drawing training scenes", done, total)
-        )
+        batches = problem.tasks(workers, partial(on_progress, "drawing training scenes"))
         journal = Journal(folder / JOURNAL)
-        _require_same_files(journal, folder, problem)
+        changed_files = content_changes(journal.files, problem.campaign)
+        if changed_files:
+            raise _other_tuning(folder, changed_files)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
-        with evaluating(tasks, workers, journal.files) as evaluate:
+        with evaluating(batches, workers, journal.files) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
                 evaluations[law.name].append(evaluation)
-        tuning = Tuning(
-            problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws)
-        )
+        laws = tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws)
+        tuning = Tuning(problem, laws)
         tuning.write(folder)
         return tuning
 
@@ -302,37 +310,30 @@ def _evaluations(
 ) -> Iterator[tuple[Searched, Evaluation]]:
     """Yield all evaluations. A law without searched options has one, its default."""
     budget = problem.budget
-    searches = [
-        Search(law, seed)
-        for law in problem.laws
-        for seed in range(budget.seeds if law.ranges else 1)
-    ]
+    searches = []
+    for law in problem.laws:
+        seeds = budget.seeds if law.ranges else 1
+        searches += [Search(law, seed) for seed in range(seeds)]
     for number in range(budget.evaluations):
         on_progress("evaluating", number, budget.evaluations)
-        asked = [
-            (search, search.ask()) for search in searches if number == 0 or search.searched.ranges
-        ]
-        keys = [
-            (search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked
-        ]
-        settings = (search.searched.setting(options) for search, options in asked)
-        new = {
-            key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal
-        }
-        for key, judged in zip(new, evaluate(list(new.values())), strict=True):
+        asked: list[tuple[Search, Options, Setting]] = []
+        new: dict[Setting, ControllerSpec] = {}
+        for search in searches:
+            law = search.searched
+            if number > 0 and not law.ranges:
+                continue
+            options = search.ask()
+            key = (law.name, json.dumps(options, sort_keys=True))
+            asked.append((search, options, key))
+            if key not in journal:
+                new[key] = law.setting(options)
+        results = evaluate(list(new.values()))
+        for key, judged in zip(new, results, strict=True):
             journal.add(key, judged)
-        for key, (search, options) in zip(keys, asked, strict=True):
+        for search, options, key in asked:
             search.tell(journal[key][ALL])
             yield search.searched, Evaluation(search.seed, number, options, journal[key])
     on_progress("evaluating", budget.evaluations, budget.evaluations)
-
-
-def _require_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
-    """Raise ConfigurationError if a file that a custom law loaded or read has changed."""
-    campaign = problem.campaign
-    now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
-    if other := [f"the content of {name} has changed" for name in changed(journal.files, now)]:
-        raise _other_tuning(folder, other)
 
 
 def claim(
@@ -361,7 +362,7 @@ def _other_tuning(folder: Path, differing: Sequence[str]) -> ConfigurationError:
 
 
 def _facts(problem: Problem) -> dict[str, Any]:
-    """Return what the manifest says beside that which evaluations depend on."""
+    """Return entries of the manifest on which no evaluation depends."""
     return {
         "evaluations": problem.budget.evaluations,
         "tuner_seeds": problem.budget.seeds,

@@ -36,17 +36,19 @@ LEVEL = 1
 SUMS = "checksums.sha256"
 TRAJECTORIES = "trajectories"  #: Folder of the runs' records, inside the results folder.
 
+#: Results that remain if a file cannot be written.
+RUNS_ARE_KEPT = "finished runs are kept, and the same command continues"
+
 Sums = dict[str, str]  #: SHA-256 of files, by their paths relative to the folder.
 
 
 @contextmanager
-def storing(what: str, folder: Path) -> Iterator[None]:
-    """Turn an OSError in the block into a StorageError that names the results that are kept."""
+def storing(what: str, folder: Path, kept: str = RUNS_ARE_KEPT) -> Iterator[None]:
+    """Turn an OSError in the block into a StorageError that states which results are ``kept``."""
     try:
         yield
     except OSError as error:
-        why = f"{error}; finished runs are kept, and the same command continues"
-        raise StorageError(f"{what} cannot be stored in {folder}: {why}") from error
+        raise StorageError(f"{what} cannot be stored in {folder}: {error}; {kept}") from error
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...plugins.processes import INTERRUPTS, signal_of
-from .files import seal, storing, write_json
+from .files import RUNS_ARE_KEPT, seal, storing, write_json
 from .folder import MANIFEST
 
 
@@ -23,12 +23,13 @@ class Store:
     and the same command continues.
 
     ``name`` is that of the results in messages. ``files`` lists the files of a folder that have
-    checksums, some of which may not exist.
+    checksums, some of which may not exist. ``kept`` states in errors which results remain.
     """
 
     folder: Path
     name: str
     files: Callable[[Path], Iterable[Path]]
+    kept: str = RUNS_ARE_KEPT
     manifest: dict[str, Any] = field(default_factory=dict)
     interrupted: int = 0  #: Number of the signal that interrupted the command, or 0.
     started: float = field(default_factory=time.perf_counter)
@@ -40,7 +41,7 @@ class Store:
 
     def storing(self) -> AbstractContextManager[None]:
         """Turn an OSError in the block into a StorageError, see :func:`.storing`."""
-        return storing(self.name, self.folder)
+        return storing(self.name, self.folder, self.kept)
 
     def begin(self, manifest: dict[str, Any], complete: Iterable[Path]) -> None:
         """Store a manifest, and the checksums of ``complete`` files, which stay as they are."""

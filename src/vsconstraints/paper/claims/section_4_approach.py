@@ -65,10 +65,12 @@ def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
     def rate(_: float, x: Array) -> Array:
         e, e_dot = x.reshape(2, -1)
         Kp = 20.0 * np.exp(-60.0 / 20.0 * np.linalg.norm(e))
-        return np.concatenate((e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot))
+        Kv = 3.0 * np.sqrt(Kp)
+        e_ddot = -Kp * e - Kv * e_dot
+        return np.concatenate((e_dot, e_ddot))
 
     ends = (float(t[0]), float(t[-1]))
-    solution = solve_ivp(
-        rate, ends, np.concatenate((start, start_rate)), t_eval=t, rtol=1e-9, atol=1e-12
-    )
-    return np.asarray(solution.y[: len(start)].T)
+    x0 = np.concatenate((start, start_rate))
+    solution = solve_ivp(rate, ends, x0, t_eval=t, rtol=1e-9, atol=1e-12)
+    errors = solution.y[: len(start)]
+    return np.asarray(errors.T)

@@ -83,10 +83,13 @@ def _integrated_twice(*runs: Run) -> Finding:
         qd = run.trajectory.qd
         qdd = run.trajectory.qdd_command[:-1]
         Ts = run.sampling_time
-        filtered = OrderFilter(q[0], qd[0], Ts)
-        places.append(np.abs(np.diff(q, axis=0) - Ts * qd[:-1] - 0.5 * Ts**2 * qdd).max())
-        places.append(np.abs([filtered.step(command) for command in qdd] - q[1:]).max())
-        speeds.append(np.abs(np.diff(qd, axis=0) - Ts * qdd).max())
+        order_filter = OrderFilter(q[0], qd[0], Ts)
+        filtered = [order_filter.step(command) for command in qdd]
+        q_left = np.diff(q, axis=0) - Ts * qd[:-1] - 0.5 * Ts**2 * qdd
+        qd_left = np.diff(qd, axis=0) - Ts * qdd
+        places.append(np.abs(q_left).max())
+        places.append(np.abs(filtered - q[1:]).max())
+        speeds.append(np.abs(qd_left).max())
     most = max(places + speeds)
     text = f"up to {max(places):.2g} rad and {max(speeds):.2g} rad/s are left"
     return finding(text, holds=most <= 1e-9, left=most)

@@ -21,7 +21,8 @@ def is_image_based(run: Run) -> bool:
 
 def image_errors(run: Run) -> Array:
     """Errors (N, 2 m) of u₁, v₁, u₂, … relative to the goal [px]."""
-    return (run.trajectory.features_px - _goal(run)).reshape(len(run.t), -1)
+    errors = run.trajectory.features_px - _goal(run)
+    return errors.reshape(len(run.t), -1)
 
 
 def _goal(run: Run) -> Array:
@@ -67,16 +68,22 @@ def _draw_image_errors(ax: Any, run: Run) -> None:
 def _draw_phi(ax: Any, run: Run) -> None:
     """Draw φ of the visibility rows; rows below the panel have no name in the legend."""
     rows = [*run.labels("fov"), *run.labels("occlusion")]
-    values = run.trajectory.phi[:, [run.index(row) for row in rows]]
-    least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
-    seen = (values.max(axis=0) > least).tolist()
+    columns = [run.index(row) for row in rows]
+    values = run.trajectory.phi[:, columns]
+    nearly_least = float(np.quantile(values, 0.002))
+    bottom = max(nearly_least, -1.6) - 0.05
     names = []
-    for row, see in zip(rows, seen, strict=True):
+    n_shown = 0
+    for row, greatest in zip(rows, values.max(axis=0), strict=True):
         name = row.partition("[")[2].rstrip("]")
-        names.append(name if see else f"_{name}")  # matplotlib leaves out names with _
+        if greatest > bottom:
+            n_shown += 1
+        else:
+            name = f"_{name}"  # matplotlib leaves out names with _
+        names.append(name)
     paper.signals(ax, run, values, names, "", linewidth=1.2)
-    paper.phi_axis(ax, run, (least, 0.25), "constraint\nfunctions $\\phi_V$")
-    above_legend(ax, max(sum(seen), 1))
+    paper.phi_axis(ax, run, (bottom, 0.25), "constraint\nfunctions $\\phi_V$")
+    above_legend(ax, max(n_shown, 1))
 
 
 def draw_tracks(run: Run) -> Sheet:
@@ -87,8 +94,8 @@ def draw_tracks(run: Run) -> Sheet:
     start = run.trajectory.features_px[0]
     for name, corners, colour in (("start", start, paper.GREEN), ("goal", _goal(run), INK)):
         look = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
-        outline = corners[[*range(len(corners)), 0]]
-        ax.plot(*outline.T, **look, zorder=3.5)
+        u, v = np.vstack((corners, corners[:1])).T
+        ax.plot(u, v, **look, zorder=3.5)
         entries.append(look)
     sheet.side_legend(entries)
     return sheet
@@ -118,17 +125,19 @@ def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
         plane.draw(ax)
         for run, look in runs:
             tracks(ax, run.trajectory.features_px, **look, linewidth=1.8, zorder=4)
-        ax.plot(*exact.trajectory.features_px[0].T, **symbol("o", *paper.START), zorder=6.2)
-        sheet.side_legend(
-            [*looks, symbol("o", *paper.START, label="start"), *plane.entries("boundary")]
-        )
-    speeds = sheet.panels(
-        exact.trajectory.qd.shape[1], 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", "")
-    )
+        u, v = exact.trajectory.features_px[0].T
+        ax.plot(u, v, **symbol("o", *paper.START), zorder=6.2)
+        start = symbol("o", *paper.START, label="start")
+        sheet.side_legend([*looks, start, *plane.entries("boundary")])
+    n = exact.trajectory.qd.shape[1]
+    speeds = sheet.panels(n, 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", ""))
     for k, ax in enumerate(speeds):
+        shown = []
         for run, look in runs:
-            signal(ax, run.t, run.trajectory.qd[:, k], **look, linewidth=1.3)
+            speed = run.trajectory.qd[:, k]
+            signal(ax, run.t, speed, **look, linewidth=1.3)
+            shown.append(speed)
         paper.over_time(ax, exact)
-        paper.limits_around(ax, np.concatenate([run.trajectory.qd[:, k] for run, _ in runs]), 0.15)
+        paper.limits_around(ax, np.concatenate(shown), 0.15)
         ax.set_title(rf"$\dot{{q}}_{{c{k + 1}}}$ [rad/s]", loc="left", pad=3)
     return sheet

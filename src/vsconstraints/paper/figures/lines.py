@@ -36,15 +36,16 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
     Symbols mark its start and the end of each phase.
     """
     tracks = run.trajectory.features_px
-    pixels = tracks[:, marker]
+    u, v = tracks[:, marker].T
     marks = "o*" if tracks.shape[1] == 2 else "o^s*"
     mark = marks[marker]
-    ax.plot(*pixels.T, **{"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look})
+    style = {"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look}
+    ax.plot(u, v, **style)
     for goal in run.setup.task.goals[1:]:
         k = int(np.searchsorted(run.t, goal.from_time - 1e-9))
-        ax.plot(*pixels[k], **symbol(mark, *SWITCH), zorder=5.9)
-    ax.plot(*pixels[-1], **symbol(mark, *END), zorder=6)
-    ax.plot(*pixels[0], **symbol(mark, *START), zorder=6.2)
+        ax.plot(u[k], v[k], **symbol(mark, *SWITCH), zorder=5.9)
+    ax.plot(u[-1], v[-1], **symbol(mark, *END), zorder=6)
+    ax.plot(u[0], v[0], **symbol(mark, *START), zorder=6.2)
 
 
 def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]]:
@@ -64,8 +65,8 @@ def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]
 
 def image_size(run: Run, height: float) -> tuple[float, float]:
     """Width and height of axes for the image [in]."""
-    width, tall = map(float, run.setup.scene.camera.size)
-    return height * width / tall, height
+    width_px, height_px = map(float, run.setup.scene.camera.size)
+    return height * width_px / height_px, height
 
 
 def over_time(ax: Any, run: Run, label: str = "") -> None:

@@ -27,16 +27,22 @@ SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)
 
 def draw_hyperellipses() -> Sheet:
     """Draw Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
-    width, height = size = (640.0, 480.0)
+    width = 640.0
+    height = 480.0
+    size = (width, height)
     sheet = Sheet(paper.LEFT)
     camera = Camera((600.0, 600.0), size)
     (ax,) = sheet.views((4.6, 4.6 * height / width))
-    square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
-    entries = [line("image", INK) | {"linewidth": 2.6}]
-    for n, colour, dash in zip((2, 4, 8, 16), paper.COLOURS, ("-", "--", "-.", "-"), strict=False):
+    border = {"color": INK, "linewidth": 2.6}
+    square(ax, (0.0, 0.0), width / 2, height / 2, solid_joinstyle="miter", **border)
+    entries = [line("image", INK) | border]
+    exponents = (2, 4, 8, 16)
+    dashes = ("-", "--", "-.", "-")
+    for n, colour, dash in zip(exponents, paper.COLOURS, dashes, strict=False):
         view = FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n)
         for points in view.boundary(size):
-            ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
+            u, v = points.T
+            ax.plot(u, v, color=colour, linestyle=dash, linewidth=1.7)
         entries.append(line(f"$\\sigma_V$ = 0 for $n_V$ = {n}", colour, dash))
     ax.set_xlim(-0.53 * width, 0.53 * width)
     ax.set_ylim(0.53 * height, -0.53 * height)
@@ -66,7 +72,8 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
     (ax,) = sheet.views((VIEW, VIEW))
     entries = paper.draw_tracks(ax, fast, upwards=True)
     for i in range(2):
-        ax.plot(*high.trajectory.features_px[:, i].T, **FASTER, linewidth=2.0, zorder=4.5)
+        u, v = high.trajectory.features_px[:, i].T
+        ax.plot(u, v, **FASTER, linewidth=2.0, zorder=4.5)
     sheet.side_legend([*entries, line("both features, $u^+$ = 50", **FASTER)])
     whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
     looks = (
@@ -121,11 +128,11 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
     detail.set_xlabel("u [px]", labelpad=1)
     paper.track(detail, run, 0)
-    violated = run.sigma(met.row) > 0.0
-    if violated.any():
+    is_violated = run.sigma(met.row) > 0.0
+    if is_violated.any():
         path = run.trajectory.features_px[:, 0]
-        outside = np.where(violated[:, None], path, np.nan)
-        detail.plot(*outside.T, color=paper.RED, linewidth=2.6, zorder=5)
+        u, v = np.where(is_violated[:, None], path, np.nan).T
+        detail.plot(u, v, color=paper.RED, linewidth=2.6, zorder=5)
         entries.append(line(r"$\sigma$ > 0", paper.RED))
     sheet.side_legend(entries)
     panels = sheet.panels(4 if met.other else 3, height=1.2, labels=("time [s]", ""))
@@ -152,14 +159,17 @@ def frame_times(run: Run) -> list[float]:
     """
     count = at_once(run)
     three = run.t[count == count.max()]
-    spans = [
-        [(three[0], three[-1])],
-        phases(run, BORDERS[2])[0],
-        phases(run, BORDERS[1])[1],
-        phases(run, SPHERE)[1],
-    ]
-    middles = [0.5 * (of_row[0][0] + of_row[0][1]) for of_row in spans if of_row]
-    return [float(run.t[np.argmin(np.abs(run.t - middle))]) for middle in middles]
+    third_feature, _ = phases(run, BORDERS[2])
+    _, second_feature = phases(run, BORDERS[1])
+    _, sphere = phases(run, SPHERE)
+    times = []
+    for spans in ([(three[0], three[-1])], third_feature, second_feature, sphere):
+        if spans:
+            begin, end = spans[0]
+            middle = 0.5 * (begin + end)
+            nearest = np.argmin(np.abs(run.t - middle))
+            times.append(float(run.t[nearest]))
+    return times
 
 
 def draw_tracks(case: Run) -> Sheet:
@@ -222,12 +232,14 @@ def _joint_panel(ax: Any, run: Run, values: Array, texts: tuple[str, str], event
 def _lanes(ax: Any, run: Run) -> None:
     """Draw the active times of each event, and mark the events active at the times of Fig. 12."""
     shown = [event for event in EVENTS if active_spans(run, event)]
+    bar = {"color": INK, "linewidth": 2.6, "solid_capstyle": "butt", "zorder": 3}
+    mark = plots.symbol("o", "white", size=7.0)
+    times = frame_times(run)
     for lane, event in enumerate(shown):
         for first, last in active_spans(run, event):
-            bar = {"color": INK, "linewidth": 2.6, "solid_capstyle": "butt", "zorder": 3}
             ax.plot([first, last], [lane, lane], **bar)
-            inside = [time for time in frame_times(run) if first <= time <= last]
-            ax.plot(inside, [lane] * len(inside), **plots.symbol("o", "white", size=7.0), zorder=4)
+            inside = [time for time in times if first <= time <= last]
+            ax.plot(inside, [lane] * len(inside), **mark, zorder=4)
     paper.over_time(ax, run)
     ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)

@@ -64,9 +64,9 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
 
 def draw_frames(case: Run) -> Sheet:
     """Draw Fig. 12: the arm at four times, and the end-effector's path."""
-    (tip,) = [i for i, point in enumerate(case.setup.scene.points) if point.label == "tip"]
+    labels = [point.label for point in case.setup.scene.points]
     sheet = Sheet()
-    trail = case.trajectory.points[:, tip]
+    trail = case.trajectory.points[:, labels.index("tip")]
     for number, time in enumerate(frame_times(case), start=1):
         row, column = divmod(number - 1, 2)
         left = column * (WIDTH / 2) + 0.02
@@ -79,11 +79,11 @@ def draw_frames(case: Run) -> Sheet:
         scene.draw(space(sheet, left, top - 0.35, 3.95), CUBE, frames, whole=False)
         name = f"frame {number}"
         sheet.text(left + 0.12, top + 0.1, name, fontsize=10, fontweight="bold", va="top")
-        active = [
-            name
-            for event, name in SHORT.items()
-            if any(first <= time <= last for first, last in active_spans(case, event))
-        ]
+        active = []
+        for event, event_name in SHORT.items():
+            spans = active_spans(case, event)
+            if any(first <= time <= last for first, last in spans):
+                active.append(event_name)
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
     return sheet

@@ -252,12 +252,15 @@ def constraint_table(case: ObstacleCase) -> dict[str, Any]:
     The obstacle moves ``speed`` times as fast, and is at its usual place at the meeting time.
     """
     obstacle = OBSTACLES[case.scenario]
-    table: dict[str, Any] = copy.deepcopy(Scenario.load(case.scenario).tables["constraints"][0])
-    velocity = np.array(table["motion"]["velocity"])
+    scenario = Scenario.load(case.scenario)
+    table: dict[str, Any] = copy.deepcopy(scenario.tables["constraints"][0])
+    usual_velocity = np.array(table["motion"]["velocity"])
     shape = table.get("curve", table)
-    start = np.array(shape[obstacle.place]) + (1.0 - case.speed) * obstacle.meeting * velocity
+    usual_start = np.array(shape[obstacle.place])
+    start = usual_start + (1.0 - case.speed) * obstacle.meeting * usual_velocity
+    velocity = case.speed * usual_velocity
     shape[obstacle.place] = start.round(6).tolist()
-    table["motion"] = {"velocity": (case.speed * velocity).round(6).tolist(), "known": case.known}
+    table["motion"] = {"velocity": velocity.round(6).tolist(), "known": case.known}
     table["switching_gain"] = case.switching_gain
     return table
 

@@ -99,7 +99,12 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     for name, centre in centres.items():
         _mark_centre(ax, centre, look[name])
     # Axes are those of all controllers, so that the figures of several groups can be compared.
-    _scale_axes(ax, [*chain(*runs_of_all.values())])
+    variations: list[float] = []
+    for name in runs_of_all:
+        variations += Centre.of(results.all_runs(name)).variation_range
+    runs_of_axes = [*chain(*runs_of_all.values())]
+    variations += [run["acceleration_variation"] for run in runs_of_axes]
+    _scale_axes(ax, runs_of_axes, [value for value in variations if value > 0.0])
     width = WIDTH - sheet.left - sheet.right
     name_centres(ax, centres, look, (POINTS * width, POINTS * HEIGHT))
     entries = []
@@ -119,15 +124,17 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     return sheet
 
 
-def _scale_axes(ax: Any, runs: Sequence[Line]) -> None:
-    """Set limits, logarithmic scales, ticks and labels for these runs."""
+def _scale_axes(ax: Any, runs: Sequence[Line], variations: Sequence[float]) -> None:
+    """Set limits, logarithmic scales, ticks and labels for these runs and variations."""
     unused = [_unused_share(run["utilization"]) for run in runs]
     most = 1.4 * max(0.1, *unused)
     least = max(min(unused) / 1.6, LEAST_UNUSED)
     logarithmic(ax.xaxis, ())
-    logarithmic(ax.yaxis)
-    logarithmic(ax.yaxis, decades(*ax.get_ylim()))
     ax.set_xlim(most, least)
+    lowest = min(variations) / 1.6
+    highest = 1.6 * max(variations)
+    logarithmic(ax.yaxis, decades(lowest, highest))
+    ax.set_ylim(lowest, highest)
     ticks = [share for share in SHARES if least - 1e-12 <= 1.0 - share <= most]
     labels = ["≥ 99.99" if share == SHARES[-1] else f"{100.0 * share:g}" for share in ticks]
     ax.set_xticks([1.0 - share for share in ticks], labels)
