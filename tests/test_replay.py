@@ -33,6 +33,7 @@ from vsconstraints.reports.plots.style import rgb
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.view.arm import JOINT, bars_of, visuals
 from vsconstraints.view.replay import (
     ReplayRun,
     film,
@@ -66,7 +67,7 @@ from vsconstraints.view.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.view.scene3d import JOINT, Part, bars_of, visuals
+from vsconstraints.view.scene3d import Part
 
 FOV = "example-2d-fov"
 
