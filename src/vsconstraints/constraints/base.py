@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
 from .by_formula import ByFormula, CompiledRowSpec, curvature_by_differences, require_own_curvature
 from .meshes import Mesh
+
+if TYPE_CHECKING:
+    from ..compiled.constraint_rows import RowTemplate
 
 #: Methods that follow from a formula; a class that overrides one of them may compute anything.
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
@@ -202,8 +205,10 @@ class PositionConstraint(ByFormula, Constraint):
             )
         require_own_curvature(type(self))
 
-    def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> CompiledRowSpec | None:
-        """Return the compiled form of rows of the kind ``rows`` for these markers or points.
+    def formula_form(
+        self, template: RowTemplate, which: Sequence[int] | IntArray
+    ) -> CompiledRowSpec | None:
+        """Return the compiled form of the rows of these markers or points by a template.
 
         It is None unless the formula defines everything.
         """
@@ -211,7 +216,7 @@ class PositionConstraint(ByFormula, Constraint):
             return None
         formulas = self.formula, self.curvature_formula
         return CompiledRowSpec(
-            rows, formulas, self.parameters, which, self.frame, self.margin, self.motion
+            template, formulas, self.parameters, which, self.frame, self.margin, self.motion
         )
 
     def moving(self, motion: Motion) -> Self:

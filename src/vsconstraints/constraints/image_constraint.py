@@ -96,8 +96,10 @@ class ImageConstraint(PositionConstraint):
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the markers concerned."""
+        from ..compiled.constraint_rows import image_rows
+
         all_markers = np.arange(len(scene.markers))
-        return self.formula_form("image_rows", all_markers[self._selection])
+        return self.formula_form(image_rows, all_markers[self._selection])
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distance to the curve σ = 0 in the image [px], with the sign of −σ."""

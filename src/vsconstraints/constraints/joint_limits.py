@@ -27,7 +27,6 @@ class RowsOfJoints(Constraint):
 
     linear: ClassVar[bool] = False
     """True if the gradient is constant; the rows are then compiled."""
-    _compiled: ClassVar[tuple[str, str]]  #: Compiled rows, and the method that returns the value.
 
     @abstractmethod
     def gradient(self, y: Array) -> Array:
@@ -37,14 +36,9 @@ class RowsOfJoints(Constraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """Return half of the allowed range (r,) of each row."""
 
-    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
-        """Return the compiled form of rows that are declared linear, from their values at rest."""
-        rows, value = self._compiled
-        if not (self.linear and self.declares("linear", (value, "gradient", "curvature", "rows"))):
-            return None
-        rest = np.zeros(scene.robot.n)
-        offsets = getattr(self, value)(rest)
-        return CompiledRowSpec(rows, gradients=self.gradient(rest), offsets=offsets)
+    def is_linear(self, value: str) -> bool:
+        """True if the rows are declared linear, with values from the method of that name."""
+        return self.linear and self.declares("linear", (value, "gradient", "curvature", "rows"))
 
 
 class JointConstraint(RowsOfJoints):
@@ -55,7 +49,6 @@ class JointConstraint(RowsOfJoints):
     """
 
     unit = "rad"
-    _compiled = "joint_rows", "sigma"
 
     @abstractmethod
     def sigma(self, q: Array) -> Array:
@@ -75,6 +68,15 @@ class JointConstraint(RowsOfJoints):
         g = self.gradient(q)
         return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
 
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
+        """Return the compiled form of rows that are declared linear, from σ at q = 0."""
+        if not self.is_linear("sigma"):
+            return None
+        from ..compiled.constraint_rows import joint_rows
+
+        zero = np.zeros(scene.robot.n)
+        return CompiledRowSpec(joint_rows, gradients=self.gradient(zero), offsets=self.sigma(zero))
+
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −σ / ‖∂σ/∂q‖ [rad]: exact for linear rows, of first order elsewhere."""
         return to_first_order(self.sigma(trace.q), self.gradient(trace.q))
@@ -88,7 +90,6 @@ class SpeedConstraint(RowsOfJoints):
     """
 
     unit = "rad/s"
-    _compiled = "speed_rows", "phi"
 
     def __init__(self, *, switching_gain: float) -> None:
         super().__init__(K=1.0, switching_gain=switching_gain)
@@ -102,6 +103,15 @@ class SpeedConstraint(RowsOfJoints):
         qd = state.robot.qd
         phi = self.phi(qd)
         return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
+
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
+        """Return the compiled form of rows that are declared linear, from φ at rest."""
+        if not self.is_linear("phi"):
+            return None
+        from ..compiled.constraint_rows import speed_rows
+
+        rest = np.zeros(scene.robot.n)
+        return CompiledRowSpec(speed_rows, gradients=self.gradient(rest), offsets=self.phi(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −φ / ‖∂φ/∂q̇‖ [rad/s]: exact for linear rows, of first order elsewhere."""

@@ -151,6 +151,8 @@ class PerformanceFunnel(Constraint):
         """Return the form of the rows, which are computed from markers or the camera's pose."""
         if type(self).rows is not Constraint.rows:
             return None
+        from ..compiled.constraint_rows import image_funnel_rows, pose_funnel_rows
+
         wanted: list[float] = []  # of each goal: pixels, or R and t of the camera
         for goal in self.goals:
             if self.of_image or goal.camera is None:
@@ -160,7 +162,7 @@ class PerformanceFunnel(Constraint):
                 wanted += goal.camera.t.tolist()
         goal_count = float(len(self.goals))
         return CompiledRowSpec(
-            "image_funnel_rows" if self.of_image else "pose_funnel_rows",
+            image_funnel_rows if self.of_image else pose_funnel_rows,
             parameters=(self.final, self.decay, goal_count, *self._goal_starts, *wanted),
             which=self._entry_of_row,
             offsets=self._error_factor,
