@@ -114,7 +114,9 @@ class FieldOfView(ImageConstraint):
         # on the rectangle |u/a|ⁿ + |v/b|ⁿ is between 1 and 2, so that no n makes it vanish, and it
         # falls with the n-th power of the distance from the centre
         on_rectangle = direction / np.abs(direction / half).max(axis=-1, keepdims=True)
-        value, _, _ = formulas.superellipse(*on_rectangle.T, *half, self.n)
+        u, v = on_rectangle.T
+        a, b = half
+        value, _, _ = formulas.superellipse(u, v, a, b, self.n)
         share = (1.0 + value) ** (-1.0 / self.n)
         boundary = on_rectangle * share[:, None]
         _, certain = self._camera.distortion.remove(self._camera.normalised(boundary))

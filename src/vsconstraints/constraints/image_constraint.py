@@ -130,9 +130,10 @@ class ImageConstraint(PositionConstraint):
             low = np.floor(displacements.min(axis=0) / half) * half
             high = np.ceil(displacements.max(axis=0) / half) * half
             extremes = tuple(low.tolist()), tuple(high.tolist())
-        frame = None
+        frame: tuple[float, ...] = ()
         if self.frame is not None:
-            frame = tuple(tuple(part.ravel().tolist()) for part in self.frame)
+            R, t = self.frame
+            frame = (*R.ravel().tolist(), *t.tolist())
         dependencies = self.formula, self.parameters, self.margin, frame
         key = Keyed((tuple(image_size), extremes, *dependencies), self)
         return _cached_curve(key)
@@ -253,7 +254,7 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     dense = np.union1d(arc, every_spacing)
     u = np.interp(dense, arc, line[:, 0])
     v = np.interp(dense, arc, line[:, 1])
-    return np.stack((u, v), axis=1)
+    return np.column_stack((u, v))
 
 
 def _lengths(vectors: Array) -> Array:

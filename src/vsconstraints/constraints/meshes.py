@@ -132,11 +132,11 @@ def _prism_around(cylinder: coal.Cylinder) -> Array:
     """Return the corners of the prism of :data:`SIDES` sides around a cylinder."""
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
     radius = cylinder.radius / np.cos(np.pi / SIDES)
-    half = np.full(SIDES, cylinder.halfLength)
     x = radius * np.cos(angle)
     y = radius * np.sin(angle)
-    upper = np.stack((x, y, half), axis=1)
-    lower = np.stack((x, y, -half), axis=1)
+    z = np.full(SIDES, cylinder.halfLength)
+    upper = np.column_stack((x, y, z))
+    lower = np.column_stack((x, y, -z))
     return np.concatenate((upper, lower))
 
 
@@ -190,7 +190,7 @@ def _ball() -> Mesh:
     radius = np.sqrt(1.0 - z * z)
     x = radius * np.cos(turn)
     y = radius * np.sin(turn)
-    return hull(np.stack([x, y, z], axis=1))
+    return hull(np.column_stack((x, y, z)))
 
 
 class Surface(NamedTuple):
@@ -225,10 +225,11 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> Surface:
     if isinstance(geometry, coal.Capsule):
         half = geometry.halfLength
         count = 2 + int(2.0 * half / longest)
-        z = np.linspace(-half, half, count)
-        zeros = np.zeros_like(z)
-        axis = np.stack((zeros, zeros, z), axis=1)
-        segments = np.stack((axis[:-1], axis[1:]), axis=1)
+        axis = np.zeros((count, 3))
+        axis[:, 2] = np.linspace(-half, half, count)
+        begins = axis[:-1]
+        ends = axis[1:]
+        segments = np.stack((begins, ends), axis=1)
         return Surface(segments, float(geometry.radius))
     geometry.computeLocalAABB()
     box = geometry.aabb_local
@@ -255,19 +256,23 @@ def _cylinder(radius: float, half: float) -> Array:
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
     x = np.cos(angle)
     y = np.sin(angle)
-    rim = radius * np.stack((x, y, np.zeros_like(angle)), axis=1)
+    rim = radius * np.column_stack((x, y, np.zeros_like(angle)))
     up = np.array([0.0, 0.0, half])
+    lower_rim = rim - up
+    upper_rim = rim + up
     # corners of each side, at its beginning and at its end around the axis
-    low = (rim - up)[:-1]
-    next_low = (rim - up)[1:]
-    high = (rim + up)[:-1]
-    next_high = (rim + up)[1:]
+    low = lower_rim[:-1]
+    next_low = lower_rim[1:]
+    high = upper_rim[:-1]
+    next_high = upper_rim[1:]
     centre = np.zeros((SIDES, 3))
+    bottom = centre - up
+    top = centre + up
     triangles = [
         np.stack((low, next_low, high), axis=1),
         np.stack((next_low, next_high, high), axis=1),
-        np.stack((low, next_low, centre - up), axis=1),
-        np.stack((high, next_high, centre + up), axis=1),
+        np.stack((low, next_low, bottom), axis=1),
+        np.stack((high, next_high, top), axis=1),
     ]
     return np.concatenate(triangles)
 

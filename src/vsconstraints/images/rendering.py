@@ -74,9 +74,9 @@ class Renderer:
         if hidden is not None:
             image[hidden] = OBSTACLE
         if settings.blur_px:
-            image = cv2.GaussianBlur(
-                image, (0, 0), settings.blur_px, borderType=cv2.BORDER_REPLICATE
-            )
+            any_size = (0, 0)
+            border = cv2.BORDER_REPLICATE
+            image = cv2.GaussianBlur(image, any_size, settings.blur_px, borderType=border)
         image *= settings.light
         if settings.noise:
             noise = random.standard_normal(image.shape, dtype=np.float32)
@@ -168,15 +168,18 @@ class Renderer:
         tag_x, tag_y = _points_on_tag(homographies, x, y, times)
         extent = float(np.ptp(outline, axis=1).max())
         texels = _texels(FINER * extent / (CELLS + 2 * BORDER))
-        # cells from the corner of the black square; OpenCV counts centres
+        # from cells, from the corner of the black square, to points, which OpenCV counts by centres
         scale = np.float32(texels)
         border = np.float32(BORDER)
         centre = np.float32(0.5)
+        picture = _picture(int(self.board.ids[i]), texels)
+        picture_x = scale * (tag_x + border) - centre
+        picture_y = scale * (tag_y + border) - centre
         patch = np.ascontiguousarray(fine[rows, columns])
         cv2.remap(
-            _picture(int(self.board.ids[i]), texels),
-            scale * (tag_x + border) - centre,
-            scale * (tag_y + border) - centre,
+            picture,
+            picture_x,
+            picture_y,
             cv2.INTER_LINEAR,
             dst=patch,
             borderMode=cv2.BORDER_TRANSPARENT,
@@ -189,15 +192,16 @@ class Renderer:
         ``camera`` is the camera's pose in the board's frame. Return None if the tag is seen from
         behind.
         """
-        # all lengths in cells
+        # all lengths in cells: (x, y, 1) of the tag to the plane of the board, then to the camera
         corner, right, _, down = self.board.corners[i] / self.board.cell
         to_board = np.zeros((3, 3))
         to_board[:2, 0] = (right - corner) / CELLS
         to_board[:2, 1] = (down - corner) / CELLS
         to_board[:2, 2] = corner
         board_R = camera.R.T
+        board_t = board_R @ camera.t / self.board.cell
         to_camera: Array = board_R @ to_board
-        to_camera[:, 2] -= board_R @ camera.t / self.board.cell
+        to_camera[:, 2] -= board_t
         is_seen_from_front = np.linalg.det(to_camera) > 0.0
         return np.linalg.inv(to_camera) if is_seen_from_front else None
 
