@@ -113,14 +113,13 @@ def _hulls(links: Keyed) -> tuple[Body, ...]:
     It is cached, because reading it takes as long as a run.
     """
     robot: Robot = links.of
-    joints: dict[str, int] = {}
-    parts: dict[str, list[PlacedSolid]] = {}
+    bodies: dict[str, Body] = {}
     for solid in robot.collision_geometry().geometryObjects:
         link = robot.model.frames[solid.parentFrame].name
-        joints[link] = int(solid.parentJoint)
         part = pin.SE3(solid.placement), convex(solid.geometry, solid.name)
-        parts.setdefault(link, []).append(part)
-    return tuple(Body(link, joints[link], tuple(parts[link])) for link in parts)
+        others = bodies[link].parts if link in bodies else ()
+        bodies[link] = Body(link, int(solid.parentJoint), (*others, part))
+    return tuple(bodies.values())
 
 
 def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:

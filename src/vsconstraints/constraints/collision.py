@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from itertools import combinations, product
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -156,10 +157,10 @@ class BodyDistance(Constraint):
         distances = np.empty(len(self.pairs))
         wrenches = np.empty((len(self.pairs), 6))
         for i, (first, second) in enumerate(self.pairs):
-            of_solids = []
-            for a, b in product(placed[id(first)], placed[id(second)]):
-                of_solids.append(self._nearest(a, b, i))
-            nearest = min(of_solids, key=lambda found: found.distance)
+            solids_of_first = placed[id(first)]
+            solids_of_second = placed[id(second)]
+            found = [self._nearest(a, b, i) for a, b in product(solids_of_first, solids_of_second)]
+            nearest = min(found, key=attrgetter("distance"))
             distances[i] = nearest.distance
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = nearest.direction

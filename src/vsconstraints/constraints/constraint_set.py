@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,14 @@ from .joint_limits import SpeedConstraint
 def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
     """Return the robot points that these constraints need, one constraint after the other."""
     return tuple(point for constraint in constraints for point in constraint.points)
+
+
+class Block(NamedTuple):
+    """Constraint with its number of rows, and the range of its robot points among the scene's."""
+
+    constraint: Constraint
+    row_count: int
+    points: slice
 
 
 class ConstraintSet:
@@ -39,8 +48,7 @@ class ConstraintSet:
         labels: list[str] = []
         kinds: list[str] = []
         units: list[str] = []
-        self._counts: list[int] = []  # of rows
-        self._points: list[slice] = []  # ranges of robot points
+        self._blocks: list[Block] = []
         first_point = 0
         for constraint in self.constraints:
             names = constraint.labels(scene)
@@ -48,8 +56,8 @@ class ConstraintSet:
             kinds += [constraint.kind] * len(names)
             units += constraint.units(scene)
             end_point = first_point + len(constraint.points)
-            self._counts.append(len(names))
-            self._points.append(slice(first_point, end_point))
+            points = slice(first_point, end_point)
+            self._blocks.append(Block(constraint, len(names), points))
             first_point = end_point
         self.labels = tuple(labels)
         self.kinds = tuple(kinds)
@@ -74,7 +82,8 @@ class ConstraintSet:
 
     def _by_row(self, values: Sequence[float]) -> Array:
         """Return an array (m,) that repeats the value of each constraint for each of its rows."""
-        repeated: Array = np.repeat(values, self._counts).astype(np.float64)
+        row_counts = [block.row_count for block in self._blocks]
+        repeated: Array = np.repeat(values, row_counts).astype(np.float64)
         return repeated
 
     @in_one_line
@@ -98,12 +107,9 @@ class ConstraintSet:
         motions += [getattr(constraint, "motion", None) for constraint in self.constraints]
         return any(motion is not None and not motion.known for motion in motions)
 
-    def blocks(self) -> list[tuple[Constraint, int, slice]]:
-        """Return every constraint, its number of rows, and the range of its robot points.
-
-        The range refers to the robot points of the scene.
-        """
-        return list(zip(self.constraints, self._counts, self._points, strict=True))
+    def blocks(self) -> list[Block]:
+        """Return every constraint with its numbers of rows and robot points."""
+        return list(self._blocks)
 
     def clearance(self, trace: Trace) -> Array:
         """Return the clearance (T, m): the signed distance of each row to its boundary.
@@ -111,17 +117,17 @@ class ConstraintSet:
         It is given in the row's natural unit and positive where the row is satisfied. Rows of a
         custom constraint that raises an exception or returns another shape are NaN.
         """
-        n_samples = len(trace.q)
-        blocks = [np.empty((n_samples, 0))]
-        for constraint, n_rows, points in self.blocks():
-            unknown = np.full((n_samples, n_rows), np.nan)
+        sample_count = len(trace.q)
+        parts = [np.empty((sample_count, 0))]
+        for constraint, row_count, points in self._blocks:
+            unknown = np.full((sample_count, row_count), np.nan)
             try:
                 clearance = np.asarray(constraint.clearance(trace, points), dtype=np.float64)
             # an exception in a custom constraint must not discard the simulated run
             except Exception:
                 clearance = unknown
-            blocks.append(clearance if clearance.shape == unknown.shape else unknown)
-        return np.concatenate(blocks, axis=1)
+            parts.append(clearance if clearance.shape == unknown.shape else unknown)
+        return np.concatenate(parts, axis=1)
 
     def sampling_band(self, Ts: float) -> Array:
         """Return the violation depth (m,) caused by sampling with ``Ts`` [s] alone.

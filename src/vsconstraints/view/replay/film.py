@@ -153,7 +153,7 @@ class _Column:
         until_now = pixels[: sample + 1 : step]
         tracks(ax, until_now, color=self.colour, linewidth=2.0, zorder=4.5)
         for number, marker in enumerate(pixels[sample], start=1):
-            state = self._worst_state(("marker", number), states)
+            state = self._worst_state(Thing("marker", number), states)
             edge = HIGHLIGHTS.get(state, "white")
             width = 0.9 if state == INACTIVE else 2.5
             disc = symbol("o", self.colour, edge, 8.5, zorder=6, markeredgewidth=width)

@@ -18,7 +18,16 @@ from ...plugins.extras import demand
 from ...reports.plots.image import Plane
 from ...rows import Array
 from ..setup_scene import draw_setup
-from .runs import INACTIVE, Frames, ReplayRun, States, check_same_scene, colours_of, things_of
+from .runs import (
+    INACTIVE,
+    Frames,
+    ReplayRun,
+    States,
+    Thing,
+    check_same_scene,
+    colours_of,
+    things_of,
+)
 from .space import common_viewpoint, space_of
 
 PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot render it [in]
@@ -153,7 +162,7 @@ def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     things = things_of(run)
     marker_states = []
     for number in range(1, pixels.shape[1] + 1):
-        applies = [thing == ("marker", number) for thing in things]
+        applies = [thing == Thing("marker", number) for thing in things]
         of_marker = states[:, applies].max(axis=1, initial=INACTIVE)
         marker_states.append(_digits(of_marker))
     highlighted_frames = (states != INACTIVE).sum(axis=0)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,6 @@ ACTIVE = 1
 VIOLATED = 2
 HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 States = npt.NDArray[np.uint8]
-Thing = tuple[str, int] | None
 MAX_RUNS = 4  # more runs beside each other cannot be distinguished
 #: Texts that name a run.
 HOW = (
@@ -39,6 +39,23 @@ HOW = (
     "campaign again, FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
 )
+
+
+class Thing(NamedTuple):
+    """Object to which rows apply: a ``marker`` or a ``joint``, counted from 1, or an ``obstacle``.
+
+    The number of an obstacle is the index of its constraint.
+    """
+
+    kind: str
+    number: int
+
+
+class ThingOfRun(NamedTuple):
+    """Object with the index of its run, which is 0 for objects that all runs share."""
+
+    thing: Thing
+    run: int
 
 
 @dataclass(frozen=True)
@@ -147,14 +164,13 @@ def states(run: ReplayRun) -> States:
     return states
 
 
-def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
+def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[ThingOfRun, States]:
     """Return the states (F,) of all highlighted objects in space.
 
-    Keys are the kind of object, its number and the run: a ``marker`` or a ``joint``, counted from
-    1, or an ``obstacle`` by the index of its constraint. The run is 0 for objects that runs share:
-    markers and obstacles are highlighted by the rows of any run.
+    Objects that runs share are highlighted by the rows of any run: obstacles, and markers unless
+    the arms carry them.
     """
-    found: dict[tuple[str, int, int], States] = {}
+    found: dict[ThingOfRun, States] = {}
     for k, run in enumerate(runs):
         shared = {"obstacle"}
         if run.setup.scene.camera.fixed is None:
@@ -163,40 +179,35 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, 
         for thing, row_states in zip(things_of(run), states_by_row, strict=True):
             if thing is None or not row_states.any():
                 continue
-            kind, number = thing
-            key = (kind, number, 0 if kind in shared else k)
+            key = ThingOfRun(thing, 0 if thing.kind in shared else k)
             worst = np.maximum(found.get(key, INACTIVE), row_states)
             found[key] = worst.astype(np.uint8)
     return found
 
 
-def things_of(run: ReplayRun) -> list[Thing]:
-    """Return the object (m,) to which each row applies: a marker, a joint or an obstacle.
-
-    Each has its number. None stands for rows on any other quantity.
-    """
+def things_of(run: ReplayRun) -> list[Thing | None]:
+    """Return the object (m,) to which each row applies, None for rows on any other quantity."""
     scene = run.setup.scene
     constraints = run.setup.constraints
     counts = {"marker": len(scene.markers), "joint": scene.robot.n}
-    things = list[Thing]()
-    for k, (constraint, row_count, _) in enumerate(constraints.blocks()):
-        if constraint.meshes(0.0, 1.0):
-            things += [("obstacle", k)] * row_count
+    things: list[Thing | None] = []
+    for k, block in enumerate(constraints.blocks()):
+        if block.constraint.meshes(0.0, 1.0):
+            things += [Thing("obstacle", k)] * block.row_count
             continue
         first = len(things)
-        labels = constraints.labels[first : first + row_count]
+        labels = constraints.labels[first : first + block.row_count]
         things += [_thing_named(label, counts) for label in labels]
     return things
 
 
-def _thing_named(label: str, counts: Mapping[str, int]) -> Thing:
+def _thing_named(label: str, counts: Mapping[str, int]) -> Thing | None:
     """Return the marker or joint that the label of a row names, if there is one of that number."""
     match = re.search(r"(marker|joint) (\d+)\]", label)
     if match is None:
         return None
-    kind = match[1]
-    number = int(match[2])
-    return (kind, number) if number <= counts[kind] else None
+    thing = Thing(match[1], int(match[2]))
+    return thing if thing.number <= counts[thing.kind] else None
 
 
 # --- Names ---

@@ -25,7 +25,7 @@ from ..setup_scene import (
     viewpoint_of,
 )
 from ..solids import ball, bar
-from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
+from .runs import HIGHLIGHTS, Frames, ReplayRun, ThingOfRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted; opacity of the arms after the first.
 OBSTACLE = "#8FA3BF"
@@ -154,9 +154,9 @@ def _add_covers(
 ) -> list[tuple[BoolArray, Any]]:
     """Add covers of all highlighted objects; return when each is visible (F,), and its handle."""
     covers = []
-    for (kind, number, run_number), states in highlights_of(runs, frames).items():
-        mesh, frame = _cover(kind, number, runs, run_number, half)
-        opacity = 0.85 if kind == "marker" else 0.6
+    for highlighted, states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(highlighted, runs, half)
+        opacity = 0.85 if highlighted.thing.kind == "marker" else 0.6
         for state, colour in HIGHLIGHTS.items():
             handle = nodes.add(Part(mesh, colour, frame, opacity))
             covers.append((states == state, handle))
@@ -214,21 +214,24 @@ class Nodes:
                 self.rails[name].scale = (1.0, 1.0, stretch)
 
 
-def _cover(
-    kind: str, number: int, runs: Sequence[ReplayRun], run_number: int, half: float
-) -> tuple[Mesh, str]:
+def _cover(highlighted: ThingOfRun, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
     """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
-    setup = runs[run_number].setup
+    k = highlighted.run
+    kind, number = highlighted.thing
+    setup = runs[k].setup
     scale = half / REACH
     if kind == "marker":
-        mesh = ball(setup.scene.markers[number - 1], 0.021 * scale, 12)
-        return mesh, f"{run_number} target" if run_number else "target"
+        place = setup.scene.markers[number - 1]
+        frame = f"{k} target" if k else "target"
+        return ball(place, 0.021 * scale, 12), frame
     if kind == "obstacle":
-        return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
-    poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
+        meshes = obstacle_meshes(setup, 1.01 * half)
+        return meshes[number], f"obstacle {number}"
+    robot = setup.scene.robot
+    poses, axes = joint_poses(robot, np.zeros(robot.n))
     half_axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
-    radius = (0.062 - 0.002 * run_number) * scale
-    return bar(-half_axis, half_axis, radius, 20), f"{run_number} joint {number}"
+    radius = (0.062 - 0.002 * k) * scale
+    return bar(-half_axis, half_axis, radius, 20), f"{k} joint {number}"
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
