@@ -4,6 +4,7 @@ bends with it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -278,6 +279,27 @@ def test_a_field_of_view_beyond_what_can_be_inverted_says_which_margin_would_do(
     FieldOfView(eye, margin_px=enough, **GAINS)
     with pytest.raises(ConfigurationError, match="cannot be inverted"):
         FieldOfView(eye, margin_px=enough - 1.0, **GAINS)
+
+
+@pytest.mark.parametrize(
+    ("n", "farthest"),
+    [(2.0, lambda m: 320.0 - m), (1000.0, lambda m: np.hypot(320.0 - m, 240.0 - m))],
+    ids=["ellipse", "rectangle"],
+)
+def test_the_margin_of_a_field_of_view_follows_from_its_farthest_point(
+    n: float, farthest: Callable[[float], float]
+) -> None:
+    k1 = -0.4
+    lens = Distortion("brown-conrady", (k1, 0.0, 0.0, 0.0))
+    eye = Camera((400.0, 400.0), (640.0, 480.0), distortion=lens)
+    with pytest.raises(ConfigurationError, match=r"margin_px = (\d+)") as no:
+        FieldOfView(eye, n=n, **GAINS)
+    enough = float(str(no.value).rpartition("= ")[2].partition(" ")[0])
+    # the lens folds back where the derivative 1 + 3 k₁ r² of its radius is zero
+    r = np.sqrt(-1.0 / (3.0 * k1))
+    radius_px = 400.0 * r * (1.0 + k1 * r**2)
+    # the searched margins are whole pixels, and a lens is not inverted quite up to its fold
+    assert farthest(enough) <= radius_px <= farthest(enough - 2.0)
 
 
 # --- in a loop ---

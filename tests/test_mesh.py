@@ -21,8 +21,9 @@ from vsconstraints.simulation.occluders import Occluders
 from vsconstraints.view.replay import ReplayRun
 from vsconstraints.view.replay.runs import things_of
 from vsconstraints.view.replay.space import scene_of
-from vsconstraints.view.scene3d import Scene3D, Viewpoint, ball
+from vsconstraints.view.scene3d import Scene3D, Viewpoint
 from vsconstraints.view.setup_scene import obstacle_meshes, setup_frames, viewpoint_of
+from vsconstraints.view.solids import ball
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import Scene
 

@@ -19,8 +19,8 @@ from vsconstraints.reports.plots.image import Plane
 from vsconstraints.robots import ready_made
 from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario, shipped_scenarios
+from vsconstraints.view.arm import bars_of
 from vsconstraints.view.preview import FIGURE, Preview, lines
-from vsconstraints.view.scene3d import bars_of
 from vsconstraints.view.setup_scene import (
     IN_VIEW,
     obstacle_meshes,

@@ -33,6 +33,7 @@ from vsconstraints.reports.plots.style import rgb
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.view.arm import JOINT, bars_of, visuals
 from vsconstraints.view.replay import (
     ReplayRun,
     film,
@@ -66,7 +67,7 @@ from vsconstraints.view.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.view.scene3d import JOINT, Part, bars_of, visuals
+from vsconstraints.view.scene3d import Part
 
 FOV = "example-2d-fov"
 
@@ -211,7 +212,7 @@ def test_rows_light_what_they_are_about() -> None:
 
 def test_what_runs_share_is_lit_by_any_of_them(two: list[ReplayRun]) -> None:
     frames = Frames.of(two)
-    highlighted = {key[:2]: states for key, states in highlights_of(two, frames).items()}
+    highlighted = {key.thing: states for key, states in highlights_of(two, frames).items()}
     either = np.maximum(
         *(frames.states(run)[:, run.trajectory.labels.index("fov[marker 2]")] for run in two)
     )
@@ -451,9 +452,10 @@ def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[Replay
     highlighted = highlights_of(runs, Frames.of(runs))
     require_in_view(runs)
     carried = setup.scene.camera.fixed is not None
-    assert {run for what, _, run in highlighted if what == "marker"} == ({0, 1} if carried else {0})
-    assert {run for what, _, run in highlighted if what == "obstacle"} <= {0}
-    assert any(what == "joint" for what, _, _ in highlighted)
+    of_markers = {key.run for key in highlighted if key.thing.kind == "marker"}
+    assert of_markers == ({0, 1} if carried else {0})
+    assert {key.run for key in highlighted if key.thing.kind == "obstacle"} <= {0}
+    assert any(key.thing.kind == "joint" for key in highlighted)
     assert "<html" in replay_html(runs)
 
 

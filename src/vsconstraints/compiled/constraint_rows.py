@@ -1,7 +1,8 @@
 """Rows of each kind of constraint, made by a template from the formulas of one constraint.
 
 A template returns a function (address, i). It writes the rows of part ``i`` of the :class:`.Step`
-at an address.
+at an address. Constraints name their template in :class:`.CompiledRowSpec`; they import it where
+they need it, because importing this module starts the compiler.
 """
 
 from __future__ import annotations
@@ -40,7 +41,6 @@ from ..formulas.vectors import (
     vector,
 )
 from ..rows import Array
-from . import load
 from .compiler import IN_PLACE, OPTIONS, compiled, in_place
 from .kinematics import point_jacobian
 from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
@@ -48,6 +48,18 @@ from .signatures import INT, VOID, signature
 from .workspace import Step
 
 WriteRows = Callable[[int, int], None]
+
+
+class RowTemplate(NamedTuple):
+    """Template of functions that write rows, one function for the formulas of one constraint.
+
+    ``make`` takes a formula, its curvature and their number of parameters, or nothing for rows
+    without formulas. It decorates the function of that signature.
+    """
+
+    make: Callable[..., WriteRows]
+    makes_arrays: bool = False  #: True if the function allocates arrays, which takes other options.
+
 
 #: First parameters of a funnel: ρ∞/ρ₀, l, and the number of goals; then the goals' start times.
 FINAL, DECAY, GOALS, BEGINS = range(4)
@@ -91,6 +103,7 @@ def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, dr
     rows.Lf[row] = sigma_dot + K * drift
 
 
+@RowTemplate
 def joint_rows() -> WriteRows:
     """Return the function that writes rows linear in the joint coordinates."""
 
@@ -116,6 +129,7 @@ def joint_rows() -> WriteRows:
     return rows
 
 
+@RowTemplate
 def speed_rows() -> WriteRows:
     """Return the function that writes rows linear in the joint speeds.
 
@@ -136,6 +150,7 @@ def speed_rows() -> WriteRows:
     return rows
 
 
+@RowTemplate
 def point_rows(
     formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
 ) -> WriteRows:
@@ -196,6 +211,7 @@ def relative_pixel(focal: Array, normalised: Array, moved: Vector) -> tuple[floa
     return u, v
 
 
+@RowTemplate
 def image_rows(
     formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
 ) -> WriteRows:
@@ -274,6 +290,7 @@ def funnel_now(parameters: Array, t: float, size: int) -> CurrentFunnel:
     return CurrentFunnel(first_goal + goal * size, width, rate, bend)
 
 
+@RowTemplate
 def image_funnel_rows() -> WriteRows:
     """Return the function that writes the rows of a funnel of markers.
 
@@ -321,6 +338,7 @@ def goal_pose(parameters: Array, start: int) -> tuple[Matrix, Vector]:
     return R, vector(parameters[start + 9 :])
 
 
+@RowTemplate
 def pose_funnel_rows() -> WriteRows:
     """Return the function that writes the rows of a funnel of the camera's pose.
 
@@ -372,20 +390,17 @@ def pose_funnel_rows() -> WriteRows:
 
 
 @cache
-def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> Any:
-    """Return the compiled function of the template ``kind``, or None if numba refuses a formula.
+def rows_function(
+    template: RowTemplate, formulas: tuple[Callable[..., Any] | None, ...], count: int
+) -> Any:
+    """Return the compiled function of a template, or None if numba refuses a formula.
 
     A RuntimeWarning reports the refusal. ``count`` is the number of parameters of the formulas.
     """
-    template = globals().get(kind)
-    options = IN_PLACE
-    if template is None:
-        # these templates make arrays
-        template = getattr(load(kind), kind)
-        options = OPTIONS
     constants = (count,) if formulas else ()
+    options = OPTIONS if template.makes_arrays else IN_PLACE
     try:
-        return make_part(template, formulas, constants, signature(VOID, INT, INT), options)
+        return make_part(template.make, formulas, constants, signature(VOID, INT, INT), options)
     except Exception as error:  # numba raises any exception for code that it does not support
         if all(formula is None for formula in formulas):
             raise
@@ -393,9 +408,11 @@ def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], co
         return None
 
 
-def rows_address(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> int:
+def rows_address(
+    template: RowTemplate, formulas: tuple[Callable[..., Any] | None, ...], count: int
+) -> int:
     """Return the address of :func:`rows_function`'s result, or 0 if there is none."""
-    function = rows_function(kind, formulas, count)
+    function = rows_function(template, formulas, count)
     return 0 if function is None else address(function)
 
 

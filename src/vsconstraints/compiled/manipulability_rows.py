@@ -7,13 +7,14 @@ that rotation, are the same as in the tip's axes.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
 from ..formulas.vectors import matrix, plus, rotate, vector
 from ..rows import Array
 from .compiler import inner
-from .constraint_rows import WriteRows, write_row
+from .constraint_rows import RowTemplate, WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, constant, dot
@@ -276,6 +277,7 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     return product, bounded_product * (rate * rate + 0.5 * bend)
 
 
+@partial(RowTemplate, makes_arrays=True)
 def manipulability_rows() -> WriteRows:
     """Make the function that writes the row of manipulability.
 

@@ -1,7 +1,8 @@
 """Constraints as labelled rows φ ≤ 0."""
 
 from .base import Constraint, RowBlock, Trace
-from .bodies import Body, LinkPoints, attached_body, fixed_body, link_bodies, link_points, mesh
+from .bodies import Body, attached_body, fixed_body, link_bodies, mesh
+from .characteristic_points import LinkPoints, link_points
 from .collision import BodyDistance, Collision, SelfCollision
 from .constraint_set import ConstraintSet, robot_points
 from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Occlusion, Shape

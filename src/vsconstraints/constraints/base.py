@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
 from .by_formula import ByFormula, CompiledRowSpec, curvature_by_differences, require_own_curvature
 from .meshes import Mesh
+
+if TYPE_CHECKING:
+    from ..compiled.constraint_rows import RowTemplate
 
 #: Methods that follow from a formula; a class that overrides one of them may compute anything.
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
@@ -78,19 +81,22 @@ class Constraint(ABC):
 
     @in_one_line
     def __repr__(self) -> str:
-        said = vars(self)
-        facts = [
-            f"{what} {enumerated(said[what], 8)}"
-            for what in ("markers", "joints")
-            if said.get(what)
-        ]
-        facts += [f"K = {amount(self.K)} s", f"u⁺ = {amount(self.switching_gain)} per s"]
-        facts += [f"L = {amount(said['length'])} {self.unit}"] if "length" in said else []
-        facts += ["moving"] if said.get("motion") is not None else []
-        name = said.get("name")
-        return (
-            f"<{type(self).__name__} {self.kind}{f' {name}' if name else ''}: {', '.join(facts)}>"
-        )
+        attributes = vars(self)
+        facts = []
+        for which in ("markers", "joints"):
+            numbers = attributes.get(which)
+            if numbers:
+                facts.append(f"{which} {enumerated(numbers, 8)}")
+        facts.append(f"K = {amount(self.K)} s")
+        facts.append(f"u⁺ = {amount(self.switching_gain)} per s")
+        if "length" in attributes:
+            facts.append(f"L = {amount(attributes['length'])} {self.unit}")
+        if attributes.get("motion") is not None:
+            facts.append("moving")
+        title = f"{type(self).__name__} {self.kind}"
+        if attributes.get("name"):
+            title += f" {attributes['name']}"
+        return f"<{title}: {', '.join(facts)}>"
 
     @abstractmethod
     def labels(self, scene: Scene) -> tuple[str, ...]:
@@ -155,11 +161,11 @@ class Constraint(ABC):
 
         Such an attribute describes all of these methods.
         """
-        for c in type(self).__mro__:
-            if word in vars(c):
+        for parent in type(self).__mro__:
+            if word in vars(parent):
                 return True
-            if any(method in vars(c) for method in methods):
-                break
+            if any(method in vars(parent) for method in methods):
+                return False
         return False
 
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
@@ -171,9 +177,10 @@ class Constraint(ABC):
 
     def block(self, sigma: Array, sigma_dot: Array, gradient: Array, drift: Array) -> RowBlock:
         """Return rows from σ, σ̇, ∂σ/∂q (r, n), and σ̈ for q̈ = 0 (eqs. 17 to 19)."""
-        return RowBlock(
-            sigma, sigma + self.K * sigma_dot, self.K * gradient, sigma_dot + self.K * drift
-        )
+        phi = sigma + self.K * sigma_dot
+        Lg = self.K * gradient
+        Lf = sigma_dot + self.K * drift
+        return RowBlock(sigma, phi, Lg, Lf)
 
 
 class PositionConstraint(ByFormula, Constraint):
@@ -194,13 +201,14 @@ class PositionConstraint(ByFormula, Constraint):
         if self.formula is None and type(self).gradient is ByFormula.gradient:
             raise ConfigurationError(
                 f"{type(self).__name__} ({self.kind}) gives sigma, but no gradient: give ∂σ/∂y as "
-                f"gradient too, or "
-                "both by a formula"
+                "gradient too, or both by a formula"
             )
         require_own_curvature(type(self))
 
-    def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> CompiledRowSpec | None:
-        """Return the compiled form of rows of the kind ``rows`` for these markers or points.
+    def formula_form(
+        self, template: RowTemplate, which: Sequence[int] | IntArray
+    ) -> CompiledRowSpec | None:
+        """Return the compiled form of the rows of these markers or points by a template.
 
         It is None unless the formula defines everything.
         """
@@ -208,7 +216,7 @@ class PositionConstraint(ByFormula, Constraint):
             return None
         formulas = self.formula, self.curvature_formula
         return CompiledRowSpec(
-            rows, formulas, self.parameters, which, self.frame, self.margin, self.motion
+            template, formulas, self.parameters, which, self.frame, self.margin, self.motion
         )
 
     def moving(self, motion: Motion) -> Self:
@@ -242,7 +250,9 @@ class PositionConstraint(ByFormula, Constraint):
 
     def displaced(self, y: Array, t: Array) -> Array:
         """Return coordinates y (T, r, d) at times t (T,), relative to the forbidden region."""
-        return y if self.motion is None else y - self.motion.displacement(t)[:, None, :]
+        if self.motion is None:
+            return y
+        return y - self.motion.displacement(t)[:, None, :]
 
     def sigma(self, y: Array) -> Array:
         """Return σ (...) at coordinates y (..., d): positive where forbidden."""
@@ -261,10 +271,11 @@ class PositionConstraint(ByFormula, Constraint):
     def chain_rule(self, motion: PointMotion) -> RowBlock:
         """Return rows from the motion of coordinates y (r, d) relative to the forbidden region."""
         y = motion.position
-        gradient = self.gradient(motion.position)
-        along = (gradient[:, None, :] @ motion.J)[:, 0, :]
+        gradient = self.gradient(y)
+        gradient_q = (gradient[:, None, :] @ motion.J)[:, 0, :]
+        sigma_dot = (gradient * motion.velocity).sum(axis=1)
         drift = (gradient * motion.drift).sum(axis=1) + self.curvature(y, motion.velocity)
-        return self.block(self.sigma(y), (gradient * motion.velocity).sum(axis=1), along, drift)
+        return self.block(self.sigma(y), sigma_dot, gradient_q, drift)
 
 
 def to_first_order(value: Array, gradient: Array) -> Array:
@@ -272,7 +283,8 @@ def to_first_order(value: Array, gradient: Array) -> Array:
 
     It is exact where σ is linear or a signed distance, and of first order elsewhere.
     """
-    clearance: Array = -value / np.sqrt((gradient * gradient).sum(axis=-1))
+    slope = np.sqrt((gradient * gradient).sum(axis=-1))
+    clearance: Array = -value / slope
     return clearance
 
 
@@ -299,7 +311,7 @@ def require_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:
     The message names ``what``.
     """
     given: list[object] = list(numbers)
-    counted = [int(i) for i in given if isinstance(i, Integral) and int(i) >= 1]
-    if not given or len(set(counted)) < len(given):
+    valid = [int(i) for i in given if isinstance(i, Integral) and int(i) >= 1]
+    if not given or len(set(valid)) < len(given):
         raise ConfigurationError(f"{what} are counted from 1, without repetition, not {given}")
-    return tuple(counted)
+    return tuple(valid)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from ..formulas.frames import (
 from ..formulas.vectors import rotate, rotate_inverse
 from ..rows import Array, IntArray
 from ..vision.motion import Motion
+
+if TYPE_CHECKING:
+    from ..compiled.constraint_rows import RowTemplate
 
 Formula = Callable[..., Any]
 Frame = tuple[Array, Array]  #: R (d, d), whose columns are the axes, and origin t (d,).
@@ -42,13 +45,13 @@ IN_FRAME = {
 class CompiledRowSpec(NamedTuple):
     """Description of a constraint from which the compiled step computes its rows.
 
-    The rows are those of :mod:`vsconstraints.compiled.constraint_rows`. ``which`` (r,) are the
-    numbers of the markers or of the scene's robot points, counted from 0. ``gradients`` (r, n) and
-    ``offsets`` (r,) are those of linear rows. ``middles`` (r,) are the middles of the ranges of
-    continuous joints, NaN for other rows. For the other fields see :class:`ByFormula`.
+    The ``template`` makes the function that writes the rows. ``which`` (r,) are the numbers of the
+    markers or of the scene's robot points, counted from 0. ``gradients`` (r, n) and ``offsets``
+    (r,) are those of linear rows. ``middles`` (r,) are the middles of the ranges of continuous
+    joints, NaN for other rows. For the other fields see :class:`ByFormula`.
     """
 
-    rows: str
+    template: RowTemplate
     formulas: tuple[Formula | None, ...] = ()
     parameters: tuple[float, ...] = ()
     which: Sequence[int] | IntArray | int = 0
@@ -81,11 +84,12 @@ class ByFormula:
 
     def value(self, y: Array) -> Array:
         """Return the value (...) at y (..., d)."""
-        return np.broadcast_to(self.evaluated(*np.moveaxis(y, -1, 0))[0], y.shape[:-1])
+        value, *_ = self.evaluated(*_coordinates(y))
+        return np.broadcast_to(value, y.shape[:-1])
 
     def gradient(self, y: Array) -> Array:
         """Return ∂value/∂y (..., d) at y (..., d)."""
-        _, *slope = self.evaluated(*np.moveaxis(y, -1, 0))
+        _, *slope = self.evaluated(*_coordinates(y))
         if self.frame is not None:
             R, _ = self.frame
             slope = IN_FRAME[self.coordinates].rotate(R, slope)
@@ -94,14 +98,14 @@ class ByFormula:
 
     def curvature(self, y: Array, velocity: Array) -> Array:
         """Return ẏᵀ H ẏ (...) at y (..., d) with velocities (..., d)."""
-        x = self._local(tuple(np.moveaxis(y, -1, 0)))
-        v = self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
+        x = self._local(_coordinates(y))
+        x_dot = self._turned_back(_coordinates(velocity))
         if self.curvature_formula is None:
             by_differences = IN_FRAME[self.coordinates].curvature
-            bent = by_differences(self.formula, self.parameters, x, v)
+            curvature = by_differences(self.formula, self.parameters, x, x_dot)
         else:
-            bent = self.curvature_formula(*x, *self.parameters, *v)
-        return np.broadcast_to(bent, y.shape[:-1])
+            curvature = self.curvature_formula(*x, *self.parameters, *x_dot)
+        return np.broadcast_to(curvature, y.shape[:-1])
 
     def evaluated(self, *y: Array) -> tuple[Any, ...]:
         """Return value and derivatives along the axes of the frame.
@@ -113,10 +117,11 @@ class ByFormula:
         return values
 
     def _local(self, y: Sequence[Array]) -> tuple[Array, ...]:
+        """Return coordinates of points in the frame of the formula."""
         if self.frame is None:
             return tuple(y)
         _, origin = self.frame
-        relative = [along - start for along, start in zip(y, origin, strict=True)]
+        relative = [coordinate - start for coordinate, start in zip(y, origin, strict=True)]
         return self._turned_back(relative)
 
     def _turned_back(self, x: Sequence[Array]) -> tuple[Array, ...]:
@@ -126,6 +131,11 @@ class ByFormula:
         R, _ = self.frame
         turned: tuple[Array, ...] = IN_FRAME[self.coordinates].rotate_inverse(R, x)
         return turned
+
+
+def _coordinates(y: Array) -> tuple[Array, ...]:
+    """Return the d coordinates (...) of points (..., d)."""
+    return tuple(np.moveaxis(y, -1, 0))
 
 
 def _defining_class(kind: type, name: str) -> type:
@@ -153,12 +163,14 @@ def curvature_by_differences(
 ) -> Array:
     """Return ẏᵀ H ẏ (...) if only a gradient (..., d) is known, as a function of y (..., d)."""
 
-    def function(*x: Array) -> tuple[Array, ...]:
-        return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
+    def formula(*x: Array) -> tuple[Array, ...]:
+        unused_value = np.empty(0)
+        slope = gradient(np.stack(x, axis=-1))
+        return unused_value, *_coordinates(slope)
 
     by_differences = IN_FRAME[y.shape[-1]].curvature
-    bent: Array = by_differences(function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
-    return bent
+    curvature: Array = by_differences(formula, (), _coordinates(y), _coordinates(velocity))
+    return curvature
 
 
 def differences_along(
@@ -168,6 +180,9 @@ def differences_along(
 
     ``length`` is the step along q̇ (n,) [rad or m].
     """
-    step = length / max(float(np.sqrt(qd @ qd)), TINY)
-    change: Array = (gradient(q + step * qd) - gradient(q - step * qd)) @ qd / (2.0 * step)
-    return change
+    speed = float(np.sqrt(qd @ qd))
+    step = length / max(speed, TINY)
+    ahead = gradient(q + step * qd)
+    behind = gradient(q - step * qd)
+    curvature: Array = (ahead - behind) @ qd / (2.0 * step)
+    return curvature

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from itertools import product
+from itertools import combinations, product
+from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, SceneError, unknown_name
+from ..formulas.vectors import cross
 from ..robots.geometry import Pose
 from ..robots.robot import Robot
 from ..rows import Array
@@ -29,7 +32,24 @@ TOLERANCES = (1e-9, 1e-6, 1e-4)
 UNFINISHED = 1e6  #: Distance [m] from which on an iteration of coal counts as failed.
 STEP = 3e-5  #: Step of q along q̇ for the differences of a gradient [rad or m].
 
-Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
+
+class _Placed(NamedTuple):
+    """Solid at its pose in the base frame."""
+
+    solid: coal.CollisionGeometry
+    pose: coal.Transform3s
+
+
+class _Nearest(NamedTuple):
+    """Signed distance of solids a and b [m].
+
+    ``direction`` (3,) is the unit vector from a to b, and ``point`` (3,) the point of a nearest to
+    b, both in the base frame.
+    """
+
+    distance: float
+    direction: Array
+    point: Array
 
 
 class BodyDistance(Constraint):
@@ -68,14 +88,16 @@ class BodyDistance(Constraint):
         self._data = robot.model.createData()
         # unique bodies, compared by identity because solids of coal cannot be compared
         self._bodies: dict[int, Body] = {}
-        # 1 where a joint moves the second body of a pair alone, −1 where the first one alone
         motion = []
         joints = np.arange(robot.n)
         for first, second in self.pairs:
             self._bodies[id(first)] = first
             self._bodies[id(second)] = second
             # joint j moves a body if the body's joint comes after it
-            motion.append((joints < second.joint) * 1.0 - (joints < first.joint) * 1.0)
+            moves_first = np.where(joints < first.joint, 1.0, 0.0)
+            moves_second = np.where(joints < second.joint, 1.0, 0.0)
+            motion.append(moves_second - moves_first)
+        #: (r, n) 1 where a joint moves the second body of a pair alone, −1 for the first one alone.
         self._motion = np.array(motion)
         self._requests = []
         for tolerance in TOLERANCES:
@@ -119,12 +141,12 @@ class BodyDistance(Constraint):
         distances = np.array([self.distances(q) for q in trace.q])
         return distances.reshape(-1, len(self.pairs)) - self.margin
 
-    def _placed(self, body: Body) -> list[Placed]:
+    def _placed(self, body: Body) -> list[_Placed]:
         """Return the solids of a body with their poses, for the joint Jacobians computed last."""
         placed = []
         for placement, solid in body.parts:
             pose = self._data.oMi[body.joint] * placement
-            placed.append((solid, coal.Transform3s(pose.rotation, pose.translation)))
+            placed.append(_Placed(solid, coal.Transform3s(pose.rotation, pose.translation)))
         return placed
 
     def _measure(self, q: Array) -> tuple[Array, Array]:
@@ -135,32 +157,33 @@ class BodyDistance(Constraint):
         distances = np.empty(len(self.pairs))
         wrenches = np.empty((len(self.pairs), 6))
         for i, (first, second) in enumerate(self.pairs):
-            of_parts = []
-            for a, b in product(placed[id(first)], placed[id(second)]):
-                of_parts.append(self._nearest(a, b, i))
-            distances[i], n, p = min(of_parts, key=lambda nearest: nearest[0])
+            solids_of_first = placed[id(first)]
+            solids_of_second = placed[id(second)]
+            found = [self._nearest(a, b, i) for a, b in product(solids_of_first, solids_of_second)]
+            nearest = min(found, key=attrgetter("distance"))
+            distances[i] = nearest.distance
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
-            wrenches[i, :3] = n
-            wrenches[i, 3:] = (
-                p[1] * n[2] - p[2] * n[1],
-                p[2] * n[0] - p[0] * n[2],
-                p[0] * n[1] - p[1] * n[0],
-            )
+            wrenches[i, :3] = nearest.direction
+            wrenches[i, 3:] = cross(nearest.point, nearest.direction)
         return distances, -(wrenches @ J) * self._motion
 
-    def _nearest(self, a: Placed, b: Placed, row: int) -> tuple[float, Array, Array]:
-        """Return signed distance, direction from a to b, and the point of a nearest to b."""
+    def _nearest(self, a: _Placed, b: _Placed, row: int) -> _Nearest:
+        """Return the distance of two solids of a pair.
+
+        Raises SceneError if coal's iterations fail with all tolerances.
+        """
         for request in self._requests:
             result = coal.DistanceResult()
-            distance = float(coal.distance(a[0], a[1], b[0], b[1], request, result))
-            p = np.array(result.getNearestPoint1())
-            n = np.array(result.normal)
+            distance = float(coal.distance(a.solid, a.pose, b.solid, b.pose, request, result))
+            point = np.array(result.getNearestPoint1())
+            direction = np.array(result.normal)
             # a failed iteration yields the largest double, or NaN
-            if abs(distance) < UNFINISHED and np.isfinite(p).all() and np.isfinite(n).all():
-                if n @ n <= 0.5:
+            is_finite = np.isfinite(point).all() and np.isfinite(direction).all()
+            if is_finite and abs(distance) < UNFINISHED:
+                if direction @ direction <= 0.5:
                     # the centres coincide, and every direction leads out
-                    n = np.array([0.0, 0.0, 1.0])
-                return distance, n, p
+                    direction = np.array([0.0, 0.0, 1.0])
+                return _Nearest(distance, direction, point)
         raise SceneError(f"coal finds no distance for {self.pair_label(*self.pairs[row])}")
 
 
@@ -187,15 +210,14 @@ class Collision(BodyDistance):
         margin: float = 0.0,
         length: float = 0.1,
     ) -> None:
-        moving = {
-            name: body for name, body in _by_name(bodies, self.kind).items() if body.joint > 0
-        }
-        chosen = [_named(moving, name, self.kind) for name in (moving if links is None else links)]
+        by_name = _by_name(bodies, self.kind)
+        moving = {name: body for name, body in by_name.items() if body.joint > 0}
+        names = moving if links is None else links
+        chosen = [_named(moving, name, self.kind) for name in names]
         if not chosen:
             raise ConfigurationError(
                 f"{self.kind}: {robot.name} has no body that a joint moves: does its URDF have "
-                f"collision "
-                "geometry? With link_radius, links are capsules"
+                "collision geometry? With link_radius, links are capsules"
             )
         pairs = [(body, obstacle) for body in chosen]
         super().__init__(
@@ -204,20 +226,20 @@ class Collision(BodyDistance):
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
         """Return the meshes of the obstacle's solids."""
-        parts = [(at, mesh_of(solid, reach)) for at, solid in self.pairs[0][1].parts]
-        return [
-            mesh.moved(Pose(np.array(at.rotation), np.array(at.translation)))
-            for at, mesh in parts
-            if mesh
-        ]
+        _, obstacle = self.pairs[0]
+        meshes = []
+        for placement, solid in obstacle.parts:
+            mesh = mesh_of(solid, reach)
+            if mesh is not None:
+                pose = Pose(np.array(placement.rotation), np.array(placement.translation))
+                meshes.append(mesh.moved(pose))
+        return meshes
 
     def pair_label(self, first: Body, second: Body) -> str:
         """Return a label such as ``collision[table, forearm_link]``."""
-        return (
-            f"{self.kind}[{second.name}, {first.name}]"
-            if second.name
-            else f"{self.kind}[{first.name}]"
-        )
+        if not second.name:
+            return f"{self.kind}[{first.name}]"
+        return f"{self.kind}[{second.name}, {first.name}]"
 
 
 class SelfCollision(BodyDistance):
@@ -245,19 +267,21 @@ class SelfCollision(BodyDistance):
     ) -> None:
         named = _by_name(bodies, self.kind)
         disabled = frozenset() if srdf is None else disabled_pairs(srdf)
+        chosen = []
         if pairs is None:
-            chosen = [
-                (b, a)
-                for i, a in enumerate(bodies)
-                for b in bodies[i + 1 :]
-                if abs(a.joint - b.joint) > 1 and frozenset((a.name, b.name)) not in disabled
-            ]
+            for a, b in combinations(bodies, 2):
+                is_disabled = frozenset((a.name, b.name)) in disabled
+                if abs(a.joint - b.joint) > 1 and not is_disabled:
+                    chosen.append((b, a))
         else:
             if any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
                 raise ConfigurationError(
                     f"pairs of {self.kind} must be pairs of names, not {pairs}"
                 )
-            chosen = [(_named(named, a, self.kind), _named(named, b, self.kind)) for a, b in pairs]
+            for first, second in pairs:
+                a = _named(named, first, self.kind)
+                b = _named(named, second, self.kind)
+                chosen.append((a, b))
         still = [f"{a.name} and {b.name}" for a, b in chosen if a.joint == b.joint]
         if still:
             raise ConfigurationError(
@@ -277,6 +301,7 @@ class SelfCollision(BodyDistance):
 
 
 def _by_name(bodies: Sequence[Body], kind: str) -> dict[str, Body]:
+    """Return bodies by name; raise ConfigurationError if two have the same one."""
     named = {body.name: body for body in bodies}
     if len(named) < len(bodies):
         raise ConfigurationError(
@@ -286,6 +311,7 @@ def _by_name(bodies: Sequence[Body], kind: str) -> dict[str, Body]:
 
 
 def _named(bodies: dict[str, Body], name: str, kind: str) -> Body:
+    """Return the body of that name; raise ConfigurationError, with candidates, if it is unknown."""
     if name not in bodies:
         raise unknown_name(f"body in {kind}", name, bodies)
     return bodies[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,14 @@ def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
     return tuple(point for constraint in constraints for point in constraint.points)
 
 
+class Block(NamedTuple):
+    """Constraint with its number of rows, and the range of its robot points among the scene's."""
+
+    constraint: Constraint
+    row_count: int
+    points: slice
+
+
 class ConstraintSet:
     """Constraints that are evaluated together, with their constant parts prepared once.
 
@@ -37,40 +45,45 @@ class ConstraintSet:
         self.scene = scene
         if robot_points(self.constraints) != scene.points:
             raise ConfigurationError("build the scene with points=robot_points(constraints)")
-        labels = [constraint.labels(scene) for constraint in self.constraints]
-        counts = [len(names) for names in labels]
-        self._counts = counts
-        self.labels: tuple[str, ...] = tuple(name for names in labels for name in names)
-        repeated = sorted({name for name in self.labels if self.labels.count(name) > 1})
+        labels: list[str] = []
+        kinds: list[str] = []
+        units: list[str] = []
+        self._blocks: list[Block] = []
+        first_point = 0
+        for constraint in self.constraints:
+            names = constraint.labels(scene)
+            labels += names
+            kinds += [constraint.kind] * len(names)
+            units += constraint.units(scene)
+            end_point = first_point + len(constraint.points)
+            points = slice(first_point, end_point)
+            self._blocks.append(Block(constraint, len(names), points))
+            first_point = end_point
+        self.labels = tuple(labels)
+        self.kinds = tuple(kinds)
+        self.units = tuple(units)
+        repeated = sorted({name for name in labels if labels.count(name) > 1})
         if repeated:
             raise ConfigurationError(
                 f"rows must have different labels: {', '.join(repeated)} appears more than once; "
                 f"give names"
             )
-        ends = np.cumsum([0, *(len(constraint.points) for constraint in self.constraints)])
-        self._points = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        kinds: list[str] = []
-        units: list[str] = []
-        for constraint, count in zip(self.constraints, counts, strict=True):
-            kinds += [constraint.kind] * count
-            units += constraint.units(scene)
-        self.kinds = tuple(kinds)
-        self.units = tuple(units)
-        self.K = self._by_row([constraint.K for constraint in self.constraints])
-        gives_phi = self._by_row([isinstance(c, SpeedConstraint) for c in self.constraints])
-        gains = self._by_row([constraint.switching_gain for constraint in self.constraints])
-        scales = self._by_row([constraint.scale for constraint in self.constraints])
+        self.K = self._by_row([each.K for each in self.constraints])
+        gains = self._by_row([each.switching_gain for each in self.constraints])
+        scales = self._by_row([each.scale for each in self.constraints])
+        gives_phi = self._by_row([isinstance(each, SpeedConstraint) for each in self.constraints])
         # shared by the rows of every step and by the scores: no controller may change them or make
         # them writable
         self.approach_time = _unchangeable(np.where(gives_phi > 0.0, 0.0, self.K))
         self.switching_gain = _unchangeable(gains)
         self.scale = _unchangeable(scales)
-        lengths = [constraint.characteristic_length(scene) for constraint in self.constraints]
-        self.characteristic_length = np.concatenate([np.empty(0), *lengths])
+        lengths = [each.characteristic_length(scene) for each in self.constraints]
+        self.characteristic_length = _concatenated(lengths)
 
     def _by_row(self, values: Sequence[float]) -> Array:
-        """Return a number of each constraint for each of its rows, (m,)."""
-        repeated: Array = np.repeat(values, self._counts).astype(np.float64)
+        """Return an array (m,) that repeats the value of each constraint for each of its rows."""
+        row_counts = [block.row_count for block in self._blocks]
+        repeated: Array = np.repeat(values, row_counts).astype(np.float64)
         return repeated
 
     @in_one_line
@@ -85,24 +98,18 @@ class ConstraintSet:
         """
         if not factors.options():
             return self
-        return ConstraintSet(
-            [each.scaled(*factors.of(each.kind)) for each in self.constraints], self.scene
-        )
+        scaled = [each.scaled(*factors.of(each.kind)) for each in self.constraints]
+        return ConstraintSet(scaled, self.scene)
 
     def has_unknown_motion(self, scene: Scene) -> bool:
         """True if the target or a forbidden region moves in a way unknown to controllers."""
-        motions = [
-            scene.motion,
-            *(getattr(constraint, "motion", None) for constraint in self.constraints),
-        ]
+        motions = [scene.motion]
+        motions += [getattr(constraint, "motion", None) for constraint in self.constraints]
         return any(motion is not None and not motion.known for motion in motions)
 
-    def blocks(self) -> list[tuple[Constraint, int, slice]]:
-        """Return every constraint, its number of rows, and the range of its robot points.
-
-        The range refers to the robot points of the scene.
-        """
-        return list(zip(self.constraints, self._counts, self._points, strict=True))
+    def blocks(self) -> list[Block]:
+        """Return every constraint with its numbers of rows and robot points."""
+        return list(self._blocks)
 
     def clearance(self, trace: Trace) -> Array:
         """Return the clearance (T, m): the signed distance of each row to its boundary.
@@ -110,15 +117,16 @@ class ConstraintSet:
         It is given in the row's natural unit and positive where the row is satisfied. Rows of a
         custom constraint that raises an exception or returns another shape are NaN.
         """
-        parts = [np.empty((len(trace.q), 0))]
-        for constraint, r, at in self.blocks():
+        sample_count = len(trace.q)
+        parts = [np.empty((sample_count, 0))]
+        for constraint, row_count, points in self._blocks:
+            unknown = np.full((sample_count, row_count), np.nan)
             try:
-                clearance = np.asarray(constraint.clearance(trace, at), dtype=np.float64)
+                clearance = np.asarray(constraint.clearance(trace, points), dtype=np.float64)
             # an exception in a custom constraint must not discard the simulated run
             except Exception:
-                clearance = np.empty(0)
-            shape = len(trace.q), r
-            parts.append(clearance if clearance.shape == shape else np.full(shape, np.nan))
+                clearance = unknown
+            parts.append(clearance if clearance.shape == unknown.shape else unknown)
         return np.concatenate(parts, axis=1)
 
     def sampling_band(self, Ts: float) -> Array:
@@ -126,8 +134,12 @@ class ConstraintSet:
 
         It is given in each row's natural unit.
         """
-        parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
-        return np.concatenate([np.empty(0), *parts])
+        return _concatenated([each.sampling_band(self.scene, Ts) for each in self.constraints])
+
+
+def _concatenated(vectors: Sequence[Array]) -> Array:
+    """Return vectors as one, which is empty if there are none."""
+    return np.concatenate([np.empty(0), *vectors])
 
 
 def _unchangeable(values: Array) -> Array:

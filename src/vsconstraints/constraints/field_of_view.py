@@ -52,9 +52,9 @@ class FieldOfView(ImageConstraint):
                 "fov takes a margin as a fraction (margin) or in pixels (margin_px), not both"
             )
         half = 0.5 * np.asarray(camera.size, dtype=np.float64)
-        self.half_size: Array = (
-            half - margin_px if margin_px is not None else half * (1.0 - (margin or 0.0))
-        )
+        self.half_size: Array = half * (1.0 - (margin or 0.0))
+        if margin_px is not None:
+            self.half_size = half - margin_px
         if not ((self.half_size > 0.0) & (self.half_size <= half)).all():
             raise ConfigurationError(
                 f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px "
@@ -64,52 +64,60 @@ class FieldOfView(ImageConstraint):
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
         self.parameters = (*self.half_size.tolist(), self.n)
-        super().__init__(
-            K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers
-        )
+        length = float(self.half_size.min())
+        super().__init__(K=K, switching_gain=switching_gain, length=length, markers=markers)
         self._camera = camera
         self._on_sensor: FieldOfView | None = None
-        if camera.distortion is None:
-            return
-        if not self._invertible(self.half_size):
-            enough = next(
-                (m for m in np.arange(1.0, half.min()) if self._invertible(half - m)), None
-            )
-            remedy = (
-                "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
-            )
-            raise ConfigurationError(
-                f"the lens cannot be inverted in all of the image that fov leaves, only up to "
-                f"{camera.reach_px:.0f} "
-                f"px from the principal point: {remedy}"
-            )
-        self._on_sensor = copy(self)
-        self.formula = MODELS[camera.distortion.model].superellipse
-        self.curvature_formula = None
-        self.parameters = (*self.parameters, *camera.eye)
+        if camera.distortion is not None:
+            self._require_invertible_lens(half)
+            self._on_sensor = copy(self)
+            self.formula = MODELS[camera.distortion.model].superellipse
+            self.curvature_formula = None
+            self.parameters = (*self.parameters, *camera.eye)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distance to the hyperellipse [px], on the sensor."""
         if self._on_sensor is None:
             return super().clearance(trace, points)
-        return self._on_sensor.clearance(
-            replace(trace, pixels=self._camera.distort(trace.pixels)), points
-        )
+        on_sensor = replace(trace, pixels=self._camera.distort(trace.pixels))
+        return self._on_sensor.clearance(on_sensor, points)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
         """Return the hyperellipse as polylines (p, 2) of ideal pixels."""
         if self._on_sensor is None:
             return super().boundary(image_size, t)
-        return [
-            self._camera.undistort(line)
-            for line in self._on_sensor.boundary(self._camera.size_px, t)
-        ]
+        lines = self._on_sensor.boundary(self._camera.size_px, t)
+        return [self._camera.undistort(line) for line in lines]
 
-    def _invertible(self, half: Array) -> bool:
+    def _require_invertible_lens(self, half: Array) -> None:
+        """Raise ConfigurationError, with a margin that is enough, if the lens cannot be inverted.
+
+        ``half`` (2,) is half the size of the image [px].
+        """
+        if self._can_invert_lens(self.half_size):
+            return
+        remedy = "no margin is enough"
+        for margin_px in np.arange(1.0, half.min()):
+            if self._can_invert_lens(half - margin_px):
+                remedy = f"margin_px = {margin_px:g} is enough"
+                break
+        raise ConfigurationError(
+            f"the lens cannot be inverted in all of the image that fov leaves, only up to "
+            f"{self._camera.reach_px:.0f} px from the principal point: {remedy}"
+        )
+
+    def _can_invert_lens(self, half: Array) -> bool:
+        """True if the lens can be inverted on the hyperellipse of half axes (2,) [px]."""
         assert self._camera.distortion is not None
         turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
-        along = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
-        size = (np.abs(along / half) ** self.n).sum(axis=-1) ** (-1.0 / self.n)
-        return bool(
-            self._camera.distortion.remove(self._camera.normalised(along * size[:, None]))[1].all()
-        )
+        direction = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+        # on the rectangle |u/a|ⁿ + |v/b|ⁿ is between 1 and 2, so that no n makes it vanish, and it
+        # falls with the n-th power of the distance from the centre
+        on_rectangle = direction / np.abs(direction / half).max(axis=-1, keepdims=True)
+        u, v = on_rectangle.T
+        a, b = half
+        value, _, _ = formulas.superellipse(u, v, a, b, self.n)
+        share = (1.0 + value) ** (-1.0 / self.n)
+        boundary = on_rectangle * share[:, None]
+        _, certain = self._camera.distortion.remove(self._camera.normalised(boundary))
+        return bool(certain.all())

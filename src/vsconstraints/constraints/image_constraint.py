@@ -14,8 +14,8 @@ import numpy as np
 
 from ..compiled import load
 from ..errors import ConfigurationError
-from ..formulas.polylines import prepared
-from ..rows import Array, BoolArray
+from ..formulas.polylines import TINY, prepared
+from ..rows import Array, BoolArray, IntArray
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, require_numbers, require_positive
 from .by_formula import CompiledRowSpec, Keyed
@@ -56,17 +56,16 @@ class ImageConstraint(PositionConstraint):
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         self.length = require_positive(length, f"length of {self.kind}")
-        self.markers = (
-            None if markers is None else require_numbers(markers, f"markers of {self.kind}")
-        )
-        self._at: slice | Array = (
-            slice(None) if self.markers is None else np.array(self.markers) - 1
-        )
+        self.markers: tuple[int, ...] | None = None
+        self._selection: slice | IntArray = slice(None)  # indices of the markers concerned
+        if markers is not None:
+            self.markers = require_numbers(markers, f"markers of {self.kind}")
+            self._selection = np.array(self.markers) - 1
 
     def of_markers(self, pixels: Array) -> Array:
         """Return the pixels (r, 2) of the markers concerned, from those of all markers (m, 2)."""
-        chosen: Array = pixels[self._at]
-        return chosen
+        selected: Array = pixels[self._selection]
+        return selected
 
     def marker_label(self, number: int) -> str:
         """Return the label of the row for the marker of that number."""
@@ -76,27 +75,36 @@ class ImageConstraint(PositionConstraint):
         """Return the labels, one per marker."""
         count = len(scene.markers)
         numbers = self.markers or range(1, count + 1)
-        if max(numbers) > count:
+        largest = max(numbers)
+        if largest > count:
             raise ConfigurationError(
-                f"{self.kind}: there is no marker {max(numbers)}; the scene has {count}"
+                f"{self.kind}: there is no marker {largest}; the scene has {count}"
             )
         return tuple(self.marker_label(i) for i in numbers)
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Return the rows by the chain rule from pixels to joints (eqs. 21 and 22)."""
         image = state.pixels
-        at = self._at
-        motion = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
+        selection = self._selection
+        motion = PointMotion(
+            image.position[selection],
+            image.J[selection],
+            image.velocity[selection],
+            image.drift[selection],
+        )
         return self.chain_rule(self.relative(motion, state))
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the markers concerned."""
-        return self.formula_form("image_rows", np.arange(len(scene.markers))[self._at])
+        from ..compiled.constraint_rows import image_rows
+
+        all_markers = np.arange(len(scene.markers))
+        return self.formula_form(image_rows, all_markers[self._selection])
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distance to the curve σ = 0 in the image [px], with the sign of −σ."""
-        pixels = self.displaced(trace.pixels[:, self._at], trace.t)
-        distance = self._lines(trace.image_size, trace.t).distance(pixels)
+        pixels = self.displaced(trace.pixels[:, self._selection], trace.t)
+        distance = self._curve(trace.image_size, trace.t).distance(pixels)
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
@@ -105,35 +113,40 @@ class ImageConstraint(PositionConstraint):
         It is searched for in and around the image (W, H) [px]. If it moves, it is searched for
         wherever it is in the image at times t.
         """
-        return list(self._lines(image_size, t).lines)
+        return list(self._curve(image_size, t).lines)
 
-    def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
+    def _curve(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
         """Return the curve; it is cached unless the dependencies of σ are unknown."""
         displacements = None
         if self.motion is not None and t is not None and len(t):
             displacements = self.motion.displacement(t)
-        if not self._known:
-            return self.found(image_size, displacements)
-        corners: tuple[tuple[float, ...], ...] = ()
+        if not self._formula_gives_sigma:
+            return self.search_curve(image_size, displacements)
+        extremes: tuple[tuple[float, ...], ...] = ()
         if displacements is not None:
             # rounded outwards to halves of the image, so that similar times share an entry of the
             # cache
             half = 0.5 * np.asarray(image_size)
             low = np.floor(displacements.min(axis=0) / half) * half
             high = np.ceil(displacements.max(axis=0) / half) * half
-            corners = tuple(low.tolist()), tuple(high.tolist())
-        frame = None
+            extremes = tuple(low.tolist()), tuple(high.tolist())
+        frame: tuple[float, ...] = ()
         if self.frame is not None:
-            frame = tuple(tuple(part.ravel().tolist()) for part in self.frame)
+            R, t = self.frame
+            frame = (*R.ravel().tolist(), *t.tolist())
         dependencies = self.formula, self.parameters, self.margin, frame
-        return _outline(Keyed((tuple(image_size), corners, *dependencies), self))
+        key = Keyed((tuple(image_size), extremes, *dependencies), self)
+        return _cached_curve(key)
 
-    def found(self, image_size: tuple[float, float], moved: Array | None) -> Polylines:
+    def search_curve(
+        self, image_size: tuple[float, float], displacements: Array | None
+    ) -> Polylines:
         """Return the curve wherever these displacements (k, 2) place it in the image."""
-        return Polylines(zero_lines(self.sigma, self.gradient, self._on_grid, image_size, moved))
+        lines = zero_lines(self.sigma, self.gradient, self._on_grid, image_size, displacements)
+        return Polylines(lines)
 
     @property
-    def _known(self) -> bool:
+    def _formula_gives_sigma(self) -> bool:
         return self.formula is not None and self.declares("formula", ("sigma", "gradient"))
 
     def _on_grid(self, u: Array, v: Array) -> Array:
@@ -141,21 +154,22 @@ class ImageConstraint(PositionConstraint):
 
         Parts that depend on only one of them are computed once per row or column.
         """
-        if not self._known:
+        if not self._formula_gives_sigma:
             return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
         value = self.evaluated(u[None, :], v[:, None])[0]
         return np.broadcast_to(value, (len(v), len(u))) + self.margin
 
 
 @lru_cache(maxsize=32)
-def _outline(curve: Keyed) -> Polylines:
+def _cached_curve(curve: Keyed) -> Polylines:
     """Return the curve of a constraint.
 
     It is cached, because finding one takes as long as a thousand control steps.
     """
     constraint: ImageConstraint = curve.of
-    image_size, corners = curve.key[:2]
-    return constraint.found(image_size, np.array(corners) if corners else None)
+    image_size, extremes, *_ = curve.key
+    displacements = np.array(extremes) if extremes else None
+    return constraint.search_curve(image_size, displacements)
 
 
 def zero_lines(
@@ -172,25 +186,16 @@ def zero_lines(
     is searched for wherever its ``displacements`` (k, 2) [px] bring it into the image; the lines
     are those without displacement.
     """
-    half = 0.5 * AROUND * np.asarray(image_size)
-    moved = np.zeros((1, 2)) if displacements is None else displacements
-    low = -half - moved.max(axis=0)
-    high = half - moved.min(axis=0)
-    counts = np.minimum(np.ceil((high - low) / STEP), MAX_GRID_POINTS).astype(int) + 1
-    too_many = float(counts.prod()) / MAX_POINTS
-    if too_many > 1.0:
-        counts = (counts / math.sqrt(too_many)).astype(int)
-    u = np.linspace(low[0], high[0], counts[0])
-    v = np.linspace(low[1], high[1], counts[1])
+    u, v = _search_grid(image_size, displacements)
     values = grid(u, v)
     outside: BoolArray = values > 0.0
     if outside.any():
         # a smaller part is faster to follow
-        across = _range_with_neighbours(np.any(outside, axis=0))
-        down = _range_with_neighbours(np.any(outside, axis=1))
-        u = u[across]
-        v = v[down]
-        values = values[down, across]
+        columns = _range_with_neighbours(np.any(outside, axis=0))
+        rows = _range_with_neighbours(np.any(outside, axis=1))
+        u = u[columns]
+        v = v[rows]
+        values = values[rows, columns]
     lines = []
     for line in contourpy.contour_generator(u, v, values).lines(0.0):
         on_curve = _onto_curve(np.asarray(line), sigma, gradient)
@@ -198,10 +203,33 @@ def zero_lines(
     return lines
 
 
-def _range_with_neighbours(chosen: BoolArray) -> slice:
+def _search_grid(
+    image_size: tuple[float, float], displacements: Array | None
+) -> tuple[Array, Array]:
+    """Return u (a,) and v (b,) of the grid on which a curve is searched for."""
+    half = 0.5 * AROUND * np.asarray(image_size)
+    low = -half
+    high = half
+    if displacements is not None:
+        # a curve displaced by d is in the image where the one at rest is in the image less d
+        low = -half - displacements.max(axis=0)
+        high = half - displacements.min(axis=0)
+    steps = np.ceil((high - low) / STEP)
+    counts = np.minimum(steps, MAX_GRID_POINTS).astype(int) + 1
+    excess = float(counts.prod()) / MAX_POINTS
+    if excess > 1.0:
+        counts = (counts / math.sqrt(excess)).astype(int)
+    u = np.linspace(low[0], high[0], counts[0])
+    v = np.linspace(low[1], high[1], counts[1])
+    return u, v
+
+
+def _range_with_neighbours(selected: BoolArray) -> slice:
     """Return the range from one before the first to one behind the last that is true."""
-    numbers = np.flatnonzero(chosen)
-    return slice(max(numbers[0] - 1, 0), numbers[-1] + 2)
+    numbers = np.flatnonzero(selected)
+    first = numbers[0]
+    last = numbers[-1]
+    return slice(max(first - 1, 0), last + 2)
 
 
 def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
@@ -213,18 +241,20 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     most_halvings = int(np.ceil(np.log2(STEP / ACCURACY)))
     for _ in range(most_halvings):
         middle = 0.5 * (line[1:] + line[:-1])
-        moved = _onto_curve(middle, sigma, gradient)
-        distance = _lengths(moved - middle)
+        on_curve = _onto_curve(middle, sigma, gradient)
+        distance = _lengths(on_curve - middle)
         off = np.flatnonzero(distance > ACCURACY)
         if not len(off):
             break
-        line = np.insert(line, off + 1, moved[off], axis=0)
+        line = np.insert(line, off + 1, on_curve[off], axis=0)
     segments = np.diff(line, axis=0)
-    along = np.concatenate(([0.0], np.cumsum(_lengths(segments))))
-    dense = np.union1d(along, np.arange(0.0, along[-1], SPACING))
-    u = np.interp(dense, along, line[:, 0])
-    v = np.interp(dense, along, line[:, 1])
-    return np.stack((u, v), axis=1)
+    # arc lengths of the vertices, and of those with points in between
+    arc = np.concatenate(([0.0], np.cumsum(_lengths(segments))))
+    every_spacing = np.arange(0.0, arc[-1], SPACING)
+    dense = np.union1d(arc, every_spacing)
+    u = np.interp(dense, arc, line[:, 0])
+    v = np.interp(dense, arc, line[:, 1])
+    return np.column_stack((u, v))
 
 
 def _lengths(vectors: Array) -> Array:
@@ -238,13 +268,14 @@ def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
 
     No step is longer than half the grid spacing, so that corners stay in place.
     """
+    longest = 0.5 * STEP
     for _ in range(3):
         g = gradient(line)
-        squared = np.maximum((g * g).sum(axis=1), 1e-300)
+        squared = np.maximum((g * g).sum(axis=1), TINY)
         newton_factor = -(sigma(line) / squared)
         step = newton_factor[:, None] * g
         length = np.sqrt((step * step).sum(axis=1, keepdims=True))
-        shortening = np.minimum(1.0, 0.5 * STEP / np.maximum(length, 1e-300))
+        shortening = np.minimum(1.0, longest / np.maximum(length, TINY))
         line = line + step * shortening
     return line
 
@@ -262,9 +293,10 @@ class Polylines:
         It is infinite if there is none.
         """
         flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
-        nearest = np.empty(len(flat), dtype=np.int64)
-        found = np.full(len(flat), np.inf)
-        markers = points.shape[-2] if points.ndim > 2 else 1
+        distances = np.full(len(flat), np.inf)
         if self._prepared is not None:
-            load("polylines").search(flat, self._prepared, markers, nearest, found)
-        return found.reshape(points.shape[:-1])
+            nearest = np.empty(len(flat), dtype=np.int64)
+            # a marker's nearest vertex is near that of its previous sample
+            stride = points.shape[-2] if points.ndim > 2 else 1
+            load("polylines").search(flat, self._prepared, stride, nearest, distances)
+        return distances.reshape(points.shape[:-1])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,6 @@ class RowsOfJoints(Constraint):
 
     linear: ClassVar[bool] = False
     """True if the gradient is constant; the rows are then compiled."""
-    _compiled: ClassVar[tuple[str, str]]  #: Compiled rows, and the method that returns the value.
 
     @abstractmethod
     def gradient(self, y: Array) -> Array:
@@ -37,15 +36,9 @@ class RowsOfJoints(Constraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """Return half of the allowed range (r,) of each row."""
 
-    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
-        """Return the compiled form of rows that are declared linear, from their values at rest."""
-        rows, value = self._compiled
-        if not (self.linear and self.declares("linear", (value, "gradient", "curvature", "rows"))):
-            return None
-        rest = np.zeros(scene.robot.n)
-        return CompiledRowSpec(
-            rows, gradients=self.gradient(rest), offsets=getattr(self, value)(rest)
-        )
+    def is_linear(self, value: str) -> bool:
+        """True if the rows are declared linear, with values from the method of that name."""
+        return self.linear and self.declares("linear", (value, "gradient", "curvature", "rows"))
 
 
 class JointConstraint(RowsOfJoints):
@@ -56,7 +49,6 @@ class JointConstraint(RowsOfJoints):
     """
 
     unit = "rad"
-    _compiled = "joint_rows", "sigma"
 
     @abstractmethod
     def sigma(self, q: Array) -> Array:
@@ -76,6 +68,15 @@ class JointConstraint(RowsOfJoints):
         g = self.gradient(q)
         return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
 
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
+        """Return the compiled form of rows that are declared linear, from σ at q = 0."""
+        if not self.is_linear("sigma"):
+            return None
+        from ..compiled.constraint_rows import joint_rows
+
+        zero = np.zeros(scene.robot.n)
+        return CompiledRowSpec(joint_rows, gradients=self.gradient(zero), offsets=self.sigma(zero))
+
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −σ / ‖∂σ/∂q‖ [rad]: exact for linear rows, of first order elsewhere."""
         return to_first_order(self.sigma(trace.q), self.gradient(trace.q))
@@ -89,7 +90,6 @@ class SpeedConstraint(RowsOfJoints):
     """
 
     unit = "rad/s"
-    _compiled = "speed_rows", "phi"
 
     def __init__(self, *, switching_gain: float) -> None:
         super().__init__(K=1.0, switching_gain=switching_gain)
@@ -104,6 +104,15 @@ class SpeedConstraint(RowsOfJoints):
         phi = self.phi(qd)
         return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
 
+    def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
+        """Return the compiled form of rows that are declared linear, from φ at rest."""
+        if not self.is_linear("phi"):
+            return None
+        from ..compiled.constraint_rows import speed_rows
+
+        rest = np.zeros(scene.robot.n)
+        return CompiledRowSpec(speed_rows, gradients=self.gradient(rest), offsets=self.phi(rest))
+
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −φ / ‖∂φ/∂q̇‖ [rad/s]: exact for linear rows, of first order elsewhere."""
         return to_first_order(self.phi(trace.qd), self.gradient(trace.qd))
@@ -114,11 +123,17 @@ class SpeedConstraint(RowsOfJoints):
         φ itself is the clearance, and eq. (43) allows it to switch by T_s u⁺.
         """
         g = self.gradient(np.zeros(scene.robot.n))
-        length = np.sqrt((g * g).sum(axis=-1))
-        band: Array = np.divide(
-            Ts * self.switching_gain, length, out=np.zeros(len(g)), where=length > 0.0
-        )
+        slope = np.sqrt((g * g).sum(axis=-1))
+        band = np.zeros(len(g))
+        np.divide(Ts * self.switching_gain, slope, out=band, where=slope > 0.0)
         return band
+
+
+class _Limits(NamedTuple):
+    """Limits on one side: the given ones, which take precedence, and the robot's (n,)."""
+
+    given: ArrayLike | None
+    of_robot: Array
 
 
 class JointLimitRows:
@@ -132,93 +147,101 @@ class JointLimitRows:
     prismatic_unit: ClassVar[str]
 
     def _select(
-        self,
-        robot: Robot,
-        joints: Sequence[int] | None,
-        margin: float,
-        lower: tuple[ArrayLike | None, Array],
-        upper: tuple[ArrayLike | None, Array],
+        self, robot: Robot, joints: Sequence[int] | None, lower: _Limits, upper: _Limits
     ) -> None:
-        """Store the joints concerned with their finite limits.
-
-        ``lower`` and ``upper`` each consist of the given limits, which take precedence, and the
-        robot's.
-        """
-        if joints is None:
-            given = lower[0] is not None or upper[0] is not None
-            limited = np.isfinite(lower[1]) & np.isfinite(upper[1])
-            numbers = (
-                tuple(range(1, robot.n + 1))
-                if given
-                else tuple(int(i) + 1 for i in np.flatnonzero(limited))
+        """Store the joints concerned with their finite limits."""
+        self.joints = self._selected_joints(robot, joints, lower, upper)
+        self._indices = np.array(self.joints) - 1
+        self.lower = self._finite_limits("lower", lower)
+        self.upper = self._finite_limits("upper", upper)
+        empty = []
+        for number, low, high in zip(self.joints, self.lower, self.upper, strict=True):
+            if low >= high:
+                name = robot.joint_names[number - 1]
+                empty.append(f"joint {number} ({name}) has [{low:g}, {high:g}]")
+        if empty:
+            raise ConfigurationError(
+                f"lower of {self.kind} must be below upper: {'; '.join(empty)}. Lock a joint that "
+                "does not move, or leave it out by joints = […]"
             )
-        else:
+
+    def _selected_joints(
+        self, robot: Robot, joints: Sequence[int] | None, lower: _Limits, upper: _Limits
+    ) -> tuple[int, ...]:
+        """Return the numbers of the joints concerned.
+
+        By default they are all joints if limits are given, otherwise all that have limits.
+        """
+        if joints is not None:
             numbers = require_numbers(joints, f"joints of {self.kind}")
             if max(numbers) > robot.n:
                 raise ConfigurationError(
                     f"joints of {self.kind} are numbers from 1 to {robot.n}, not {list(numbers)}"
                 )
-        if not numbers:
+            return numbers
+        if lower.given is not None or upper.given is not None:
+            return tuple(range(1, robot.n + 1))
+        limited = np.flatnonzero(np.isfinite(lower.of_robot) & np.isfinite(upper.of_robot))
+        if not len(limited):
             raise ConfigurationError(
                 f"{robot.name} has no limits for {self.kind}: give lower and upper"
             )
-        self.joints = numbers
-        self._at = np.array(numbers) - 1
-        limits = []
-        for side, (own, robots) in (("lower", lower), ("upper", upper)):
-            limit = robots[self._at] if own is None else limit_array(own, f"{side} of {self.kind}")
-            if limit.shape != (len(numbers),) or not np.isfinite(limit).all():
-                raise ConfigurationError(
-                    f"{side} of {self.kind} must be a finite number for each of the joints "
-                    f"{list(numbers)}, not {limit}"
-                )
-            limits.append(limit)
-        self.lower, self.upper = limits
-        empty = [
-            f"joint {number} ({robot.joint_names[number - 1]}) has [{low:g}, {high:g}]"
-            for number, low, high in zip(numbers, self.lower, self.upper, strict=True)
-            if low >= high
-        ]
-        if empty:
+        return tuple(int(i) + 1 for i in limited)
+
+    def _finite_limits(self, side: str, limits: _Limits) -> Array:
+        """Return the limits (k,) of the joints concerned; ConfigurationError unless all finite."""
+        values: Array
+        if limits.given is None:
+            values = limits.of_robot[self._indices]
+        else:
+            values = limit_array(limits.given, f"{side} of {self.kind}")
+        if values.shape != (len(self.joints),) or not np.isfinite(values).all():
             raise ConfigurationError(
-                f"lower of {self.kind} must be below upper: {'; '.join(empty)}. Lock a joint that "
-                f"does not move, or "
-                "leave it out by joints = […]"
+                f"{side} of {self.kind} must be a finite number for each of the joints "
+                f"{list(self.joints)}, not {values}"
             )
+        return values
+
+    def _set_rows(
+        self, n: int, mid: Array | float, upper: Array, lower: Array, margin: float
+    ) -> None:
+        """Set the rows (y − mid)/upper and (y − mid)/lower, less 1 − margin.
+
+        y (n,) are coordinates or speeds of all joints; ``lower`` is negative.
+        """
         if not 0.0 <= margin < 1.0:
             raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
         self.margin = float(margin)
-
-    def _keep(self, n: int, mid: Array | float, upper: Array, lower: Array) -> None:
-        """Store offset and scale of the coordinates or speeds in the upper and the lower rows."""
         self.mid = mid
-        self._by = (upper, lower)
-        chosen = np.eye(n, dtype=np.bool_)[self._at]
-        self._gradient: Array = np.concatenate(
-            [np.where(chosen, (1.0 / size)[:, None], 0.0) for size in self._by]
-        )
+        self._divisors = (upper, lower)
+        is_own_joint = np.eye(n, dtype=np.bool_)[self._indices]
+        gradients = [
+            np.where(is_own_joint, (1.0 / divisor)[:, None], 0.0) for divisor in self._divisors
+        ]
+        self._gradient: Array = np.concatenate(gradients)
 
     def _value(self, y: Array) -> Array:
-        x = y[..., self._at] - self.mid
-        return np.concatenate([x / size for size in self._by], axis=-1) - (1.0 - self.margin)
+        """Return the values (..., r) of the rows at y (..., n)."""
+        offset = y[..., self._indices] - self.mid
+        share = np.concatenate([offset / divisor for divisor in self._divisors], axis=-1)
+        return share - (1.0 - self.margin)
 
     def characteristic_length(self, scene: Scene) -> Array:
         """Return half the allowed range, or the allowed speed, of each row."""
-        length: Array = np.abs(np.concatenate(self._by)) * (1.0 - self.margin)
+        length: Array = np.abs(np.concatenate(self._divisors)) * (1.0 - self.margin)
         return length
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """Return the labels of all upper rows, then of all lower ones."""
-        return tuple(
-            f"{self.kind}[joint {i}].{side}" for side in ("upper", "lower") for i in self.joints
-        )
+        upper = [f"{self.kind}[joint {i}].upper" for i in self.joints]
+        lower = [f"{self.kind}[joint {i}].lower" for i in self.joints]
+        return (*upper, *lower)
 
     def units(self, scene: Scene) -> tuple[str, ...]:
         """Return the units of revolute or prismatic joints."""
-        return (
-            tuple(self.prismatic_unit if scene.robot.prismatic[i] else self.unit for i in self._at)
-            * 2
-        )
+        prismatic = scene.robot.prismatic
+        units = [self.prismatic_unit if prismatic[i] else self.unit for i in self._indices]
+        return (*units, *units)
 
     def gradient(self, y: Array) -> Array:
         """Return the gradient, which is constant."""
@@ -257,19 +280,20 @@ class JointRange(JointLimitRows, JointConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self._select(robot, joints, margin, (lower, robot.q_min), (upper, robot.q_max))
+        self._select(robot, joints, _Limits(lower, robot.q_min), _Limits(upper, robot.q_max))
         half = 0.5 * (self.upper - self.lower)
-        self._keep(robot.n, 0.5 * (self.lower + self.upper), half, -half)
+        mid = 0.5 * (self.lower + self.upper)
+        self._set_rows(robot.n, mid, half, -half, margin)
         #: (n,) middles of ranges on the circle; NaN for joints without such a range.
         self._middles = np.full(robot.n, np.nan)
-        self._middles[self._at] = np.where(
-            robot.continuous[self._at] & (half < np.pi), self.mid, np.nan
-        )
+        on_circle = robot.continuous[self._indices] & (half < np.pi)
+        self._middles[self._indices] = np.where(on_circle, mid, np.nan)
 
     def sigma(self, q: Array) -> Array:
         """Return σ of eq. (25), one row for each side."""
         on_circle = np.isfinite(self._middles)
-        return self._value(q - whole_turns(np.where(on_circle, q - self._middles, 0.0)))
+        turns = whole_turns(np.where(on_circle, q - self._middles, 0.0))
+        return self._value(q - turns)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return linear rows; continuous joints are counted from the middle of their range."""
@@ -277,10 +301,9 @@ class JointRange(JointLimitRows, JointConstraint):
         if form is None:
             return None
         # σ at q = 0 would use the turn nearest to the middle, so the offset is computed without it
-        return form._replace(
-            offsets=self._value(np.zeros(scene.robot.n)),
-            middles=np.tile(self._middles[self._at], 2),
-        )
+        offsets = self._value(np.zeros(scene.robot.n))
+        middles = np.tile(self._middles[self._indices], 2)
+        return form._replace(offsets=offsets, middles=middles)
 
 
 class JointSpeed(JointLimitRows, SpeedConstraint):
@@ -306,15 +329,15 @@ class JointSpeed(JointLimitRows, SpeedConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(switching_gain=switching_gain)
-        given = (
-            -limit_array(upper, "upper of speed") if lower is None and upper is not None else lower
-        )
-        self._select(robot, joints, margin, (given, robot.qd_min), (upper, robot.qd_max))
+        least: ArrayLike | None = lower
+        if lower is None and upper is not None:
+            least = -limit_array(upper, "upper of speed")
+        self._select(robot, joints, _Limits(least, robot.qd_min), _Limits(upper, robot.qd_max))
         if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
             raise ConfigurationError(
                 f"speed limits must be lower < 0 < upper, not {self.lower} and {self.upper}"
             )
-        self._keep(robot.n, 0.0, self.upper, self.lower)
+        self._set_rows(robot.n, 0.0, self.upper, self.lower, margin)
 
     def phi(self, qd: Array) -> Array:
         """Return φ of eq. (28), one row for each side."""

@@ -56,12 +56,12 @@ class Manipulability(Constraint):
         self._rows = ROWS_OF[part]
         self._evaluate = robot.evaluator()
         rng = np.random.default_rng(0)
-        if self._measure(rng.uniform(-1.0, 1.0, (8, robot.n))).max() < 1e-12:
+        samples = rng.uniform(-1.0, 1.0, (8, robot.n))
+        if self._measure(samples).max() < 1e-12:
             raise ConfigurationError(
                 f"manipulability of {robot.name} is zero in every configuration: its {robot.n} "
-                f"joints do not move "
-                f"the {part} of the tip in enough directions; choose another part "
-                f"({', '.join(get_args(Part))})"
+                f"joints do not move the {part} of the tip in enough directions; choose another "
+                f"part ({', '.join(get_args(Part))})"
             )
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
@@ -73,13 +73,14 @@ class Manipulability(Constraint):
 
         Compiled code has its own decomposition of the Jacobian.
         """
-        at = self._rows
-        numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
-        return (
-            CompiledRowSpec("manipulability_rows", parameters=numbers)
-            if type(self).rows is Constraint.rows
-            else None
-        )
+        if type(self).rows is not Constraint.rows:
+            return None
+        from ..compiled.manipulability_rows import manipulability_rows
+
+        first = self._rows.start
+        count = self._rows.stop - first
+        parameters = self.minimum, self.w_scale, first, count
+        return CompiledRowSpec(manipulability_rows, parameters=parameters)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return (w − w_min) / w_scale."""
@@ -91,7 +92,9 @@ class Manipulability(Constraint):
 
     def _measure(self, q: Array) -> Array:
         """Return the product (N, 1) of the singular values at q (N, n)."""
-        jacobians = [self._evaluate(x, np.zeros_like(x)).J[self._rows] for x in q]
-        return np.array([float(svd(J, full_matrices=False)[1].prod()) for J in jacobians]).reshape(
-            -1, 1
-        )
+        products = np.empty((len(q), 1))
+        for i, x in enumerate(q):
+            J = self._evaluate(x, np.zeros_like(x)).J[self._rows]
+            _, singular_values, _ = svd(J, full_matrices=False)
+            products[i] = singular_values.prod()
+        return products

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -43,12 +45,15 @@ def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | N
     """
     if isinstance(geometry, coal.BVHModelBase):
         vertices = np.array(geometry.vertices())
-        triangles = [_corners(geometry.tri_indices(k)) for k in range(geometry.num_tris)]
-        return Mesh(vertices, np.array(triangles, dtype=np.int64).reshape(-1, 3))
+        corners = [_corners(geometry.tri_indices(k)) for k in range(geometry.num_tris)]
+        triangles = np.array(corners, dtype=np.int64).reshape(-1, 3)
+        return Mesh(vertices, triangles)
     if isinstance(geometry, coal.Halfspace):
         return _square(geometry, reach) if np.isfinite(reach) else None
     points = hull_points(geometry)
-    return None if points is None else hull(points)
+    if points is None:
+        return None
+    return hull(points)
 
 
 def _corners(triangle: Sequence[int]) -> tuple[int, int, int]:
@@ -64,9 +69,12 @@ def _square(plane: coal.Halfspace, reach: float) -> Mesh:
     x /= np.linalg.norm(x)
     y = np.cross(normal, x)
     centre = plane.d * normal
-    corners = []
-    for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-        corners.append(centre + reach * (a * x + b * y))
+    corners = [
+        centre + reach * (-x - y),
+        centre + reach * (x - y),
+        centre + reach * (x + y),
+        centre + reach * (-x + y),
+    ]
     triangles = [[0, 1, 2], [0, 2, 3]]
     return Mesh(np.array(corners), np.array(triangles))
 
@@ -88,8 +96,14 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
     ends = np.array([box.min_, box.max_])
     if not (np.abs(ends) < ENDLESS).all():
         return None
-    corners = np.meshgrid(*ends.T, indexing="ij")
-    return np.stack(corners, axis=-1).reshape(-1, 3)
+    x_ends, y_ends, z_ends = ends.T
+    return _grid_points(x_ends, y_ends, z_ends)
+
+
+def _grid_points(x: Array, y: Array, z: Array) -> Array:
+    """Return all points (a · b · c, 3) with coordinates from x (a,), y (b,) and z (c,)."""
+    coordinates = np.meshgrid(x, y, z, indexing="ij")
+    return np.stack(coordinates, axis=-1).reshape(-1, 3)
 
 
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
@@ -101,14 +115,7 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
     out. All other geometries are returned unchanged.
     """
     if isinstance(geometry, coal.Cylinder):
-        angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
-        radius = geometry.radius / np.cos(np.pi / SIDES)
-        half = np.full(SIDES, geometry.halfLength)
-        x = radius * np.cos(angle)
-        y = radius * np.sin(angle)
-        upper = np.stack((x, y, half), axis=1)
-        lower = np.stack((x, y, -half), axis=1)
-        corners = np.concatenate((upper, lower))
+        corners = _prism_around(geometry)
     elif isinstance(geometry, coal.BVHModelBase):
         corners = np.asarray(geometry.vertices())
     else:
@@ -121,21 +128,39 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
         ) from None
 
 
+def _prism_around(cylinder: coal.Cylinder) -> Array:
+    """Return the corners of the prism of :data:`SIDES` sides around a cylinder."""
+    angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
+    radius = cylinder.radius / np.cos(np.pi / SIDES)
+    x = radius * np.cos(angle)
+    y = radius * np.sin(angle)
+    z = np.full(SIDES, cylinder.halfLength)
+    upper = np.column_stack((x, y, z))
+    lower = np.column_stack((x, y, -z))
+    return np.concatenate((upper, lower))
+
+
 def hull(points: Array) -> Mesh:
     """Return the convex hull of points (V, 3); the mesh keeps all points."""
     solid = _hull(points)
-    number = {tuple(point): i for i, point in enumerate(points.tolist())}
-    corners = np.asarray(solid.points()).tolist()
-    number_of_corner = np.array([number[tuple(corner)] for corner in corners])
+    # coal numbers the corners of the hull anew: find the number of each among all points
+    number_of_point = {tuple(point): i for i, point in enumerate(points.tolist())}
+    numbers = []
+    for corner in np.asarray(solid.points()).tolist():
+        numbers.append(number_of_point[tuple(corner)])
     faces = np.array([_corners(solid.polygons(k)) for k in range(solid.num_polygons)])
-    return Mesh(points, number_of_corner[faces])
+    triangles = np.array(numbers)[faces]
+    return Mesh(points, triangles)
 
 
 def _hull(points: Array) -> coal.CollisionGeometry:
-    every = coal.StdVec_Vec3s()
+    """Return the convex hull of points (V, 3) as a solid of triangles."""
+    vertices = coal.StdVec_Vec3s()
     for point in points:
-        every.append(point)
-    return coal.Convex.convexHull(every, True, "Qt")
+        vertices.append(point)
+    keep_triangles = True
+    qhull_options = "Qt"  # triangulated output
+    return coal.Convex.convexHull(vertices, keep_triangles, qhull_options)
 
 
 def traced(depth: Callable[[Array], Array]) -> Mesh | None:
@@ -146,12 +171,13 @@ def traced(depth: Callable[[Array], Array]) -> Mesh | None:
     surface is not closed around it.
     """
     ball = _ball()
-    away = np.zeros((len(ball.points), 1))
+    distance = np.zeros((len(ball.points), 1))  # from the origin, in the direction of each point
     for _ in range(STEPS):
-        away = away + depth(away * ball.points)[:, None]
-        if not ((away > 0.0) & (away < ENDLESS)).all():
+        distance = distance + depth(distance * ball.points)[:, None]
+        is_closed = (distance > 0.0) & (distance < ENDLESS)
+        if not is_closed.all():
             return None
-    return Mesh(away * ball.points, ball.triangles)
+    return Mesh(distance * ball.points, ball.triangles)
 
 
 @lru_cache(maxsize=1)
@@ -159,58 +185,69 @@ def _ball() -> Mesh:
     """Return points evenly on the unit sphere: along a spiral, by the golden angle."""
     k = np.arange(BALL_POINTS) + 0.5
     z = 1.0 - 2.0 * k / BALL_POINTS
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    golden_angle = np.pi * (1.0 + np.sqrt(5.0))
+    turn = golden_angle * k
     radius = np.sqrt(1.0 - z * z)
     x = radius * np.cos(turn)
     y = radius * np.sin(turn)
-    return hull(np.stack([x, y, z], axis=1))
+    return hull(np.column_stack((x, y, z)))
 
 
-def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
-    """Return patches (p, c, 3) of a surface, each the hull of c corners, and their slack [m].
+class Surface(NamedTuple):
+    """Surface made of patches (p, c, 3), each the convex hull of c corners [m].
 
-    The patches cover the surface within this distance. Triangles of a mesh are kept, cylinders are
-    cut into facets, and all other geometries become the boxes around them. Edges longer than
-    ``longest`` [m] are divided.
+    The patches cover the surface within the ``slack`` [m].
+    """
+
+    patches: Array
+    slack: float
+
+
+def surface(geometry: coal.CollisionGeometry, longest: float) -> Surface:
+    """Return the surface of a geometry in its own frame.
+
+    Triangles of a mesh are kept, cylinders are cut into facets, a sphere is its centre and a
+    capsule its axis, with the radius as slack. All other geometries become the boxes around them.
+    Edges longer than ``longest`` [m] are divided.
     """
     if isinstance(geometry, coal.BVHModelBase):
         mesh = mesh_of(geometry)
         assert mesh is not None
-        return _divided(mesh.points[mesh.triangles], longest), 0.0
+        triangles = mesh.points[mesh.triangles]
+        return Surface(_divided(triangles, longest), 0.0)
     if isinstance(geometry, coal.Sphere):
-        return np.zeros((1, 1, 3)), float(geometry.radius)
+        centre = np.zeros((1, 1, 3))
+        return Surface(centre, float(geometry.radius))
     if isinstance(geometry, coal.Cylinder):
         slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
         triangles = _cylinder(geometry.radius, geometry.halfLength)
-        return _divided(triangles, longest), slack
+        return Surface(_divided(triangles, longest), slack)
     if isinstance(geometry, coal.Capsule):
         half = geometry.halfLength
         count = 2 + int(2.0 * half / longest)
-        z = np.linspace(-half, half, count)
-        zeros = np.zeros_like(z)
-        line = np.stack((zeros, zeros, z), axis=1)
-        segments = np.stack((line[:-1], line[1:]), axis=1)
-        return segments, float(geometry.radius)
+        axis = np.zeros((count, 3))
+        axis[:, 2] = np.linspace(-half, half, count)
+        begins = axis[:-1]
+        ends = axis[1:]
+        segments = np.stack((begins, ends), axis=1)
+        return Surface(segments, float(geometry.radius))
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    return _cells(np.array(box.min_), np.array(box.max_), longest), 0.0
+    cells = _cells(np.array(box.min_), np.array(box.max_), longest)
+    return Surface(cells, 0.0)
 
 
 def _cells(low: Array, high: Array, longest: float) -> Array:
     """Return the corners (c, 8, 3) of the cells into which a box is divided."""
-    ends = []
+    ends_by_axis = []
     for a, b in zip(low, high, strict=True):
         count = max(1, int(np.ceil((b - a) / longest)))
         steps = np.linspace(a, b, 1 + count)
         lower_ends = steps[:-1]
         upper_ends = steps[1:]
-        ends.append((lower_ends, upper_ends))
-    corners = []
-    # the lower (0) or the upper (1) end of every step along x, y and z
-    for x, y, z in np.ndindex(2, 2, 2):
-        corner = np.meshgrid(ends[0][x], ends[1][y], ends[2][z], indexing="ij")
-        coordinates = np.stack(corner, axis=-1)
-        corners.append(coordinates.reshape(-1, 3))
+        ends_by_axis.append((lower_ends, upper_ends))
+    x_ends, y_ends, z_ends = ends_by_axis
+    corners = [_grid_points(x, y, z) for x, y, z in product(x_ends, y_ends, z_ends)]
     return np.stack(corners, axis=1)
 
 
@@ -219,35 +256,37 @@ def _cylinder(radius: float, half: float) -> Array:
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
     x = np.cos(angle)
     y = np.sin(angle)
-    rim = radius * np.stack((x, y, np.zeros_like(angle)), axis=1)
+    rim = radius * np.column_stack((x, y, np.zeros_like(angle)))
     up = np.array([0.0, 0.0, half])
+    lower_rim = rim - up
+    upper_rim = rim + up
     # corners of each side, at its beginning and at its end around the axis
-    low = (rim - up)[:-1]
-    next_low = (rim - up)[1:]
-    high = (rim + up)[:-1]
-    next_high = (rim + up)[1:]
+    low = lower_rim[:-1]
+    next_low = lower_rim[1:]
+    high = upper_rim[:-1]
+    next_high = upper_rim[1:]
     centre = np.zeros((SIDES, 3))
-    triangles = (
-        (low, next_low, high),
-        (next_low, next_high, high),
-        (low, next_low, centre - up),
-        (high, next_high, centre + up),
-    )
-    return np.concatenate([np.stack(corners, axis=1) for corners in triangles])
+    bottom = centre - up
+    top = centre + up
+    triangles = [
+        np.stack((low, next_low, high), axis=1),
+        np.stack((next_low, next_high, high), axis=1),
+        np.stack((low, next_low, bottom), axis=1),
+        np.stack((high, next_high, top), axis=1),
+    ]
+    return np.concatenate(triangles)
 
 
 def _divided(corners: Array, longest: float) -> Array:
     """Return triangles (t, 3, 3), halved repeatedly until no edge is longer than ``longest``."""
     done = []
     while len(corners):
-        to_next = corners - np.roll(corners, -1, axis=1)
-        edges = np.linalg.norm(to_next, axis=2)
-        long = edges.max(axis=1) > longest
-        done.append(corners[~long])
-        corners = corners[long]
-        edges = edges[long]
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        is_long = edges.max(axis=1) > longest
+        done.append(corners[~is_long])
+        corners = corners[is_long]
         # reordered so that the longest edge is from the first to the second corner
-        longest_edge = edges.argmax(axis=1)
+        longest_edge = edges[is_long].argmax(axis=1)
         order = (longest_edge[:, None] + np.arange(3)) % 3
         ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
         a, b, c = ordered.transpose(1, 0, 2)

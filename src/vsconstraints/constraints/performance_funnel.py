@@ -52,17 +52,13 @@ class PerformanceFunnel(Constraint):
     def __post_init__(self) -> None:
         super().__init__(K=self.K, switching_gain=self.switching_gain)
         for name in ("decay", "final", "translation_m", "rotation_rad", "feature_px"):
-            if getattr(self, name) is not None:
-                setattr(self, name, require_positive(getattr(self, name), f"{name} of {self.kind}"))
-        if self.final > 1.0 or self.K * self.decay >= 1.0:
-            raise ConfigurationError(
-                f"{self.kind} must not widen, nor narrow faster than rows approach their "
-                f"boundary: final is at most 1 "
-                f"and decay below 1/K = {1.0 / self.K:g} 1/s, not {self.final:g} and "
-                f"{self.decay:g} 1/s"
-            )
+            value = getattr(self, name)
+            if value is not None:
+                setattr(self, name, require_positive(value, f"{name} of {self.kind}"))
+        self._require_narrowing()
         self.of_image = self.feature_px is not None
-        if self.of_image == (self.translation_m is not None or self.rotation_rad is not None):
+        of_pose = self.translation_m is not None or self.rotation_rad is not None
+        if self.of_image == of_pose:
             raise ConfigurationError(
                 f"{self.kind} bounds the error in the image or of the camera's pose: give "
                 "feature_px, or translation_m, rotation_rad or both"
@@ -79,17 +75,40 @@ class PerformanceFunnel(Constraint):
             raise ConfigurationError(f"markers of {self.kind} need feature_px")
         if self.markers is not None:
             self.markers = require_numbers(self.markers, f"markers of {self.kind}")
-        width: list[float | None] = [self.translation_m] * 3 + [self.rotation_rad] * 3
-        at = [i for i, size in enumerate(width) if size is not None]
-        if self.of_image:
-            numbers = self.markers or range(1, len(self.goals[0].pixels) + 1)
-            at = [2 * (i - 1) + c for i in numbers for c in (0, 1)]
-            width = [self.feature_px] * (max(at) + 1)
-        self._at = at
-        self._both = at + at
-        self._begins = [goal.from_time for goal in self.goals]
-        self.start: Array = np.array([width[i] for i in self._both], dtype=np.float64)
-        self._side = np.repeat([1.0, -1.0], len(at)) / self.start
+        widths = self._start_widths()
+        entries = list(widths)
+        start = list(widths.values())
+        #: Entries of the error that have rows: of (u₁, v₁, u₂, …) or of (t, θu).
+        self._entries = entries
+        # each has an upper row; the lower rows follow in the same order
+        self._entry_of_row = entries + entries
+        self.start: Array = np.array(start + start, dtype=np.float64)
+        side = np.repeat([1.0, -1.0], len(entries))
+        self._error_factor = side / self.start
+        self._goal_starts = [goal.from_time for goal in self.goals]
+
+    def _require_narrowing(self) -> None:
+        """Raise ConfigurationError if the funnel widens, or narrows faster than rows approach."""
+        if self.final > 1.0 or self.K * self.decay >= 1.0:
+            raise ConfigurationError(
+                f"{self.kind} must not widen, nor narrow faster than rows approach their "
+                f"boundary: final is at most 1 and decay below 1/K = {1.0 / self.K:g} 1/s, not "
+                f"{self.final:g} and {self.decay:g} 1/s"
+            )
+
+    def _start_widths(self) -> dict[int, float]:
+        """Return ρ₀ [px, m or rad] by the entry of the error that it bounds."""
+        widths: dict[int, float] = {}
+        if self.feature_px is not None:
+            for number in self.markers or range(1, len(self.goals[0].pixels) + 1):
+                u = 2 * (number - 1)
+                widths[u] = self.feature_px
+                widths[u + 1] = self.feature_px
+        if self.translation_m is not None:
+            widths |= dict.fromkeys(range(3), self.translation_m)
+        if self.rotation_rad is not None:
+            widths |= dict.fromkeys(range(3, 6), self.rotation_rad)
+        return widths
 
     def scaled(self, K: float, switching_gain: float) -> PerformanceFunnel:
         """Return a copy with these factors, see :class:`.Constraint`.
@@ -104,51 +123,63 @@ class PerformanceFunnel(Constraint):
 
         Examples are ``funnel[x].upper`` and ``funnel[marker 1 u].lower``.
         """
-        if self.of_image and max(self._at) >= 2 * len(scene.markers):
-            raise ConfigurationError(
-                f"{self.kind}: there is no marker {max(self._at) // 2 + 1}; the scene has "
-                f"{len(scene.markers)}"
-            )
-        names = [
-            f"marker {i // 2 + 1} {'uv'[i % 2]}" if self.of_image else POSE[i] for i in self._at
-        ]
-        return tuple(f"{self.kind}[{name}].{side}" for side in ("upper", "lower") for name in names)
+        if self.of_image:
+            last = max(self._entries) // 2 + 1
+            if last > len(scene.markers):
+                raise ConfigurationError(
+                    f"{self.kind}: there is no marker {last}; the scene has {len(scene.markers)}"
+                )
+        names = [self._entry_name(entry) for entry in self._entries]
+        upper = [f"{self.kind}[{name}].upper" for name in names]
+        lower = [f"{self.kind}[{name}].lower" for name in names]
+        return (*upper, *lower)
+
+    def _entry_name(self, entry: int) -> str:
+        """Return the name of an entry of the error, such as ``x`` or ``marker 1 u``."""
+        if not self.of_image:
+            return POSE[entry]
+        marker, coordinate = divmod(entry, 2)
+        return f"marker {marker + 1} {'uv'[coordinate]}"
 
     def units(self, scene: Scene) -> tuple[str, ...]:
         """Return the units of the rows: pixels, metres or radians."""
-        return tuple("px" if self.of_image else "m" if i < 3 else "rad" for i in self._both)
+        if self.of_image:
+            return ("px",) * len(self._entry_of_row)
+        return tuple("m" if entry < 3 else "rad" for entry in self._entry_of_row)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the form of the rows, which are computed from markers or the camera's pose."""
         if type(self).rows is not Constraint.rows:
             return None
-        wanted: list[Array] = [
-            goal.pixels.ravel()
-            if self.of_image or goal.camera is None
-            else np.append(goal.camera.R, goal.camera.t)
-            for goal in self.goals
-        ]
-        numbers = (
-            self.final,
-            self.decay,
-            float(len(wanted)),
-            *self._begins,
-            *np.concatenate(wanted).tolist(),
+        from ..compiled.constraint_rows import image_funnel_rows, pose_funnel_rows
+
+        wanted: list[float] = []  # of each goal: pixels, or R and t of the camera
+        for goal in self.goals:
+            if self.of_image or goal.camera is None:
+                wanted += goal.pixels.ravel().tolist()
+            else:
+                wanted += goal.camera.R.ravel().tolist()
+                wanted += goal.camera.t.tolist()
+        goal_count = float(len(self.goals))
+        return CompiledRowSpec(
+            image_funnel_rows if self.of_image else pose_funnel_rows,
+            parameters=(self.final, self.decay, goal_count, *self._goal_starts, *wanted),
+            which=self._entry_of_row,
+            offsets=self._error_factor,
         )
-        rows = "image_funnel_rows" if self.of_image else "pose_funnel_rows"
-        return CompiledRowSpec(rows, parameters=numbers, which=self._both, offsets=self._side)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the clearance ρ ∓ eᵢ [px, m or rad]."""
-        goals = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
+        goals = np.array([goal_at(self._goal_starts, t) for t in trace.t], dtype=np.int64)
         if self.of_image:
             wanted = np.array([goal.pixels for goal in self.goals])
             error = (trace.pixels - wanted[goals]).reshape(len(goals), -1)
         else:
             error = self._pose_errors(trace, goals)
-        elapsed = trace.t - np.array(self._begins)[goals]
+        elapsed = trace.t - np.array(self._goal_starts)[goals]
         width, _, _ = funnel(elapsed, self.final, self.decay)
-        clearance: Array = self.start * (width[:, None] - self._side * error[:, self._both])
+        relative_error = self._error_factor * error[:, self._entry_of_row]
+        clearance: Array = self.start * (width[:, None] - relative_error)
         return clearance
 
     def _pose_errors(self, trace: Trace, goals: IntArray) -> Array:
@@ -172,9 +203,12 @@ class PerformanceFunnel(Constraint):
 
     def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
         """Return a reason if an error starts outside: a funnel only holds those inside."""
-        outside = [
-            f"{labels[i]} with an error of {(sigma[i] + 1.0) * self.start[i]:.3g}, where ρ₀ is "
-            f"{self.start[i]:g}"
-            for i in np.flatnonzero(sigma >= 0.0)
-        ]
-        return f"the start is outside its funnel: {'; '.join(outside)}" if outside else ""
+        outside = []
+        for i in np.flatnonzero(sigma >= 0.0):
+            error = (sigma[i] + 1.0) * self.start[i]
+            outside.append(
+                f"{labels[i]} with an error of {error:.3g}, where ρ₀ is {self.start[i]:g}"
+            )
+        if not outside:
+            return ""
+        return f"the start is outside its funnel: {'; '.join(outside)}"

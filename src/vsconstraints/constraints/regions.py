@@ -71,7 +71,9 @@ class PointConstraint(PositionConstraint):
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the points concerned."""
-        return self.formula_form("point_rows", range(points.start, points.stop))
+        from ..compiled.constraint_rows import point_rows
+
+        return self.formula_form(point_rows, range(points.start, points.stop))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −σ / ‖∂σ/∂p‖ [m]: exact where σ is a signed distance, of first order elsewhere."""

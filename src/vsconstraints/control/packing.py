@@ -65,7 +65,7 @@ class StepArrays:
             address = 0
             if form is not None and (form.motion is None or type(form.motion) is Motion):
                 address = load("constraint_rows").rows_address(
-                    form.rows, form.formulas, len(form.parameters)
+                    form.template, form.formulas, len(form.parameters)
                 )
             if form is not None and address:
                 compiled.append((constraint, form, rows, address))

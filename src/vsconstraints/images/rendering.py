@@ -74,9 +74,9 @@ class Renderer:
         if hidden is not None:
             image[hidden] = OBSTACLE
         if settings.blur_px:
-            image = cv2.GaussianBlur(
-                image, (0, 0), settings.blur_px, borderType=cv2.BORDER_REPLICATE
-            )
+            any_size = (0, 0)
+            border = cv2.BORDER_REPLICATE
+            image = cv2.GaussianBlur(image, any_size, settings.blur_px, borderType=border)
         image *= settings.light
         if settings.noise:
             noise = random.standard_normal(image.shape, dtype=np.float32)
@@ -87,24 +87,32 @@ class Renderer:
         """Return the mean image (H, W) over the instants of an exposure."""
         import cv2
 
-        W, H = map(int, self.camera.size)
+        width, height = map(int, self.camera.size)
         half = 0.5 * self.settings.exposure_s
-        distance = 0.0  # greatest motion of a corner [px]
-        if half:
-            starts = self._outer_corners(_rounded(motion(-half)))
-            ends = self._outer_corners(_rounded(motion(half)))
-            if starts is not None and ends is not None:
-                shift = (ends - starts) * np.asarray(self.camera.focal)
-                distance = float(np.abs(shift).max())
+        distance = self._greatest_motion(motion, half)
         count = int(np.clip(np.ceil(distance), 1, MAX_EXPOSURES))
-        total = np.zeros((H, W), dtype=np.float32)
+        total = np.zeros((height, width), dtype=np.float32)
         for k in range(count):
             # midpoints of equal parts of the exposure
             instant = half * (2.0 * k + 1.0 - count) / count
-            fine = np.full((FINER * H, FINER * W), AROUND, dtype=np.float32)
+            fine = np.full((FINER * height, FINER * width), AROUND, dtype=np.float32)
             self._draw_tags(fine, motion, instant)
-            total += cv2.resize(fine, (W, H), interpolation=cv2.INTER_AREA)
+            total += cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
         return total / np.float32(count)
+
+    def _greatest_motion(self, motion: CameraMotion, half: float) -> float:
+        """Return the greatest motion of a corner [px] from −half to half [s].
+
+        It is 0 without motion, or if a corner is not in front of the camera.
+        """
+        if half == 0.0:
+            return 0.0
+        starts = self._outer_corners(_rounded(motion(-half)))
+        ends = self._outer_corners(_rounded(motion(half)))
+        if starts is None or ends is None:
+            return 0.0
+        shift = (ends - starts) * np.asarray(self.camera.focal)
+        return float(np.abs(shift).max())
 
     def _outer_corners(self, camera: Pose) -> Array | None:
         """Return normalised coordinates (M · 4, 2) of the corners of the tags' white borders.
@@ -120,12 +128,11 @@ class Renderer:
 
     def _draw_tags(self, fine: Array, motion: CameraMotion, instant: float) -> None:
         """Draw all tags at an instant on an image of FINER H × FINER W pixels."""
-        poses = [_rounded(motion(instant))]
         half = 0.5 * self.settings.rolling_s
-        if half:  # at the times of the first, the middle and the last row
-            poses.insert(0, _rounded(motion(instant - half)))
-            poses.append(_rounded(motion(instant + half)))
-        outlines = []
+        # with a rolling shutter, at the times of the first, the middle and the last row
+        instants = [instant - half, instant, instant + half] if half else [instant]
+        poses = [_rounded(motion(time)) for time in instants]
+        outlines = []  # of all tags, at each instant
         for pose in poses:
             corners = self._outer_corners(pose)
             if corners is None:
@@ -146,29 +153,33 @@ class Renderer:
         """Draw tag i from its outlines (p, 4, 2) [px] and homographies at p instants."""
         import cv2
 
-        height, width = fine.shape
+        size = fine.shape[::-1]
         corners = FINER * outline.reshape(-1, 2)
         least = np.floor(corners.min(axis=0)) - FINER
         greatest = np.ceil(corners.max(axis=0)) + FINER
-        left, top = np.clip(least, 0, (width, height)).astype(int)
-        right, bottom = np.clip(greatest, 0, (width, height)).astype(int)
+        left, top = np.clip(least, 0, size).astype(int)
+        right, bottom = np.clip(greatest, 0, size).astype(int)
         if right <= left or bottom <= top:
             return
         columns = slice(left, right)
         rows = slice(top, bottom)
         x, y = self._rays(rows, columns)
-        tag_x, tag_y = _points_on_tag(homographies, x, y, _row_times(rows, height))
-        cell = FINER * float(np.ptp(outline, axis=1).max()) / (CELLS + 2 * BORDER)
-        texels = int(min(2 ** np.ceil(np.log2(max(cell, 2.0))), MAX_TEXELS))
-        # cells from the corner of the black square; OpenCV counts centres
+        times = _row_times(rows, len(fine))
+        tag_x, tag_y = _points_on_tag(homographies, x, y, times)
+        extent = float(np.ptp(outline, axis=1).max())
+        texels = _texels(FINER * extent / (CELLS + 2 * BORDER))
+        # from cells, from the corner of the black square, to points, which OpenCV counts by centres
         scale = np.float32(texels)
         border = np.float32(BORDER)
         centre = np.float32(0.5)
+        picture = _picture(int(self.board.ids[i]), texels)
+        picture_x = scale * (tag_x + border) - centre
+        picture_y = scale * (tag_y + border) - centre
         patch = np.ascontiguousarray(fine[rows, columns])
         cv2.remap(
-            _picture(int(self.board.ids[i]), texels),
-            scale * (tag_x + border) - centre,
-            scale * (tag_y + border) - centre,
+            picture,
+            picture_x,
+            picture_y,
             cv2.INTER_LINEAR,
             dst=patch,
             borderMode=cv2.BORDER_TRANSPARENT,
@@ -181,14 +192,18 @@ class Renderer:
         ``camera`` is the camera's pose in the board's frame. Return None if the tag is seen from
         behind.
         """
+        # all lengths in cells: (x, y, 1) of the tag to the plane of the board, then to the camera
         corner, right, _, down = self.board.corners[i] / self.board.cell
         to_board = np.zeros((3, 3))
         to_board[:2, 0] = (right - corner) / CELLS
         to_board[:2, 1] = (down - corner) / CELLS
         to_board[:2, 2] = corner
-        to_camera: Array = camera.R.T @ to_board
-        to_camera[:, 2] -= camera.R.T @ camera.t / self.board.cell
-        return np.linalg.inv(to_camera) if np.linalg.det(to_camera) > 0.0 else None
+        board_R = camera.R.T
+        board_t = board_R @ camera.t / self.board.cell
+        to_camera: Array = board_R @ to_board
+        to_camera[:, 2] -= board_t
+        is_seen_from_front = np.linalg.det(to_camera) > 0.0
+        return np.linalg.inv(to_camera) if is_seen_from_front else None
 
     def _rays(self, rows: slice, columns: slice) -> tuple[Array, Array]:
         """Return ideal normalised coordinates of the points in the rows and columns.
@@ -201,8 +216,8 @@ class Renderer:
             offset = tuple(camera.offset.tolist())
             x, y = _lens_rays(camera.focal, offset, (width, height), camera.distortion)
             return x[rows, columns], y[rows, columns]
-        u = (np.arange(columns.start, columns.stop) + 0.5) / FINER
-        v = (np.arange(rows.start, rows.stop) + 0.5) / FINER
+        u = _middles(columns) / FINER
+        v = _middles(rows) / FINER
         u0, v0 = camera.to_corner(camera.offset)
         fu, fv = camera.focal
         x = ((u - u0) / fu).astype(np.float32)
@@ -210,10 +225,20 @@ class Renderer:
         return x[None, :], y[:, None]
 
 
+def _middles(cells: slice) -> Array:
+    """Return the middles (k,) of a range of rows or columns."""
+    return np.arange(cells.start, cells.stop) + 0.5
+
+
+def _texels(cell: float) -> int:
+    """Return a power of two of points along a cell of ``cell`` points, at most MAX_TEXELS."""
+    exponent = np.ceil(np.log2(max(cell, 2.0)))
+    return int(min(2**exponent, MAX_TEXELS))
+
+
 def _row_times(rows: slice, height: int) -> Array:
     """Return the relative time (h, 1) of image rows: from −1 for the first to 1 for the last."""
-    middles = np.arange(rows.start, rows.stop) + 0.5
-    times = middles / (0.5 * height) - 1.0
+    times = _middles(rows) / (0.5 * height) - 1.0
     return times[:, None].astype(np.float32)
 
 
@@ -225,19 +250,23 @@ def _points_on_tag(
     Three homographies are those at the relative times −1, 0 and 1; a quadratic in time interpolates
     them.
     """
-    h = homographies[0][..., None, None].astype(np.float32)
-    if len(homographies) == 3:
-        first, middle, last = np.array(homographies, dtype=np.float32)[..., None, None]
+    # each entry of a homography is broadcast to the shape of the rays
+    entries = np.array(homographies, dtype=np.float32)[..., None, None]
+    homography = entries[0]
+    if len(entries) == 3:
+        first, middle, last = entries
         slope = last - first
         curvature = 0.5 * (last + first) - middle
-        h = middle + times * 0.5 * slope + times**2 * curvature
-    scale = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-    tag_x = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / scale
-    tag_y = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / scale
+        homography = middle + times * 0.5 * slope + times**2 * curvature
+    row_x, row_y, row_scale = homography
+    scale = row_scale[0] * x + row_scale[1] * y + row_scale[2]
+    tag_x = (row_x[0] * x + row_x[1] * y + row_x[2]) / scale
+    tag_y = (row_y[0] * x + row_y[1] * y + row_y[2]) / scale
     return tag_x, tag_y
 
 
 def _rounded(pose: Pose) -> Pose:
+    """Return a pose without its rounding errors, see :data:`ROUNDED`."""
     return Pose(pose.R.round(ROUNDED), pose.t.round(ROUNDED))
 
 
@@ -271,9 +300,10 @@ def _lens_rays(
     width, height = size
     knots_u = np.linspace(0.0, width, math.ceil(width / KNOT) + 1)
     knots_v = np.linspace(0.0, height, math.ceil(height / KNOT) + 1)
-    fine_u = (np.arange(FINER * width) + 0.5) / FINER
-    fine_v = (np.arange(FINER * height) + 0.5) / FINER
-    centre = (offset[0] + 0.5 * width, offset[1] + 0.5 * height)
+    fine_u = _middles(slice(0, FINER * width)) / FINER
+    fine_v = _middles(slice(0, FINER * height)) / FINER
+    offset_u, offset_v = offset
+    centre = (offset_u + 0.5 * width, offset_v + 0.5 * height)
     pinhole = Camera(focal, size, centre)
     grid = np.stack(np.meshgrid(knots_u, knots_v), axis=-1)
     distorted = pinhole.normalised(pinhole.from_corner(grid))

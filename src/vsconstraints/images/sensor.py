@@ -88,10 +88,12 @@ class SceneRenderer:
         q = state.robot.q
         camera = self.scene.camera
         eye = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
-        in_board = self.renderer.board.camera_in_board(state.camera)
-        board = np.append(in_board.R[2], -in_board.t[2])
         solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(q, state.t)]
-        return covered(solids, board, camera)
+        # the board is the plane z = 0 of its frame
+        in_board = self.renderer.board.camera_in_board(state.camera)
+        normal = in_board.R[2]
+        distance = -in_board.t[2]
+        return covered(solids, np.append(normal, distance), camera)
 
     @cached_property
     def _fixed_curves(self) -> BoolArray:
@@ -150,6 +152,13 @@ class _UsableImage(NamedTuple):
     pixels: Array
 
 
+class _Waiting(NamedTuple):
+    """Image with the time from which it can be used [s]; None if it is not usable."""
+
+    usable_from: float
+    image: _UsableImage | None
+
+
 class ImageSensor(Sensor):
     """Sensor that renders images, detects tags in them, and takes its measurements from the tags.
 
@@ -193,8 +202,7 @@ class ImageSensor(Sensor):
         """Begin a new run with the same noise."""
         super().reset()
         self.exposures = []
-        #: Images with the times from which they can be used [s]; None if one is not usable.
-        self._waiting: deque[tuple[float, _UsableImage | None]] = deque()
+        self._waiting: deque[_Waiting] = deque()
         self._last: _UsableImage | None = None
         self._number = -1  # of the last image
         self._braked_samples = 0
@@ -218,22 +226,16 @@ class ImageSensor(Sensor):
         return self._newest[1]
 
     def _measured(self, t: float, q: Array, qd: Array) -> Measurement:
+        """Return the measurement at t [s], after taking the image that is due."""
         number = self.settings.number(t)
         if number > self._number:
             self._number = number
             self._take(number, t, q, qd)
-        while self._waiting and self._waiting[0][0] <= t + 1e-9:
-            _, image = self._waiting.popleft()
-            self._last = image or self._last
+        while self._waiting and self._waiting[0].usable_from <= t + 1e-9:
+            self._last = self._waiting.popleft().image or self._last
         last = self._last
         if last is None:
-            tags = self.exposures[0].tags
-            why = ""
-            if tags.unfit:
-                why = ": the board cannot be where the tags that are seen would put it"
-            elif tags.foreign:
-                why = f", but tags {', '.join(map(str, tags.foreign))}"
-            raise SceneError(f"none of the expected tags is seen in the first image{why}")
+            raise self._no_first_image()
         settings = self.settings
         longest = settings.latency_s + 1.0 / settings.rate_hz + settings.patience_s
         self.blind = t - last.taken > longest
@@ -263,7 +265,17 @@ class ImageSensor(Sensor):
             usable = _UsableImage(t, tags.camera, model, tags.pixels)
         # the loop waits for the first image
         latency = self.settings.latency_s if number else 0.0
-        self._waiting.append((t + latency, usable))
+        self._waiting.append(_Waiting(t + latency, usable))
+
+    def _no_first_image(self) -> SceneError:
+        """Return the error for a first image without usable tags."""
+        tags = self.exposures[0].tags
+        why = ""
+        if tags.unfit:
+            why = ": the board cannot be where the tags that are seen would put it"
+        elif tags.foreign:
+            why = f", but tags {', '.join(map(str, tags.foreign))}"
+        return SceneError(f"none of the expected tags is seen in the first image{why}")
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
         """Return the newest usable image, see :meth:`.Sensor.newest`."""

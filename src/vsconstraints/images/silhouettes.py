@@ -32,12 +32,13 @@ def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
     """
     import cv2
 
-    width, height = (int(side) for side in camera.size)
+    width, height = map(int, camera.size)
     image = np.zeros((height, width), dtype=np.uint8)
     for points in solids:
         outline = silhouette(points, board, camera)
         if outline is not None:
-            cv2.fillPoly(image, [np.rint(outline * 2**SHIFT).astype(np.int32)], 1, shift=SHIFT)
+            fixed_point = np.rint(outline * 2**SHIFT).astype(np.int32)
+            cv2.fillPoly(image, [fixed_point], 1, shift=SHIFT)
     return image > 0
 
 
@@ -48,16 +49,21 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
     """
     import cv2
 
-    seen = clipped(points, np.array([0.0, 0.0, 1.0, NEAR]))
-    seen = clipped(seen, np.append(-board[:3], BEFORE - board[3]))
+    in_front_of_camera = np.array([0.0, 0.0, 1.0, NEAR])
+    in_front_of_board = np.append(-board[:3], BEFORE - board[3])
+    planes = [in_front_of_camera, in_front_of_board]
     if camera.distortion is not None:
         # the square |x|, |y| ≤ reach around the invertible disc of the lens
         reach = min(camera.distortion.reach, WIDEST)
-        for normal in ((1, 0, reach), (-1, 0, reach), (0, 1, reach), (0, -1, reach)):
-            seen = clipped(seen, np.array([*normal, 0.0]))
-    if len(seen) < 3:
+        planes.append(np.array([1.0, 0.0, reach, 0.0]))
+        planes.append(np.array([-1.0, 0.0, reach, 0.0]))
+        planes.append(np.array([0.0, 1.0, reach, 0.0]))
+        planes.append(np.array([0.0, -1.0, reach, 0.0]))
+    for plane in planes:
+        points = clipped(points, plane)
+    if len(points) < 3:
         return None
-    normalised = seen[:, :2] / seen[:, 2:]
+    normalised = points[:, :2] / points[:, 2:]
     outline = cv2.convexHull(normalised.astype(np.float32))[:, 0]
     if camera.distortion is not None:
         outline = _finely(outline)
@@ -68,11 +74,14 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
 
 def _finely(outline: Array) -> Array:
     """Return an outline (K, 2) with corners at most :data:`PART` apart."""
-    parts = []
-    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        count = int(np.ceil(np.abs(b - a).max() / PART)) + 1
-        parts.append(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
-    return np.concatenate(parts)
+    edges = []
+    following = np.roll(outline, -1, axis=0)
+    for begin, end in zip(outline, following, strict=True):
+        edge = end - begin
+        count = int(np.ceil(np.abs(edge).max() / PART)) + 1
+        shares = np.linspace(0.0, 1.0, count)
+        edges.append(begin + shares[:, None] * edge)
+    return np.concatenate(edges)
 
 
 def clipped(points: Array, plane: Array) -> Array:
@@ -92,11 +101,12 @@ def clipped(points: Array, plane: Array) -> Array:
     begins = kept[:, None]
     ends = points[~is_kept]
     above = height[is_kept][:, None]
-    share = above / (above - height[~is_kept])
+    below = height[~is_kept]
+    share = above / (above - below)
     cut = begins + share[..., None] * (ends - begins)
     cut = cut.reshape(-1, 3)
     # the new points lie in the plane: the hull of the cut suffices
     steepest = np.argmax(np.abs(plane[:3]))
     flat = np.delete(cut, steepest, axis=1)
-    corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False).ravel()
-    return np.concatenate([kept, cut[corners]])
+    corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False)
+    return np.concatenate([kept, cut[corners.ravel()]])

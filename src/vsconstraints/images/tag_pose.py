@@ -50,11 +50,12 @@ def locate_board(
     from that of the calibration.
     """
     require_image(image)
-    W, H = camera.size
+    calibrated_width, calibrated_height = camera.size
     height, width = image.shape
-    if (width, height) != (W, H):
+    if width != calibrated_width or height != calibrated_height:
         raise InvalidInput(
-            f"an image of {width} × {height} px, with a camera calibrated for {W:g} × {H:g} px"
+            f"an image of {width} × {height} px, with a camera calibrated for "
+            f"{calibrated_width:g} × {calibrated_height:g} px"
         )
     tags = detector.find(image)
     ids = board.ids.tolist()
@@ -68,11 +69,10 @@ def locate_board(
             markers.append(ids.index(number))
         else:
             foreign.add(number)
-    seen = np.zeros(len(ids), dtype=np.bool_)
     measurement = TagPose(
         camera=None,
         pixels=np.full((len(ids), 2), np.nan),
-        seen=seen,
+        seen=np.zeros(len(ids), dtype=np.bool_),
         foreign=tuple(sorted(foreign)),
     )
     if not markers:
@@ -84,17 +84,32 @@ def locate_board(
     if not len(located):
         return measurement
     flat = board.corners[located].reshape(-1, 2)
+    normalised = camera.normalised(corners.reshape(-1, 2))
     expected = None if near is None else board.camera_in_board(near)
-    pose, residual = board_pose(flat, camera.normalised(corners.reshape(-1, 2)), expected)
-    measurement = measurement._replace(residual_px=residual * float(np.mean(camera.focal)))
-    if pose is None or measurement.residual_px > MAX_RESIDUAL:
-        return measurement._replace(unfit=True)
-    points = np.pad(board.corners[:, 0], ((0, 0), (0, 1)))
-    P = (points - pose.t) @ pose.R
-    pixels = camera.pixels(P[:, :2] / P[:, 2:])
+    pose, residual = board_pose(flat, normalised, expected)
+    residual_px = residual * float(np.mean(camera.focal))
+    if pose is None or residual_px > MAX_RESIDUAL:
+        return measurement._replace(residual_px=residual_px, unfit=True)
+    # markers that were seen are where they were measured
+    pixels = camera.pixels(_projected(board.corners[:, 0], pose))
     pixels[located] = corners[:, 0]
-    seen[located] = True
-    return measurement._replace(camera=board.pose @ pose, pixels=pixels)
+    measurement.seen[located] = True
+    return measurement._replace(camera=board.pose @ pose, pixels=pixels, residual_px=residual_px)
+
+
+def _projected(flat: Array, camera: Pose) -> Array:
+    """Return normalised coordinates (N, 2) of points (N, 2) of a board.
+
+    ``camera`` is the camera's pose in the board's frame.
+    """
+    P = (_in_space(flat) - camera.t) @ camera.R
+    normalised: Array = P[:, :2] / P[:, 2:]
+    return normalised
+
+
+def _in_space(flat: Array) -> Array:
+    """Return points (N, 3) in the frame of a board from those (N, 2) in its plane."""
+    return np.pad(flat, ((0, 0), (0, 1)))
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
@@ -124,9 +139,9 @@ def board_pose(
     """
     import cv2
 
-    points = np.pad(flat, ((0, 0), (0, 1)))
-    intrinsics = np.eye(3)
-    found, turn, shift = cv2.solvePnP(points, normalised, intrinsics, None, flags=cv2.SOLVEPNP_IPPE)
+    points = _in_space(flat)
+    no_lens = np.eye(3)
+    found, turn, shift = cv2.solvePnP(points, normalised, no_lens, None, flags=cv2.SOLVEPNP_IPPE)
     if not found:
         return None, np.nan
     middle = points.mean(axis=0)
@@ -136,28 +151,22 @@ def board_pose(
     mirrored = mirror @ R @ np.diag((1.0, 1.0, -1.0))
     candidates: list[tuple[Pose, float]] = []
     for start in (R, mirrored):
-        start_turn, _ = cv2.Rodrigues(start)
-        start_shift = sight - start @ middle
-        turn, shift = cv2.solvePnPRefineLM(
-            points,
-            normalised,
-            intrinsics,
-            None,
-            start_turn,
-            start_shift[:, None],
-        )
-        R, _ = cv2.Rodrigues(turn)
+        turn, _ = cv2.Rodrigues(start)
+        shift = sight - start @ middle
+        turn, shift = cv2.solvePnPRefineLM(points, normalised, no_lens, None, turn, shift[:, None])
+        refined, _ = cv2.Rodrigues(turn)
         t = shift.ravel()
-        P = points @ R.T + t
+        P = points @ refined.T + t
         if np.isfinite(P).all() and (P[:, 2] > 0.0).all():
             deviation = P[:, :2] / P[:, 2:] - normalised
-            error = float(np.sqrt((deviation**2).sum(axis=1).mean()))
-            candidates.append((Pose(R, t).inverse, error))
+            squared = (deviation**2).sum(axis=1)
+            error = float(np.sqrt(squared.mean()))
+            candidates.append((Pose(refined, t).inverse, error))
     if not candidates:
         return None, np.nan
     candidates.sort(key=lambda candidate: candidate[1])
+    best, least_error = candidates[0]
     if near is None:
-        return candidates[0]
-    least = candidates[0][1]
-    plausible = [(pose, error) for pose, error in candidates if error <= AS_GOOD * least]
+        return best, least_error
+    plausible = [(pose, error) for pose, error in candidates if error <= AS_GOOD * least_error]
     return min(plausible, key=lambda candidate: distance(candidate[0], near)[1])

@@ -185,19 +185,19 @@ def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
             or (RobotPoint(),)
         }
     along = from_table(link_points, _taken(table, link_points), where, context)
-    return {
-        "points": along.points,
-        "margin": checked(table.pop("margin", 0.0), float, where, "margin") + along.enlargement,
-    }
+    margin = checked(table.pop("margin", 0.0), float, where, "margin")
+    return {"points": along.points, "margin": margin + along.enlargement}
 
 
 def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
     """Return the bodies of the table and any collision bodies of the links."""
     robot = context["robot"]
     bodies = []
-    for i, body in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
+    tables = checked(table.pop("bodies", []), list[Any], where, "bodies")
+    for i, value in enumerate(tables):
         place = f"{where}.bodies[{i}]"
-        solid, pose, (link, name) = _solid(require_table(body, place), place, context, attached)
+        body = require_table(value, place)
+        solid, pose, (link, name) = _solid(body, place, context, attached)
         bodies.append(attached_body(robot, link, solid, pose, name))
     of_links = _taken(table, link_bodies)
     if not bodies or of_links or robot.source is not None:
@@ -206,9 +206,11 @@ def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
 
 
 def _obstacle(table: Table, where: str, context: Context) -> dict[str, Any]:
+    """Return the obstacle of the table as a body."""
     obstacle, place = _inner(table, "obstacle", where)
     solid, pose, _ = _solid(obstacle, place, context, lambda: None)
-    return {"obstacle": fixed_body(checked(table.pop("name", ""), str, where, "name"), solid, pose)}
+    name = checked(table.pop("name", ""), str, where, "name")
+    return {"obstacle": fixed_body(name, solid, pose)}
 
 
 def attached(link: str = "tip", name: str = "") -> tuple[str, str]:

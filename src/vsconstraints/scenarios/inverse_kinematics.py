@@ -38,11 +38,12 @@ def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
         squared = float(error @ error)
         if squared <= POSE_TOLERANCE**2:
             return np.asarray(q)
-        J = pin.Jlog6(difference.inverse()) @ pin.getFrameJacobian(
-            model, data, frame, pin.ReferenceFrame.LOCAL
-        )
-        step = np.linalg.solve(J.T @ J + (DAMPING * squared + 1e-12) * eye, J.T @ error)
-        q = np.clip(q + step / max(1.0, np.abs(step).max() / MAX_STEP), robot.q_min, robot.q_max)
+        tip_J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+        J = pin.Jlog6(difference.inverse()) @ tip_J
+        mu = DAMPING * squared + 1e-12
+        step = np.linalg.solve(J.T @ J + mu * eye, J.T @ error)
+        excess = max(1.0, np.abs(step).max() / MAX_STEP)
+        q = np.clip(q + step / excess, robot.q_min, robot.q_max)
     return None
 
 
@@ -52,4 +53,6 @@ def tip_of(scene: Scene, camera: Pose) -> Pose:
     The target is where it is at t = 0.
     """
     fixed = scene.camera.fixed
-    return camera @ scene.camera.mount if fixed is None else fixed @ camera.inverse
+    if fixed is not None:
+        return fixed @ camera.inverse
+    return camera @ scene.camera.mount

@@ -83,11 +83,9 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
             places = (now.pixels[None], now.points[None])
             phi = rows.phi
             clearance = setup.clearance(np.array([t]), q[None], qd[None], *places)[0]
-            problems += [
-                f"{rows.labels[i]} is violated: {abs(clearance[i]):.4g} {constraints.units[i]} "
-                f"outside"
-                for i in np.flatnonzero(sigma > ROUNDING * rows.scale)
-            ]
+            for row in np.flatnonzero(sigma > ROUNDING * rows.scale):
+                depth = f"{abs(clearance[row]):.4g} {constraints.units[row]}"
+                problems.append(f"{rows.labels[row]} is violated: {depth} outside")
         except Exception as error:  # custom constraints may raise anything
             problems.append(f"its rows cannot be evaluated: {described(error)}")
     return Moment(name, t, q, pixels, phi, clearance, tuple(problems))
@@ -99,9 +97,10 @@ def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> M
     problems = [problem]
     for constraint in setup.constraints.constraints:
         if isinstance(constraint, ImageConstraint) and constraint.motion is None:
-            outside = constraint.sigma(constraint.of_markers(pixels)) > 0.0
+            sigma = constraint.sigma(constraint.of_markers(pixels))
             labels = constraint.labels(setup.scene)
-            problems += [f"{labels[i]} is violated" for i in np.flatnonzero(outside)]
+            for i in np.flatnonzero(sigma > 0.0):
+                problems.append(f"{labels[i]} is violated")
     return Moment(name, t, None, pixels, unknown, unknown, tuple(problems))
 
 
@@ -126,7 +125,10 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
     low = np.where(np.isfinite(robot.q_min), robot.q_min, q0 - np.pi)
     high = np.where(np.isfinite(robot.q_max), robot.q_max, q0 + np.pi)
     others = np.random.default_rng(0).uniform(low, high, (TRIES, robot.n))
-    for near in (*(() if goal.q is None else (goal.q,)), q0, *others):
+    starts = [q0, *others]
+    if goal.q is not None:
+        starts.insert(0, goal.q)
+    for near in starts:
         q = inverse_kinematics(robot, tip, near)
         if q is not None:
             return q, missed
@@ -139,24 +141,27 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
 def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
     """Return the pose that explains a goal's image best, and the largest marker error [px]."""
     camera = scene.camera
-    poses = []
+    best = None
+    least_miss = np.inf
     start = scene.camera_pose(q0)
     seen = camera.normalised(goal.pixels)
     for turn in np.arange(TURNS) * (2.0 * np.pi / TURNS):
-        near = start @ Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
+        turned = Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
         try:
-            pose = estimated_pose(scene.markers, seen, near)
+            pose = estimated_pose(scene.markers, seen, start @ turned)
         except np.linalg.LinAlgError:  # the iteration diverged beyond the range of floats
             continue
         P = pose.inverse.act(scene.markers)
-        if (P[:, 2] > MINIMUM_DEPTH).all():
-            poses.append(
-                (pose, float(np.abs(camera.pixels(P[:, :2] / P[:, 2:]) - goal.pixels).max()))
-            )
-    best = min(poses, key=lambda pair: pair[1], default=None)
-    if best is None or not best[1] < MAX_MISS * camera.size[0]:
+        if (P[:, 2] <= MINIMUM_DEPTH).any():
+            continue
+        pixels = camera.pixels(P[:, :2] / P[:, 2:])
+        miss = float(np.abs(pixels - goal.pixels).max())
+        if miss < least_miss:
+            best = pose
+            least_miss = miss
+    if best is None or not least_miss < MAX_MISS * camera.size[0]:
         raise SceneError("no camera pose was found from which the markers appear at these pixels")
-    return best
+    return best, least_miss
 
 
 def named_goals(goals: Sequence[Any]) -> Iterator[tuple[str, Any]]:

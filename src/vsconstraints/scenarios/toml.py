@@ -141,14 +141,20 @@ def merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def _child(parent: Any, name: str, where: str) -> Any:
+    """Return the entry of a list or table; raise ConfigurationError, with candidates, if unknown.
+
+    A missing optional table is added. A table given as a text is one of that type.
+    """
     if isinstance(parent, list):
-        if not (name.isascii() and name.isdecimal()) or int(name) >= len(parent):
-            raise unknown_name(
-                f"entry of a list in {where}", name, [str(i) for i in range(len(parent))]
-            )
+        numbers = [str(i) for i in range(len(parent))]
+        is_number = name.isascii() and name.isdecimal()
+        if not is_number or int(name) >= len(parent):
+            raise unknown_name(f"entry of a list in {where}", name, numbers)
         return parent[int(name)]
-    if not isinstance(parent, dict) or (name not in parent and name not in OPTIONAL):
-        raise unknown_name(f"table in {where}", name, parent if isinstance(parent, dict) else [])
+    tables = parent if isinstance(parent, dict) else {}
+    is_known = name in tables or name in OPTIONAL
+    if not isinstance(parent, dict) or not is_known:
+        raise unknown_name(f"table in {where}", name, tables)
     if name in BY_TYPE and isinstance(parent.get(name), str):
         parent[name] = {"type": parent[name]}
     return parent.setdefault(name, {})

@@ -19,6 +19,7 @@ WHITE = (255, 255, 255)
 #: Number of colours of a GIF, and its reduction in size: noise does not compress.
 COLOURS = 32
 SMALLER = 2
+Colour = tuple[int, int, int]  #: Red, green and blue.
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 
@@ -70,26 +71,32 @@ def write_frames(
     ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if writing fails.
     """
     kind = kind_of(path)
-    settings = setup.photographer().settings
-    images = frames(setup, run)
-    pictures = []
     if not kind:
-        path.mkdir(parents=True, exist_ok=True)
-        for old in path.glob("[0-9]" * 5 + ".png"):
-            old.unlink()
-    tags = {*settings.expected_tags(len(setup.scene.markers))}
+        return _write_folder(frames(setup, run), path, on_frame)
+    settings = setup.photographer().settings
+    expected = {*settings.expected_tags(len(setup.scene.markers))}
+    pictures = []
+    for frame in frames(setup, run):
+        picture = with_tags(frame, expected)
+        if kind == ".gif":
+            picture = np.asarray(Image.fromarray(picture).reduce(SMALLER))
+        pictures.append(picture)
+        on_frame()
+    rate = min(settings.rate_hz, 1.0 / setup.Ts)
+    write_pictures(pictures, path, rate, colours=COLOURS)
+    return len(pictures)
+
+
+def _write_folder(images: Iterator[Frame], folder: Path, on_frame: Callable[[], None]) -> int:
+    """Write images as PNGs into a folder and return their number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("[0-9]" * 5 + ".png"):
+        old.unlink()
     count = 0
     for frame in images:
+        Image.fromarray(frame.image).save(folder / f"{frame.number:05d}.png")
         count += 1
-        if kind:
-            pictures.append(with_tags(frame, tags))
-        else:
-            Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
         on_frame()
-    if kind == ".gif":
-        pictures = [np.asarray(Image.fromarray(picture).reduce(SMALLER)) for picture in pictures]
-    if kind:
-        write_pictures(pictures, path, min(settings.rate_hz, 1.0 / setup.Ts), colours=COLOURS)
     return count
 
 
@@ -101,18 +108,19 @@ def with_tags(frame: Frame, expected: set[int]) -> Picture:
     """
     import cv2
 
-    font = cv2.FONT_HERSHEY_SIMPLEX
-    smooth = cv2.LINE_AA
     picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
+
+    def write(text: str, x: int, y: int, size: float, colour: Colour, thickness: int) -> None:
+        font = cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(picture, text, (x, y), font, size, colour, thickness, cv2.LINE_AA)
+
     for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
         colour = EXPECTED if number in expected else FOREIGN
         outline = corners.round().astype(np.int32)
         first_corner = outline[0].tolist()
-        cv2.polylines(picture, [outline], True, colour, 2, smooth)
-        cv2.circle(picture, first_corner, 5, colour, cv2.FILLED, smooth)
-        centre = corners.mean(axis=0).round().astype(int)
-        left, bottom = (centre - (8, -8)).tolist()
-        cv2.putText(picture, str(number), (left, bottom), font, 0.8, colour, 2, smooth)
-    time = f"{frame.taken:.3f} s"
-    cv2.putText(picture, time, (8, 20), font, 0.6, WHITE, 1, smooth)
+        cv2.polylines(picture, [outline], True, colour, 2, cv2.LINE_AA)
+        cv2.circle(picture, first_corner, 5, colour, cv2.FILLED, cv2.LINE_AA)
+        x, y = corners.mean(axis=0).round().astype(int).tolist()
+        write(str(number), x - 8, y + 8, 0.8, colour, 2)
+    write(f"{frame.taken:.3f} s", 8, 20, 0.6, WHITE, 1)
     return picture

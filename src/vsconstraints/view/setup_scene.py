@@ -17,19 +17,9 @@ from ..rows import Array
 from ..simulation import Setup
 from ..vision.camera import Camera
 from ..vision.motion import Motion
-from .scene3d import (
-    JOINT,
-    REACH,
-    Part,
-    Placement,
-    Scene3D,
-    Viewpoint,
-    arm_frames,
-    bars,
-    bars_of,
-    joined,
-    tube,
-)
+from .arm import JOINT, REACH, SHORT, arm_frames, bars, bars_of
+from .scene3d import Part, Placement, Scene3D, Viewpoint
+from .solids import joined, tube
 
 CAMERA = "#0072B2"
 OBSTACLE = "#F0A202"
@@ -87,7 +77,9 @@ def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OB
     """Add obstacles and the target; ``size`` is half the side of the shown cube [m]."""
     for k, mesh in obstacle_meshes(setup, size).items():
         scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS)
-    scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
+    edge_radius = 0.003 * size / REACH
+    marker_radius = 0.015 * size / REACH
+    scene.target(setup.scene.markers, edge_radius, marker_radius, "target")
 
 
 def add_robot(
@@ -106,12 +98,15 @@ def add_robot(
     for part in arm:
         scene.parts.append(part._replace(frame=prefix + part.frame))
     camera = setup.scene.camera
-    carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
-    if np.linalg.norm(carried) > 1e-6:
-        bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
-        scene.add(bar, JOINT, f"{prefix}tip")
+    markers = setup.scene.markers
+    carried = markers.mean(axis=0) if camera.fixed is not None else camera.mount.inverse.t
+    if np.linalg.norm(carried) > SHORT:
+        line = np.linspace(np.zeros(3), carried, 6)
+        holder = tube(line, 0.007 * scale, 8)
+        scene.add(holder, JOINT, f"{prefix}tip")
     if colour:
-        scene.pyramid(CAMERA_SIZE * scale * image_corners(camera), colour, f"{prefix}camera")
+        base = CAMERA_SIZE * scale * image_corners(camera)
+        scene.pyramid(base, colour, f"{prefix}camera")
 
 
 def image_corners(camera: Camera) -> Array:
@@ -125,8 +120,10 @@ def image_corners(camera: Camera) -> Array:
 
 def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
     """Return corners (4, 3) of the camera's view at the markers' distance, in the base frame."""
-    depth = float(camera.inverse.act(setup.scene.markers_at(q, t))[:, 2].mean())
-    return camera.act(max(depth, MIN_DEPTH) * image_corners(setup.scene.camera))
+    markers = camera.inverse.act(setup.scene.markers_at(q, t))
+    mean_depth = float(markers[:, 2].mean())
+    depth = max(mean_depth, MIN_DEPTH)
+    return camera.act(depth * image_corners(setup.scene.camera))
 
 
 _bars = lru_cache(maxsize=8)(bars)
@@ -142,9 +139,11 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     camera = frames["camera"].pose
     corners = view_corners(setup, camera, q, t)
     for corner, following in pairwise([*corners, corners[0]]):
-        for begin, end in ((camera.t, corner), (corner, following)):
+        lines = [(camera.t, corner), (corner, following)]
+        for begin, end in lines:
             points = np.linspace(begin, end, 12)
-            scene.add(tube(points, 0.0022 * scale, 4, caps=False), CAMERA)
+            line = tube(points, 0.0022 * scale, 4, caps=False)
+            scene.add(line, CAMERA)
     scene.draw(ax, view, frames)
 
 
@@ -152,14 +151,14 @@ def points_in_view(setup: Setup, q: Array, t: float) -> Array:
     """Return corners (k, 3) of arm, camera, markers and camera's view, in the base frame."""
     robot = setup.scene.robot
     camera = setup_frames(setup, q, t)["camera"].pose
-    points = [
-        *bars_of(robot, q),
-        camera.t[None],
-        setup.scene.markers_at(q, t),
-        view_corners(setup, camera, q, t),
-    ]
+    points: list[Array] = []
     if not robot.prismatic[0]:
-        points.insert(0, np.zeros((1, 3)))
+        base = np.zeros((1, 3))
+        points.append(base)
+    points += bars_of(robot, q)
+    points.append(camera.t[None])
+    points.append(setup.scene.markers_at(q, t))
+    points.append(view_corners(setup, camera, q, t))
     return np.concatenate(points)
 
 
@@ -178,13 +177,15 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
         across, up, _ = (points @ view_axes(elevation, azimuth)).T
         return float(np.linalg.det(np.cov((across, up))))
 
-    azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered_area))
+    azimuths = np.arange(-90.0, 91.0, 10.0)
+    azimuth = float(max(azimuths, key=covered_area))
     axes = view_axes(elevation, azimuth)
     seen = points @ axes
     low = seen.min(axis=0)
     high = seen.max(axis=0)
-    across, up, _ = 0.5 * (high - low)
-    half = MARGIN * max(up, across / aspect) / IN_VIEW
+    half_width, half_height, _ = 0.5 * (high - low)
+    needed = max(half_height, half_width / aspect)
+    half = MARGIN * needed / IN_VIEW
     centre = axes @ (0.5 * (low + high))
     return Viewpoint(centre, half, elevation, azimuth)
 
@@ -192,7 +193,10 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
 def view_axes(elevation: float, azimuth: float) -> Array:
     """Return directions right, up and towards the viewer as columns (3, 3), for angles [deg]."""
     elevation, azimuth = np.deg2rad([elevation, azimuth])
+    cos = np.cos(azimuth)
+    sin = np.sin(azimuth)
     level = np.cos(elevation)
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-    return np.stack((right, np.cross(towards, right), towards), axis=1)
+    right = np.array([-sin, cos, 0.0])
+    towards = np.array([level * cos, level * sin, np.sin(elevation)])
+    up = np.cross(towards, right)
+    return np.column_stack((right, up, towards))

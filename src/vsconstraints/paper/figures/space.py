@@ -9,8 +9,10 @@ import numpy as np
 from ...comparisons.run import Run
 from ...reports.plots import WIDTH, Sheet
 from ...robots.geometry import Pose
-from ...view.scene3d import Scene3D, Viewpoint, bars, tube
+from ...view.arm import bars
+from ...view.scene3d import Scene3D, Viewpoint
 from ...view.setup_scene import add_robot, add_surroundings, setup_frames
+from ...view.solids import tube
 from ..case_study import active_spans
 from . import lines as paper
 from .simulations import SHORT, frame_times

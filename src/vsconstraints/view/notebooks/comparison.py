@@ -238,12 +238,14 @@ class Comparison:
         """Return the HTML for a notebook: outcomes of laws on scenarios, and main scores."""
         metrics = [metric for metric in METRICS if metric.column in FIRST]
         results = self._lines
+        header = ["scenario", "law", "outcome"]
+        header += [metric.header for metric in metrics]
         lines = []
         for scenario, law in product(self.scenarios, results.competitors):
             runs = results.runs(scenario, law)
-            scores = [metric_text(metric, runs) for metric in metrics]
-            lines.append((scenario, law, outcome(results, scenario, law), *scores))
-        header = ("scenario", "law", "outcome", *(metric.header for metric in metrics))
+            cells = [scenario, law, outcome(results, scenario, law)]
+            cells += [metric_text(metric, runs) for metric in metrics]
+            lines.append(cells)
         return render_html(TEMPLATE, header=header, lines=lines, marks=MARKS, notes=self.notes)
 
 

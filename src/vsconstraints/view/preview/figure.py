@@ -11,6 +11,7 @@ import numpy as np
 from ...reports.plots.image import OUTSIDE, START, Plane, numbered
 from ...reports.plots.sheet import WIDTH, Figure, Sheet
 from ...reports.plots.style import INK, shortened, symbol
+from ...rows.readable import counted
 from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
 
@@ -22,7 +23,11 @@ TITLE = 0.3
 #: Most rows that are shown, and most rows that are shown far from their boundary.
 MAX_ROWS = 12
 MIN_ROWS = 4
-UNKNOWN_HEIGHT = 0.35  # height of a row of views without a known configuration [in]
+#: Greatest width of an image; greatest height of an arm, and height of a row of moments without a
+#: known configuration [in].
+MAX_PANEL_WIDTH = 3.6
+MAX_ARM_HEIGHT = 2.5
+UNKNOWN_HEIGHT = 0.35
 # Characters per line and lines of the warnings in the figure.
 CHARACTERS = 115
 LINES = 12
@@ -40,54 +45,70 @@ EARLIER = symbol("*", "white", size=5.2)
 
 def lines(preview: Preview) -> Iterator[str]:
     """Yield the lines for a terminal, without the warnings."""
-    setup = preview.setup
-    moments = preview.moments
-    robot = setup.scene.robot
-    yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
-    for moment in moments:
-        where = "unknown" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
-        yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
+    scene = preview.setup.scene
+    robot = scene.robot
+    yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(scene.markers)} markers"
+    for moment in preview.moments:
+        q = "unknown" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        yield f"  {moment.name:8s} t = {moment.t:g} s, q = {q}"
     if not preview.rows:
         yield "  no rows and no joint limits"
         return
     shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
     yield "  rows nearest to their boundary: distance, φ in parentheses; ! violated, * near"
-    table = [["", "", *(moment.name for moment in moments)]]
+    names = [moment.name for moment in preview.moments]
+    table = [["", "", *names]]
     for row in shown:
-        mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
-        table.append([mark, row.label, *(row.text(k) for k in range(len(moments)))])
+        mark = ""
+        if row.greatest > 1.0:
+            mark = "!"
+        elif row.greatest >= NEAR:
+            mark = "*"
+        distances = [row.text(k) for k in range(len(names))]
+        table.append([mark, row.label, *distances])
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for cells in table:
-        first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
-        yield f"  {first} {'  '.join(others)}".rstrip()
-    if len(shown) < len(preview.rows):
-        yield f"  … and {len(preview.rows) - len(shown)} farther away"
+        mark, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        yield f"  {mark} {'  '.join(others)}".rstrip()
+    hidden_count = len(preview.rows) - len(shown)
+    if hidden_count:
+        yield f"  … and {hidden_count} farther away"
 
 
 def draw_preview(preview: Preview) -> Sheet:
     """Draw image and arm at the start and at each goal, the nearest rows, and the warnings."""
     sheet = Sheet(left=LEFT)
     columns = min(len(preview.moments), COLUMNS)
-    width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
-    headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
+    panels_width = WIDTH - LEFT - 0.08 - GAP * (columns - 1)
+    width = min(panels_width / columns, MAX_PANEL_WIDTH)
+    robot = preview.setup.scene.robot
+    headline = f"{shortened(preview.name, 50)}: {shortened(robot.name, 40)}"
     sheet.text(LEFT, sheet.bottom + 0.16, headline, fontsize=10, fontweight="bold")
     sheet.bottom += 0.2
-    _images(sheet, preview, columns, width)
-    _space(sheet, preview, columns, width)
-    _rows(sheet, preview)
+    _draw_images(sheet, preview, columns, width)
+    _draw_arms(sheet, preview, columns, width)
+    _draw_rows(sheet, preview)
+    _write_warnings(sheet, preview)
+    return sheet
+
+
+def _write_warnings(sheet: Sheet, preview: Preview) -> None:
+    """Write the warnings, as many as there is room for."""
     lines = list[str]()
     for warning in preview.warnings:
         lines += wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
+    if not lines:
+        return
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
     for line in lines:
         sheet.text(LEFT, sheet.bottom + 0.12, line, fontsize=8, color=OUTSIDE)
         sheet.bottom += 0.16
-    sheet.bottom += 0.08 if lines else 0.0
-    return sheet
+    sheet.bottom += 0.08
 
 
-def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+def _draw_images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+    """Draw the markers in the image in each moment, with the boundaries of constraints."""
     plane = Plane.of(preview.setup)
     panels = sheet.panels(
         len(preview.moments),
@@ -99,46 +120,52 @@ def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
         labels=("u [px]", "v [px], downwards"),
         same_y=True,
     )
+    is_any_beyond = False
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
-        if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
-            outline = np.concatenate((moment.pixels, moment.pixels[:1]))
+        pixels = moment.pixels
+        if len(pixels) > 1 and np.isfinite(pixels).all():
+            outline = np.concatenate((pixels, pixels[:1]))
             ax.plot(*outline.T, color="#909090", linewidth=0.9, zorder=3.5)
-        numbered(ax, moment.pixels, within=plane.half)
+        numbered(ax, pixels, within=plane.half)
+        is_any_beyond |= bool((np.abs(pixels) > plane.half).any())
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
-        if count := len(moment.problems):
-            text = "1 warning" if count == 1 else f"{count} warnings"
+        if moment.problems:
+            text = counted(len(moment.problems), "warning")
             ax.set_title(text, loc="right", color=OUTSIDE, fontsize=8, pad=4)
     entries = [START | {"label": "marker 1, 2, …"}]
-    if any((np.abs(moment.pixels) > plane.half).any() for moment in preview.moments):
+    if is_any_beyond:
         entries.append(START | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
-    sheet.legend([*entries, *plane.entries(forbidden="forbidden to markers")], 4)
+    entries += plane.entries(forbidden="forbidden to markers")
+    sheet.legend(entries, 4)
 
 
-def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+def _draw_arms(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
+    """Draw the arm in each moment, all from one viewpoint."""
     known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     if not known:
         return
     top = sheet.bottom + 0.12
-    height = min(width, 2.5)
-    viewpoint = viewpoint_of(preview.setup, known, width / height)
+    arm_height = min(width, MAX_ARM_HEIGHT)
+    viewpoint = viewpoint_of(preview.setup, known, width / arm_height)
     for first in range(0, len(preview.moments), columns):
-        row = preview.moments[first : first + columns]
-        tall = height if any(moment.q is not None for moment in row) else UNKNOWN_HEIGHT
-        for column, moment in enumerate(row):
+        beside_each_other = preview.moments[first : first + columns]
+        is_any_known = any(moment.q is not None for moment in beside_each_other)
+        height = arm_height if is_any_known else UNKNOWN_HEIGHT
+        for column, moment in enumerate(beside_each_other):
             left = LEFT + column * (width + GAP)
             if moment.q is None:
                 text = f"{moment.name}: no configuration found"
-                sheet.text(left + 0.1, top + 0.5 * tall, text, color=OUTSIDE)
+                sheet.text(left + 0.1, top + 0.5 * height, text, color=OUTSIDE)
             else:
                 ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
-        top += tall
+        top += height
     sheet.bottom = top + 0.1
 
 
-def _rows(sheet: Sheet, preview: Preview) -> None:
+def _draw_rows(sheet: Sheet, preview: Preview) -> None:
     """Draw the usage of the nearest rows in each moment, with distances and φ in their units."""
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = known[:MIN_ROWS]
@@ -151,29 +178,33 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     marks = [STARTED, *[EARLIER] * (len(names) - 2)]
     if len(names) > 1:
         marks.append(GOAL)
-    # Many moments have no room beside each other: only the nearest of each row is written.
-    every_moment = len(names) <= COLUMNS
-    cells_width = CELL * len(names) if every_moment else NEAREST
+    # many moments have no room beside each other: only the nearest of each row is written
+    has_all_moments = len(names) <= COLUMNS
+    cells_width = CELL * len(names) if has_all_moments else NEAREST
     cells_left = WIDTH - cells_width - 0.1
     top = sheet.bottom + 0.38
     ax = sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown))
-    _usage(ax, shown, marks)
-    if every_moment:
+    _draw_usage(ax, shown, marks)
+    legend_top = top - 0.22
+    if has_all_moments:
         for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
             left = cells_left + k * CELL
-            sheet.legend([mark | {"label": name}], 1, (left - 0.08, top - 0.22))
+            sheet.legend([mark | {"label": name}], 1, (left - 0.08, legend_top))
     else:
         entries = [
             STARTED | {"label": names[0]},
             EARLIER | {"label": "earlier goals"},
             GOAL | {"label": names[-1]},
         ]
-        sheet.legend(entries, 3, (LABELS, top - 0.22))
+        sheet.legend(entries, 3, (LABELS, legend_top))
     for y, row in enumerate(shown):
         height = top + ROW * (y + 0.5)
-        written = range(len(names)) if every_moment else [int(np.nanargmax(row.usage))]
-        for column, k in enumerate(written):
-            text = row.text(k) if every_moment else f"{names[k]}: {row.text(k)}"
+        if has_all_moments:
+            texts = {k: row.text(k) for k in range(len(names))}
+        else:
+            nearest = int(np.nanargmax(row.usage))
+            texts = {nearest: f"{names[nearest]}: {row.text(nearest)}"}
+        for column, (k, text) in enumerate(texts.items()):
             colour = OUTSIDE if row.usage[k] > 1.0 else INK
             left = cells_left + column * CELL
             sheet.text(left, height, text, fontsize=7.5, color=colour, va="center")
@@ -184,15 +215,16 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         sheet.bottom += 0.16
 
 
-def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
+def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     """Draw the used share of the allowed range of rows, with one mark for each moment."""
     end = MAX_USAGE + 0.03
+    last_row = len(shown) - 1
     ax.set_xlim(-0.04, end)
-    ax.set_ylim(len(shown) - 0.5, -0.5)
+    ax.set_ylim(last_row + 0.5, -0.5)
     ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
     ax.text(
         0.5 * (1.0 + end),
-        0.5 * (len(shown) - 1),
+        0.5 * last_row,
         "outside",
         fontsize=7.5,
         color=OUTSIDE,
@@ -203,14 +235,16 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     )
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
+    labels = [shortened(row.label, 32) for row in shown]
+    ax.set_yticks(range(len(shown)), labels)
     ax.tick_params(axis="y", length=0.0, labelsize=7.5)
     ax.set_xlabel("usage of the allowed range: 1 is the boundary", labelpad=2)
     for y, row in enumerate(shown):
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
+        least = np.nanmin(usage)
+        greatest = np.nanmax(usage)
         ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        extent = [np.nanmin(usage), np.nanmax(usage)]
-        ax.plot(extent, [y, y], color="#909090", linewidth=1.4, zorder=2.0)
+        ax.plot([least, greatest], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
         for value, mark in zip(usage, marks, strict=True):
             if np.isfinite(value):
                 ax.plot(value, y, **mark, zorder=4.0, clip_on=False)

@@ -47,34 +47,48 @@ class Row:
         """Format the distance to the boundary in a moment, with φ in brackets."""
         if np.isnan(self.clearance[k]):
             return "unknown"
-        phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
-        return f"{self.clearance[k]:.3g} {self.unit}{phi}".replace("-", "−")
+        text = f"{self.clearance[k]:.3g} {self.unit}"
+        if not np.isnan(self.phi[k]):
+            text += f" ({self.phi[k]:.2g})"
+        return text.replace("-", "−")
 
 
 def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     """Return all rows and the limits of joints without a row, nearest to their boundary first."""
     constraints = setup.constraints
-    robot = setup.scene.robot
     phi = np.array([moment.phi for moment in moments]).T
     clearance = np.array([moment.clearance for moment in moments]).T
     rows = []
     for i, label in enumerate(constraints.labels):
         usage = 1.0 - clearance[i] / constraints.characteristic_length[i]
         rows.append(Row(label, constraints.units[i], phi[i], clearance[i], usage))
-    unknown = np.full(robot.n, np.nan)
-    half = 0.5 * (robot.q_max - robot.q_min)
-    q = np.array([unknown if moment.q is None else moment.q for moment in moments])
-    for side, limits in (("lower", q - robot.q_min), ("upper", robot.q_max - q)):
-        # A joint that cannot move is reported as a warning.
-        for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):
-            if f"range[joint {j + 1}].{side}" in constraints.labels:
-                continue
-            label = f"limit[joint {j + 1}].{side}"
-            unit = "m" if robot.prismatic[j] else "rad"
-            no_phi = np.full(len(q), np.nan)
-            distance = limits[:, j]
-            rows.append(Row(label, unit, no_phi, distance, 1.0 - distance / half[j]))
+    rows += _limits_without_rows(setup, moments)
     return tuple(sorted(rows, key=lambda row: -row.greatest))
+
+
+def _limits_without_rows(setup: Setup, moments: Sequence[Moment]) -> list[Row]:
+    """Return the limits of joints that no row bounds.
+
+    Joints that cannot move are left out: they are reported as a warning.
+    """
+    robot = setup.scene.robot
+    unknown = np.full(robot.n, np.nan)
+    no_phi = np.full(len(moments), np.nan)
+    q = np.array([unknown if moment.q is None else moment.q for moment in moments])
+    half = 0.5 * (robot.q_max - robot.q_min)
+    limited = np.flatnonzero(np.isfinite(half) & (half > 0.0))
+    distances = {"lower": q - robot.q_min, "upper": robot.q_max - q}
+    rows = []
+    for side, to_limits in distances.items():
+        for j in limited:
+            name = f"joint {j + 1}"
+            if f"range[{name}].{side}" in setup.constraints.labels:
+                continue
+            unit = "m" if robot.prismatic[j] else "rad"
+            distance = to_limits[:, j]
+            usage = 1.0 - distance / half[j]
+            rows.append(Row(f"limit[{name}].{side}", unit, no_phi, distance, usage))
+    return rows
 
 
 @dataclass(frozen=True)
@@ -97,7 +111,8 @@ class Preview:
     @classmethod
     def of(cls, name: str, setup: Setup) -> Self:
         """Return the preview of a setup without simulating it."""
-        moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *moments_at_goals(setup))
+        start = moment_at(setup, "start", 0.0, setup.q0, setup.qd0)
+        moments = (start, *moments_at_goals(setup))
         doubts = list(setup.doubts)
         refusal = ""
         try:
@@ -116,13 +131,13 @@ class Preview:
         try:
             return cls.of(scenario.name, scenario.setup(trial, seed))
         except VsconstraintsError as error:
-            if (setup := _without_goals(scenario, trial, seed)) is None:
+            setup = _without_goals(scenario, trial, seed)
+            if setup is None:
                 raise
-            moments = _moments_without(setup, scenario)
+            moments = _moments_without_goals(setup, scenario)
+            rows = rows_of(setup, moments)
             refusal = _without(str(error), setup.doubts)
-            return cls(
-                scenario.name, setup, moments, rows_of(setup, moments), refusal, tuple(setup.doubts)
-            )
+            return cls(scenario.name, setup, moments, rows, refusal, tuple(setup.doubts))
 
     @property
     def near(self) -> tuple[Row, ...]:
@@ -164,13 +179,10 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
     for table in constraints:
         if not (isinstance(table, dict) and table.get("type") == OF_GOALS):
             kept.append(table)
-    marker_count = 4 if "square" in target else len(target.get("markers", []))
     at_start = {**task, "goals": [{"camera_at_q": tables.get("q0")}]}
-    in_centre = {
-        "feature": "image-points",
-        "Kp0": 1.0,
-        "goals": [{"markers_px": [[0.0, 0.0]] * marker_count}],
-    }
+    marker_count = 4 if "square" in target else len(target.get("markers", []))
+    pixels = [[0.0, 0.0]] * marker_count
+    in_centre = {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": pixels}]}
     for other_task in (at_start, in_centre):
         changed = {**tables, "task": other_task, "constraints": kept}
         with suppress(VsconstraintsError):
@@ -178,16 +190,19 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
     return None
 
 
-def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
+def _moments_without_goals(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
     """Return the start, and the goals that are given by joint coordinates, as far as possible."""
     moments = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)]
     goals = scenario.tables["task"].get("goals", [])
-    nothing = np.full((len(setup.scene.markers), 2), np.nan)
-    for name, goal in named_goals(goals if isinstance(goals, list) else []):
+    if not isinstance(goals, list):
+        goals = []
+    unknown_pixels = np.full((len(setup.scene.markers), 2), np.nan)
+    for name, goal in named_goals(goals):
         try:
             q = setup.scene.robot.configuration(goal["camera_at_q"])
-            moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
+            moment = moment_at(setup, name, 0.0, q, np.zeros_like(q))
         except (VsconstraintsError, KeyError, TypeError):
             problem = "the robot's configuration there is unknown"
-            moments.append(nowhere(setup, name, 0.0, nothing, problem))
+            moment = nowhere(setup, name, 0.0, unknown_pixels, problem)
+        moments.append(moment)
     return tuple(moments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from ...errors import ConfigurationError
 from ...reports.plots.image import Plane, tracks
 from ...reports.plots.sheet import WIDTH, Sheet
 from ...reports.plots.style import INK, darker, shortened, symbol
-from ...rows import Array, IntArray
+from ...rows import Array
+from ..scene3d import Viewpoint
 from ..setup_scene import draw_setup
 from .runs import (
     ACTIVE,
@@ -23,7 +24,6 @@ from .runs import (
     VIOLATED,
     Frames,
     ReplayRun,
-    States,
     Thing,
     check_same_scene,
     colours_of,
@@ -41,6 +41,10 @@ REST = 1.0
 DPI = 100
 COLOURS = 96
 BITS = 5  # of each channel that are compared when the colours of a GIF are chosen
+#: Space between columns, place of the images from above, and height of the text below them [in].
+SPACE = 0.1
+TOP = 0.7
+CAPTION = 0.3
 LETTERS = 12.0  # of the text below an image, per inch of its width
 GOAL = symbol("*", INK, "white", 8.0)
 STATE_NAMES = {ACTIVE: "active", VIOLATED: "violated"}
@@ -70,116 +74,119 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
     plane = Plane.of(runs[0].setup)
     viewpoint = common_viewpoint(runs)
     has_columns = len(runs) > 1
-    width = (WIDTH - 0.1) / max(len(runs), 2) - 0.1
+    width = (WIDTH - SPACE) / max(len(runs), 2) - SPACE
     image_height = width * plane.half[1] / plane.half[0]
     arm_height = 0.78 * width if has_columns else 0.0
-    sheet = Sheet(left=0.1)
+    sheet = Sheet(left=SPACE)
     speed = frames.period * RATE
     if speed > 1.05:
         title += f"   ({speed:.1f} times as fast)"
-    sheet.text(0.1, 0.2, title, fontsize=10.5, fontweight="bold", va="center")
+    sheet.text(SPACE, 0.2, title, fontsize=10.5, fontweight="bold", va="center")
     clock = sheet.figure.text(
-        WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
+        WIDTH - SPACE, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
     )
     columns = []
     for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
-        left = 0.1 + k * (width + 0.1)
-        image = sheet.axes(left, 0.7, width, image_height)
-        place = (left, 1.0 + image_height, width, arm_height)
+        left = SPACE + k * (width + SPACE)
+        image = sheet.axes(left, TOP, width, image_height)
+        place = (left, TOP + CAPTION + image_height, width, arm_height)
         if not has_columns:
-            place = (left + width + 0.1, 0.7, width, image_height + 0.3)
+            place = (left + width + SPACE, TOP, width, image_height + CAPTION)
         space = sheet.axes(*place, projection="3d", computed_zorder=False)
-        column = _Column(
-            run,
-            colour,
-            image,
-            space,
-            frames.samples(run),
-            frames.states(run),
-            things_of(run),
-        )
-        columns.append(column)
-    # Films need even numbers of pixels.
-    sheet.bottom = 2.0 * round(0.5 * DPI * (1.05 + image_height + arm_height)) / DPI
+        columns.append(_Column(run, colour, image, space, frames))
+    # films need even numbers of pixels
+    height = 1.05 + image_height + arm_height
+    sheet.bottom = 2.0 * round(0.5 * DPI * height) / DPI
     sheet.figure.set_dpi(DPI)
     sheet.placed()
     for k, t in enumerate(frames.t.tolist()):
         clock.set_text(f"{t:.2f} s")
         plane.times = (t,)
         for column in columns:
-            trajectory = column.run.trajectory
-            sample = int(column.samples[k])
-            column.image.clear()
-            plane.draw(column.image, labels=False)
-            _draw_run(column, sample, column.states[k].tolist())
-            is_over = t > trajectory.t[-1] + 1e-9 or k == len(frames.t) - 1
-            status = trajectory.status if is_over else ""
-            column.image.set_title(status, loc="right", fontsize=9, pad=4)
-            for old in list(column.space.collections):
-                old.remove()
-            draw_setup(column.space, column.run.setup, trajectory.q[sample], t, viewpoint)
+            column.draw(k, t, plane, viewpoint)
         sheet.canvas.draw()
         yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
 
 
-class _Column(NamedTuple):
-    """Run with its axes, the sample (F,) and the states (F, m) of rows in each frame.
+class _Column:
+    """Run with its axes: the image plane above, the arm below or beside it."""
 
-    ``objects`` (m,) are the objects to which the rows apply.
-    """
+    def __init__(self, run: ReplayRun, colour: str, image: Any, space: Any, frames: Frames) -> None:
+        self.run = run
+        self.colour = colour
+        self.image = image
+        self.space = space
+        self.samples = frames.samples(run)
+        self.states = frames.states(run)
+        self.things = things_of(run)
 
-    run: ReplayRun
-    colour: str
-    image: Any
-    space: Any
-    samples: IntArray
-    states: States
-    objects: Sequence[Thing]
+    def draw(self, k: int, t: float, plane: Plane, viewpoint: Viewpoint) -> None:
+        """Draw the run in frame k, at t [s]."""
+        trajectory = self.run.trajectory
+        sample = int(self.samples[k])
+        self.image.clear()
+        plane.draw(self.image, labels=False)
+        self._draw_image(sample, self.states[k].tolist())
+        is_over = t > trajectory.t[-1] + 1e-9 or k == len(self.samples) - 1
+        status = trajectory.status if is_over else ""
+        self.image.set_title(status, loc="right", fontsize=9, pad=4)
+        for old in list(self.space.collections):
+            old.remove()
+        draw_setup(self.space, self.run.setup, trajectory.q[sample], t, viewpoint)
 
+    def _draw_image(self, sample: int, states: Sequence[int]) -> None:
+        """Draw the run in the image plane up to a sample, with the states (m,) of its rows."""
+        ax = self.image
+        run = self.run
+        pixels = run.trajectory.features_px
+        t = float(run.trajectory.t[sample])
+        ax.set_xticks([])
+        ax.set_yticks([])
+        letters = int(LETTERS * ax.get_position().width * WIDTH)
+        name = shortened(run.law, letters)
+        title_colour = darker(self.colour)
+        ax.set_title(name, loc="left", color=title_colour, fontweight="bold", fontsize=10, pad=4)
+        ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
+        goals = [goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9]
+        ax.plot(*goals[-1].pixels.T, **GOAL, zorder=5)
+        step = max(sample // 300, 1)
+        until_now = pixels[: sample + 1 : step]
+        tracks(ax, until_now, color=self.colour, linewidth=2.0, zorder=4.5)
+        for number, marker in enumerate(pixels[sample], start=1):
+            state = self._worst_state(Thing("marker", number), states)
+            edge = HIGHLIGHTS.get(state, "white")
+            width = 0.9 if state == INACTIVE else 2.5
+            disc = symbol("o", self.colour, edge, 8.5, zorder=6, markeredgewidth=width)
+            ax.plot(*marker, **disc)
+        self._write_rows(states, letters)
 
-def _draw_run(column: _Column, sample: int, states: Sequence[int]) -> None:
-    """Draw a run in the image plane up to a sample, with the states (m,) of its rows."""
-    ax = column.image
-    run = column.run
-    colour = column.colour
-    pixels = run.trajectory.features_px
-    t = float(run.trajectory.t[sample])
-    ax.set_xticks([])
-    ax.set_yticks([])
-    letters = int(LETTERS * ax.get_position().width * WIDTH)
-    name = shortened(run.law, letters)
-    ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
-    ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
-    goals = [goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9]
-    ax.plot(*goals[-1].pixels.T, **GOAL, zorder=5)
-    step = max(sample // 300, 1)
-    tracks(ax, pixels[: sample + 1 : step], color=colour, linewidth=2.0, zorder=4.5)
-    for i, marker in enumerate(pixels[sample], start=1):
-        state = INACTIVE
-        for row_state, thing in zip(states, column.objects, strict=True):
-            if thing == ("marker", i):
-                state = max(state, row_state)
-        edge = HIGHLIGHTS.get(state, "white")
-        width = 2.5 if state else 0.9
-        disc = symbol("o", colour, edge, 8.5, zorder=6, markeredgewidth=width)
-        ax.plot(*marker, **disc)
-    worst = max(states, default=INACTIVE)
-    text = ""
-    if worst:
-        rows = zip(run.trajectory.labels, states, strict=True)
-        labels = ", ".join(label for label, state in rows if state == worst)
-        text = shortened(f"{STATE_NAMES[worst]}: {labels}", letters)
-    ax.text(
-        0.0,
-        -0.02,
-        text,
-        color=darker(HIGHLIGHTS.get(worst, INK), 0.8),
-        transform=ax.transAxes,
-        fontsize=9,
-        va="top",
-        fontweight="bold",
-        zorder=7,
-    )
+    def _worst_state(self, thing: Thing, states: Sequence[int]) -> int:
+        """Return the worst of the states (m,) of the rows that apply to an object."""
+        worst = INACTIVE
+        for state, other in zip(states, self.things, strict=True):
+            if other == thing:
+                worst = max(worst, state)
+        return worst
+
+    def _write_rows(self, states: Sequence[int], letters: int) -> None:
+        """Write the labels of the rows with the worst state below the image."""
+        worst = max(states, default=INACTIVE)
+        text = ""
+        if worst != INACTIVE:
+            rows = zip(self.run.trajectory.labels, states, strict=True)
+            labels = ", ".join(label for label, state in rows if state == worst)
+            text = shortened(f"{STATE_NAMES[worst]}: {labels}", letters)
+        self.image.text(
+            0.0,
+            -0.02,
+            text,
+            color=darker(HIGHLIGHTS.get(worst, INK), 0.8),
+            transform=self.image.transAxes,
+            fontsize=9,
+            va="top",
+            fontweight="bold",
+            zorder=7,
+        )
 
 
 def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
@@ -207,41 +214,52 @@ def write_pictures(
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
         if film_kind(path) == ".gif":
-            from PIL import Image
+            _write_gif(frames, part, rate, rest, colours)
+        else:
+            _write_mp4(frames, part, rate, rest)
 
-            images = [Image.fromarray(pixels) for pixels in frames]
-            # One palette for all frames, without dithering: unchanged pixels then take no space.
-            palette = common_palette(frames, colours)
-            first, *others = (
-                image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
-            )
-            step = round(100.0 / rate) * 10  # [ms]
-            last = step + int(1000.0 * rest)
-            first.save(
-                part,
-                format="GIF",
-                save_all=True,
-                append_images=others,
-                optimize=True,
-                duration=[*[step] * len(others), last],
-                loop=0,
-            )
-            return
-        import imageio_ffmpeg
 
-        options: dict[str, Any] = {
-            "fps": rate,
-            "macro_block_size": 2,
-            "quality": 7,
-            "output_params": ["-f", "mp4"],
-        }
-        writer = imageio_ffmpeg.write_frames(str(part), frames[0].shape[1::-1], **options)
-        writer.send(None)
-        try:
-            for pixels in [*frames, *[frames[-1]] * int(rate * rest)]:
-                writer.send(np.ascontiguousarray(pixels))
-        finally:
-            writer.close()
+def _write_gif(frames: Sequence[Any], path: Path, rate: float, rest: float, colours: int) -> None:
+    from PIL import Image
+
+    # one palette for all frames, without dithering: unchanged pixels then take no space
+    palette = common_palette(frames, colours)
+    images = []
+    for pixels in frames:
+        image = Image.fromarray(pixels)
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    first, *others = images
+    step = round(100.0 / rate) * 10  # [ms]
+    last = step + int(1000.0 * rest)
+    first.save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=others,
+        optimize=True,
+        duration=[*[step] * len(others), last],
+        loop=0,
+    )
+
+
+def _write_mp4(frames: Sequence[Any], path: Path, rate: float, rest: float) -> None:
+    import imageio_ffmpeg
+
+    options: dict[str, Any] = {
+        "fps": rate,
+        "macro_block_size": 2,
+        "quality": 7,
+        "output_params": ["-f", "mp4"],
+    }
+    height, width, _ = frames[0].shape
+    writer = imageio_ffmpeg.write_frames(str(path), (width, height), **options)
+    writer.send(None)
+    repeated = [frames[-1]] * int(rate * rest)
+    try:
+        for pixels in [*frames, *repeated]:
+            writer.send(np.ascontiguousarray(pixels))
+    finally:
+        writer.close()
 
 
 def common_palette(frames: Sequence[Array], colours: int) -> Any:
@@ -254,9 +272,37 @@ def common_palette(frames: Sequence[Array], colours: int) -> Any:
     """
     from PIL import Image
 
+    means, largest = _similar_colours(frames)
+    weight = np.sqrt(largest)
+    chosen: list[int] = []
+    distance = np.full(len(means), np.inf)
+
+    def choose(k: int) -> None:
+        chosen.append(k)
+        to_colour = ((means - means[k]) ** 2).sum(axis=1)
+        np.minimum(distance, to_colour, out=distance)
+
+    largest_first = np.argsort(-weight, kind="stable")
+    for k in largest_first[: colours // 4].tolist():
+        choose(k)
+    for _ in range(min(colours, len(means)) - len(chosen)):
+        worst_represented = np.argmax(distance * weight)
+        choose(int(worst_represented))
+    palette = Image.new("P", (1, 1))
+    channels = np.rint(means[chosen]).astype(np.uint8)
+    palette.putpalette(channels.ravel().tolist())
+    return palette
+
+
+def _similar_colours(frames: Sequence[Array]) -> tuple[Array, Array]:
+    """Return the mean (k, 3) of each group of similar colours, and its greatest area (k,).
+
+    Colours are similar if the first :data:`BITS` bits of each channel are equal. The area is the
+    greatest number of pixels in any one frame.
+    """
     levels = 1 << BITS
     cells = levels**3
-    largest = np.zeros(cells)  # greatest number of pixels in any one frame
+    largest = np.zeros(cells)
     pixel_count = np.zeros(cells)
     sums = np.zeros((3, cells))
     for frame in frames:
@@ -269,21 +315,5 @@ def common_palette(frames: Sequence[Array], colours: int) -> Any:
         for total, channel in zip(sums, channels, strict=True):
             total += np.bincount(cell, weights=channel, minlength=cells)
     present = np.flatnonzero(pixel_count)
-    means = (sums[:, present] / pixel_count[present]).T
-    weight = np.sqrt(largest[present])
-    chosen: list[int] = []
-    distance = np.full(len(means), np.inf)
-
-    def choose(k: int) -> None:
-        chosen.append(k)
-        to_colour = ((means - means[k]) ** 2).sum(axis=1)
-        np.minimum(distance, to_colour, out=distance)
-
-    for k in np.argsort(-weight, kind="stable")[: colours // 4].tolist():
-        choose(k)
-    for _ in range(min(colours, len(means)) - len(chosen)):
-        choose(int(np.argmax(distance * weight)))
-    palette = Image.new("P", (1, 1))
-    channels = np.rint(means[chosen]).astype(np.uint8)
-    palette.putpalette(channels.ravel().tolist())
-    return palette
+    means = sums[:, present] / pixel_count[present]
+    return means.T, largest[present]

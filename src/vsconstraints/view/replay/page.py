@@ -18,7 +18,16 @@ from ...plugins.extras import demand
 from ...reports.plots.image import Plane
 from ...rows import Array
 from ..setup_scene import draw_setup
-from .runs import Frames, ReplayRun, States, check_same_scene, colours_of, things_of
+from .runs import (
+    INACTIVE,
+    Frames,
+    ReplayRun,
+    States,
+    Thing,
+    check_same_scene,
+    colours_of,
+    things_of,
+)
 from .space import common_viewpoint, space_of
 
 PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot render it [in]
@@ -48,23 +57,20 @@ def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
 
 
 def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
+    """Return the page of runs, and remarks for the reader."""
     demand("replay")
     check_same_scene(runs)
     frames = Frames.of(runs)
-    space, bars = space_of(runs, frames)
+    space, simplified = space_of(runs, frames)
     data = image_data(runs, frames)
     remarks = []
     for run in runs:
         if run.trajectory.reason:
             remarks.append(f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}.")
-    remarks += filter(None, (bars, frames.remark(runs)))
-    folder = jinja2.FileSystemLoader(Path(__file__).parent)
-    pages = jinja2.Environment(
-        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
-    )
-    pages.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "ensure_ascii": False}
-    pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks}
-    text = pages.get_template("page.html").render(
+    for remark in (simplified, frames.remark(runs)):
+        if remark:
+            remarks.append(remark)
+    text = _template().render(
         title=title or runs[0].title or "Replay",
         laws=", ".join(run.law for run in runs),
         version=VERSION,
@@ -77,17 +83,32 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     return text, remarks
 
 
+def _template() -> jinja2.Template:
+    """Return the template of the page."""
+    pages = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    pages.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "ensure_ascii": False}
+    pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks}
+    return pages.get_template("page.html")
+
+
 def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     """Return a PNG of the first arm in the middle of its run."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    run = runs[0].trajectory
+    trajectory = runs[0].trajectory
+    middle = len(trajectory.t) // 2
+    q = trajectory.q[middle]
+    t = float(trajectory.t[middle])
     figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
-    file = BytesIO()
-    k = len(run.t) // 2
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
-    draw_setup(ax, runs[0].setup, run.q[k], float(run.t[k]), common_viewpoint(runs))
+    draw_setup(ax, runs[0].setup, q, t, common_viewpoint(runs))
+    file = BytesIO()
     FigureCanvasAgg(figure).print_png(file)
     return file.getvalue()
 
@@ -108,40 +129,45 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
         area = alone.forbidden_within(0.5 * (low + high), 0.5 * (high - low))
         moving.append(
             {
-                "lines": list(map(_rounded, lines)),
-                "forbidden": list(map(_rounded, area)),
+                "lines": _all_rounded(lines),
+                "forbidden": _all_rounded(area),
                 "moved": _rounded(motion.displacement(frames.t)),
             }
         )
     goals = []
     for goal in setup.task.goals:
         goals.append({"from": goal.from_time, "pixels": _rounded(goal.pixels)})
-    colours = colours_of(runs)
+    data_of_runs = []
+    for run, colour in zip(runs, colours_of(runs), strict=True):
+        data_of_runs.append(_run_data(run, frames, colour))
     return {
         "period": round(frames.period, 6),
         "frames": len(frames.t),
         "half": _rounded(plane.half),
         "outline": [_rounded(plane.edge)],
-        "forbidden": list(map(_rounded, plane.forbidden)),
-        "lines": list(map(_rounded, plane.lines)),
+        "forbidden": _all_rounded(plane.forbidden),
+        "lines": _all_rounded(plane.lines),
         "moving": moving,
         "goals": goals,
-        "runs": [_run(run, frames, colour) for run, colour in zip(runs, colours, strict=True)],
+        "runs": data_of_runs,
     }
 
 
-def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
+def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
+    """Return the data of one run: its markers' pixels, and states of markers and rows."""
     trajectory = run.trajectory
     samples = frames.samples(run)
+    pixels = trajectory.features_px[samples]
     states = frames.states(run)
     things = things_of(run)
-    markers = []
-    for i in range(trajectory.features_px.shape[1]):
-        applies = [thing == ("marker", i + 1) for thing in things]
-        markers.append(_digits(states[:, applies].max(axis=1, initial=0)))
-    highlighted_frames = (states > 0).sum(axis=0)
-    order = np.argsort(-highlighted_frames, kind="stable")
-    highlighted = [int(i) for i in order if highlighted_frames[i]]
+    marker_states = []
+    for number in range(1, pixels.shape[1] + 1):
+        applies = [thing == Thing("marker", number) for thing in things]
+        of_marker = states[:, applies].max(axis=1, initial=INACTIVE)
+        marker_states.append(_digits(of_marker))
+    highlighted_frames = (states != INACTIVE).sum(axis=0)
+    longest_first = np.argsort(-highlighted_frames, kind="stable")
+    highlighted = [int(i) for i in longest_first if highlighted_frames[i]]
     rows = []
     for i in sorted(highlighted[:MAX_ROWS]):
         rows.append({"label": trajectory.labels[i], "states": _digits(states[:, i])})
@@ -151,9 +177,9 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        "pixels": _rounded(trajectory.features_px[samples].reshape(len(samples), -1)),
+        "pixels": _rounded(pixels.reshape(len(samples), -1)),
         "error": _rounded(trajectory.feature_error_px[samples]),
-        "markers": markers,
+        "markers": marker_states,
         "rows": rows,
         "more": max(len(highlighted) - MAX_ROWS, 0),
         "quiet": len(trajectory.labels) - len(highlighted),
@@ -167,38 +193,45 @@ def _digits(states: States) -> str:
 
 def _rounded(values: Array) -> list[Any]:
     """Return numbers rounded to a tenth as lists, None for those that are not finite."""
-    rounded = (np.round(values, 1) + 0.0).astype(object)
+    without_minus_zero = np.round(values, 1) + 0.0
+    rounded = without_minus_zero.astype(object)
     rounded[~np.isfinite(values)] = None
     lists: list[Any] = rounded.tolist()
     return lists
 
 
+def _all_rounded(arrays: Iterable[Array]) -> list[list[Any]]:
+    """Return several arrays as :func:`_rounded`."""
+    return [_rounded(array) for array in arrays]
+
+
 def _path(lines: Iterable[Any], close: bool = False) -> str:
     """Return polylines (p, 2) as the data of one SVG path; unknown points are left out."""
+    end = "Z" if close else ""
     path = ""
     for line in lines:
         points = [f"{u:g},{v:g}" for u, v in line if u is not None]
         if points:
-            path += f"M{'L'.join(points)}{'Z' if close else ''}"
+            path += f"M{'L'.join(points)}{end}"
     return path
 
 
 def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
     """Return the track of each marker from pixels (F, 2M)."""
     columns = list(zip(*pixels, strict=True))
-    tracks = []
-    for u, v in zip(columns[::2], columns[1::2], strict=True):
-        tracks.append(list(zip(u, v, strict=True)))
-    return tracks
+    all_u = columns[::2]
+    all_v = columns[1::2]
+    return [list(zip(u, v, strict=True)) for u, v in zip(all_u, all_v, strict=True)]
 
 
 def _bars(states: str) -> list[tuple[str, int, int]]:
     """Return state, first frame and length of each span in which a row is not inactive."""
+    inactive = str(INACTIVE)
     bars = []
     first = 0
     for state, span in groupby(states):
         length = len(list(span))
-        if state != "0":
+        if state != inactive:
             bars.append((state, first, length))
         first += length
     return bars

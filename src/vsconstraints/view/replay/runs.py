@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,15 +32,30 @@ ACTIVE = 1
 VIOLATED = 2
 HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 States = npt.NDArray[np.uint8]
-Thing = tuple[str, int] | None
 MAX_RUNS = 4  # more runs beside each other cannot be distinguished
 #: Texts that name a run.
 HOW = (
     "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a "
-    "campaign again, "
-    "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
+    "campaign again, FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
 )
+
+
+class Thing(NamedTuple):
+    """Object to which rows apply: a ``marker`` or a ``joint``, counted from 1, or an ``obstacle``.
+
+    The number of an obstacle is the index of its constraint.
+    """
+
+    kind: str
+    number: int
+
+
+class ThingOfRun(NamedTuple):
+    """Object with the index of its run, which is 0 for objects that all runs share."""
+
+    thing: Thing
+    run: int
 
 
 @dataclass(frozen=True)
@@ -105,7 +121,8 @@ class Frames:
         """Return the instants for runs: ``rate`` per second, but at most ``most``."""
         end = max(float(run.trajectory.t[-1]) for run in runs)
         period = max(1.0 / rate, end / (most - 1))
-        return cls(period * np.arange(int(np.ceil(end / period - 1e-9)) + 1), period)
+        period_count = int(np.ceil(end / period - 1e-9))
+        return cls(period * np.arange(period_count + 1), period)
 
     def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
         """Return the sample (F,) of a run that each instant shows: the last one up to that time."""
@@ -147,46 +164,50 @@ def states(run: ReplayRun) -> States:
     return states
 
 
-def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
+def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[ThingOfRun, States]:
     """Return the states (F,) of all highlighted objects in space.
 
-    Keys are the kind of object, its number and the run: a ``marker`` or a ``joint``, counted from
-    1, or an ``obstacle`` by the index of its constraint. The run is 0 for objects that runs share:
-    markers and obstacles are highlighted by the rows of any run.
+    Objects that runs share are highlighted by the rows of any run: obstacles, and markers unless
+    the arms carry them.
     """
-    found: dict[tuple[str, int, int], States] = {}
+    found: dict[ThingOfRun, States] = {}
     for k, run in enumerate(runs):
-        carries_markers = run.setup.scene.camera.fixed is not None
-        for thing, row_states in zip(things_of(run), frames.states(run).T, strict=True):
+        shared = {"obstacle"}
+        if run.setup.scene.camera.fixed is None:
+            shared.add("marker")  # otherwise each arm carries markers
+        states_by_row = frames.states(run).T
+        for thing, row_states in zip(things_of(run), states_by_row, strict=True):
             if thing is None or not row_states.any():
                 continue
-            kind, number = thing
-            is_shared = kind == "obstacle" or (kind == "marker" and not carries_markers)
-            key = (kind, number, 0 if is_shared else k)
-            found[key] = np.maximum(found.get(key, INACTIVE), row_states).astype(np.uint8)
+            key = ThingOfRun(thing, 0 if thing.kind in shared else k)
+            worst = np.maximum(found.get(key, INACTIVE), row_states)
+            found[key] = worst.astype(np.uint8)
     return found
 
 
-def things_of(run: ReplayRun) -> list[Thing]:
-    """Return the object (m,) to which each row applies: a marker, a joint or an obstacle.
-
-    Each has its number. None stands for rows on any other quantity.
-    """
-    constraints = run.setup.constraints
+def things_of(run: ReplayRun) -> list[Thing | None]:
+    """Return the object (m,) to which each row applies, None for rows on any other quantity."""
     scene = run.setup.scene
+    constraints = run.setup.constraints
     counts = {"marker": len(scene.markers), "joint": scene.robot.n}
-    things = list[Thing]()
-    for k, (_, row_count, _) in enumerate(constraints.blocks()):
-        if constraints.constraints[k].meshes(0.0, 1.0):
-            things += [("obstacle", k)] * row_count
+    things: list[Thing | None] = []
+    for k, block in enumerate(constraints.blocks()):
+        if block.constraint.meshes(0.0, 1.0):
+            things += [Thing("obstacle", k)] * block.row_count
             continue
-        for label in constraints.labels[len(things) : len(things) + row_count]:
-            thing: Thing = None
-            named = re.search(r"(marker|joint) (\d+)\]", label)
-            if named and int(named[2]) <= counts[named[1]]:
-                thing = (named[1], int(named[2]))
-            things.append(thing)
+        first = len(things)
+        labels = constraints.labels[first : first + block.row_count]
+        things += [_thing_named(label, counts) for label in labels]
     return things
+
+
+def _thing_named(label: str, counts: Mapping[str, int]) -> Thing | None:
+    """Return the marker or joint that the label of a row names, if there is one of that number."""
+    match = re.search(r"(marker|joint) (\d+)\]", label)
+    if match is None:
+        return None
+    thing = Thing(match[1], int(match[2]))
+    return thing if thing.number <= counts[thing.kind] else None
 
 
 # --- Names ---
@@ -209,21 +230,25 @@ def select_run(
     if not run.endswith(".npz"):
         return _simulated(run, seed)
     file = Path(run)
+    folder = file.parent
     parts = file.stem.split("--")
-    if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
+    if folder.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
         form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
         raise ConfigurationError(f"{file} is not the trajectory of a comparison: {form}")
     if not file.is_file():
-        stored = [path.name for path in file.parent.glob("*.npz")]
+        stored = [path.name for path in folder.glob("*.npz")]
         raise unknown_name("trajectory", file.name, stored)
-    comparison = StoredComparison.load(file.parent.parent, trust)
+    comparison = StoredComparison.load(folder.parent, trust)
     for remark in comparison.remarks:
         on_remark(remark)
-    known = {"scenario": comparison.scenarios, "controller": comparison.controllers}
-    for (what, names), name in zip(known.items(), parts, strict=False):
-        if name not in names:
-            raise unknown_name(f"{what} of {comparison.folder}", name, names)
-    return run_of(comparison, parts[0], parts[1], int(parts[2]))
+    scenario, law, trial = parts
+    if scenario not in comparison.scenarios:
+        where = f"scenario of {comparison.folder}"
+        raise unknown_name(where, scenario, comparison.scenarios)
+    if law not in comparison.controllers:
+        where = f"controller of {comparison.folder}"
+        raise unknown_name(where, law, comparison.controllers)
+    return run_of(comparison, scenario, law, int(trial))
 
 
 def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
@@ -249,6 +274,7 @@ def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) ->
 
 
 def _simulated(run: str, seed: int) -> ReplayRun:
+    """Simulate the run ``SCENARIO:CONTROLLER`` or ``SCENARIO:CONTROLLER:TRIAL``."""
     scenario, _, law = run.partition(":")
     trial = 0
     name, _, last = law.rpartition(":")
@@ -257,15 +283,15 @@ def _simulated(run: str, seed: int) -> ReplayRun:
         trial = int(last)
     if not (scenario and law):
         raise ConfigurationError(f"{run!r} is not a run: give {HOW}")
-    shipped, behind, _ = law.partition(":")
-    if behind and shipped in CONTROLLERS:
+    shipped, colon, _ = law.partition(":")
+    if colon and shipped in CONTROLLERS:
         raise ConfigurationError(
             f"{run!r} is not a run: a trial is a number from 0 on, not {last!r}"
         )
     loaded = Scenario.load(scenario)
-    spec = RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed)
-    done = perform(spec)
-    return ReplayRun(_shown_name(law, trial), done.setup, done.trajectory, loaded.title)
+    controller = ControllerSpec.called(law, folder=Path())
+    finished = perform(RunSpec(loaded, controller, trial=trial, seed=seed))
+    return ReplayRun(_shown_name(law, trial), finished.setup, finished.trajectory, loaded.title)
 
 
 def _shown_name(law: str, trial: int) -> str:

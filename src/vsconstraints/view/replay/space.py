@@ -12,8 +12,9 @@ import pinocchio as pin
 
 from ...constraints.meshes import Mesh
 from ...reports.plots.style import paler, rgb
-from ...rows import Array
-from ..scene3d import REACH, Part, Placement, Scene3D, Viewpoint, ball, joint_poses, tube, visuals
+from ...rows import Array, BoolArray, IntArray
+from ..arm import REACH, joint_poses, visuals
+from ..scene3d import Part, Placement, Scene3D, Viewpoint
 from ..setup_scene import (
     add_robot,
     add_surroundings,
@@ -23,7 +24,8 @@ from ..setup_scene import (
     view_axes,
     viewpoint_of,
 )
-from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
+from ..solids import ball, bar
+from .runs import HIGHLIGHTS, Frames, ReplayRun, ThingOfRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted; opacity of the arms after the first.
 OBSTACLE = "#8FA3BF"
@@ -52,20 +54,25 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             viewpoint = common_viewpoint(runs)
-            eye = standpoint(runs, viewpoint)
-            camera = server.initial_camera
-            away = float(np.linalg.norm(eye - viewpoint.centre))
-            camera.position = tuple(eye)
-            camera.look_at = tuple(viewpoint.centre)
-            camera.up = (0.0, 0.0, 1.0)
-            camera.fov = FIELD_OF_VIEW
-            camera.near = 0.01 * away
-            camera.far = 100.0 * away
-            server.scene.set_up_direction("+z")
+            _place_camera(server, standpoint(runs, viewpoint), viewpoint.centre)
             scene, remark = scene_of(runs, viewpoint.half / REACH)
-            return _recorded(server, scene, runs, frames, viewpoint.half), remark
+            html = _recorded(server, scene, runs, frames, viewpoint.half)
         finally:
             server.stop()
+    return html, remark
+
+
+def _place_camera(server: Any, eye: Array, centre: Array) -> None:
+    """Let a viser server begin with a camera at ``eye`` (3,) that looks at ``centre`` (3,)."""
+    away = float(np.linalg.norm(eye - centre))
+    camera = server.initial_camera
+    camera.position = tuple(eye)
+    camera.look_at = tuple(centre)
+    camera.up = (0.0, 0.0, 1.0)
+    camera.fov = FIELD_OF_VIEW
+    camera.near = 0.01 * away
+    camera.far = 100.0 * away
+    server.scene.set_up_direction("+z")
 
 
 def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
@@ -75,18 +82,21 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     """
     scene = Scene3D()
     setup = runs[0].setup
+    camera_is_fixed = setup.scene.camera.fixed is not None
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
     for k, colour in enumerate(colours_of(runs)):
-        look: dict[str, Any] = {"colour": paler(colour), "opacity": OTHERS if k else 1.0}
+        is_first = k == 0
+        arm_colour = paler(colour)
+        opacity = 1.0 if is_first else OTHERS
         parts = []
         for part, mesh in zip(arm, meshes, strict=True):
-            parts.append(part._replace(mesh=inset(mesh, k * INSET * scale), **look))
-        # A fixed camera is the same for all runs, and each arm carries a target.
-        shared = k > 0 and setup.scene.camera.fixed is not None
-        camera_colour = "" if shared else colour
+            smaller = inset(mesh, k * INSET * scale)
+            parts.append(part._replace(mesh=smaller, colour=arm_colour, opacity=opacity))
+        # a fixed camera is the same for all runs, and each arm carries a target
+        camera_colour = colour if is_first or not camera_is_fixed else ""
         add_robot(scene, setup, parts, (1.0 - 0.03 * k) * scale, camera_colour, f"{k} ")
-        if shared:
+        if camera_is_fixed and not is_first:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
     return scene, remark
@@ -109,40 +119,58 @@ def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[s
 def _recorded(
     server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float
 ) -> str:
+    """Return the page that plays the runs, recorded frame by frame on a viser server."""
     nodes = Nodes(server.scene)
-    samples = [frames.samples(run) for run in runs]
     for part in scene.parts:
         nodes.add(part)
-    covers = []
-    for (kind, number, run_number), states in highlights_of(runs, frames).items():
-        mesh, frame = _cover(kind, number, runs, run_number, half)
-        opacity = 0.85 if kind == "marker" else 0.6
-        for state, colour in HIGHLIGHTS.items():
-            handle = nodes.add(Part(mesh, colour, frame, opacity))
-            covers.append((states == state, handle))
-    for k, (run, shown, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
-        name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
-        path = []
-        for i in np.unique(shown):
-            placement = setup_frames(run.setup, run.trajectory.q[i], 0.0)[name]
-            path.append(placement.pose.t)
+    covers = _add_covers(nodes, runs, frames, half)
+    shown_q = []  # joint coordinates (F, n) of each run
+    for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
+        samples = frames.samples(run)
+        shown_q.append(run.trajectory.q[samples])
+        path = _path(run, np.unique(samples))
         if len(path) > 1:
+            segments = np.stack((path[:-1], path[1:]), axis=1)
             server.scene.add_line_segments(
                 f"/{k} path",
-                np.stack((path[:-1], path[1:]), axis=1),
+                segments,
                 rgb(colour),
                 thickness=2.0,
                 thickness_units="screen",
             )
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
-        q = [run.trajectory.q[shown[k]] for run, shown in zip(runs, samples, strict=True)]
+        q = [coordinates[k] for coordinates in shown_q]
         nodes.place(frames_of(runs, q, float(t)))
-        for visible, handle in covers:
-            handle.visible = bool(visible[k])
+        for is_visible, handle in covers:
+            handle.visible = bool(is_visible[k])
         serializer.insert_sleep(frames.period)
     html: str = serializer.as_html()
     return html
+
+
+def _add_covers(
+    nodes: Nodes, runs: Sequence[ReplayRun], frames: Frames, half: float
+) -> list[tuple[BoolArray, Any]]:
+    """Add covers of all highlighted objects; return when each is visible (F,), and its handle."""
+    covers = []
+    for highlighted, states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(highlighted, runs, half)
+        opacity = 0.85 if highlighted.thing.kind == "marker" else 0.6
+        for state, colour in HIGHLIGHTS.items():
+            handle = nodes.add(Part(mesh, colour, frame, opacity))
+            covers.append((states == state, handle))
+    return covers
+
+
+def _path(run: ReplayRun, samples: IntArray) -> list[Array]:
+    """Return the positions (3,) of the camera at these samples, or of the tip if it is fixed."""
+    name = "camera" if run.setup.scene.camera.fixed is None else "tip"
+    path = []
+    for q in run.trajectory.q[samples]:
+        placement = setup_frames(run.setup, q, 0.0)[name]
+        path.append(placement.pose.t)
+    return path
 
 
 class Nodes:
@@ -186,22 +214,24 @@ class Nodes:
                 self.rails[name].scale = (1.0, 1.0, stretch)
 
 
-def _cover(
-    kind: str, number: int, runs: Sequence[ReplayRun], run_number: int, half: float
-) -> tuple[Mesh, str]:
+def _cover(highlighted: ThingOfRun, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
     """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
-    setup = runs[run_number].setup
+    k = highlighted.run
+    kind, number = highlighted.thing
+    setup = runs[k].setup
     scale = half / REACH
     if kind == "marker":
-        mesh = ball(setup.scene.markers[number - 1], 0.021 * scale, 12)
-        return mesh, f"{run_number} target" if run_number else "target"
+        place = setup.scene.markers[number - 1]
+        frame = f"{k} target" if k else "target"
+        return ball(place, 0.021 * scale, 12), frame
     if kind == "obstacle":
-        return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
-    poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
-    axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
-    radius = (0.062 - 0.002 * run_number) * scale
-    mesh = tube(np.array([-axis, axis]), radius, 20)
-    return mesh, f"{run_number} joint {number}"
+        meshes = obstacle_meshes(setup, 1.01 * half)
+        return meshes[number], f"obstacle {number}"
+    robot = setup.scene.robot
+    poses, axes = joint_poses(robot, np.zeros(robot.n))
+    half_axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
+    radius = (0.062 - 0.002 * k) * scale
+    return bar(-half_axis, half_axis, radius, 20), f"{k} joint {number}"
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
@@ -213,10 +243,8 @@ def inset(mesh: Mesh, depth: float) -> Mesh:
     # Merge corners of several faces at one place.
     merged = trimesh.Trimesh(mesh.points, mesh.triangles)
     outwards = float(np.sign(merged.volume)) or 1.0
-    return Mesh(
-        np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals,
-        np.asarray(merged.faces),
-    )
+    points = np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals
+    return Mesh(points, np.asarray(merged.faces))
 
 
 def coarse(meshes: list[Mesh]) -> list[Mesh]:
@@ -230,8 +258,11 @@ def coarse(meshes: list[Mesh]) -> list[Mesh]:
         fewer = []
         for mesh in meshes:
             cells = np.round(mesh.points / cell)
-            _, first, merged = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-            triangles = np.asarray(merged).reshape(-1)[mesh.triangles]
+            # the first point in each cell represents all others
+            _, first, cell_of_point = np.unique(
+                cells, axis=0, return_index=True, return_inverse=True
+            )
+            triangles = np.ravel(cell_of_point)[mesh.triangles]
             a, b, c = triangles.T
             has_area = (a != b) & (b != c) & (c != a)
             fewer.append(Mesh(mesh.points[first], triangles[has_area]))
@@ -244,8 +275,9 @@ def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     instants = []
     for run in runs:
         trajectory = run.trajectory
-        for k in np.linspace(0, len(trajectory.t) - 1, INSTANTS).astype(int):
-            instants.append((trajectory.q[k], float(trajectory.t[k])))
+        last = len(trajectory.t) - 1
+        for sample in np.linspace(0, last, INSTANTS).astype(int):
+            instants.append((trajectory.q[sample], float(trajectory.t[sample])))
     return instants
 
 
@@ -264,7 +296,9 @@ def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
     across, up, towards = ((points - viewpoint.centre) @ axes).T
-    needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
-    away = np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW))
-    eye: Array = viewpoint.centre + away * axes[:, 2]
+    half_height = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
+    h = np.tan(0.5 * FIELD_OF_VIEW)
+    distance = np.max(towards + half_height / h)
+    direction = axes[:, 2]
+    eye: Array = viewpoint.centre + distance * direction
     return eye

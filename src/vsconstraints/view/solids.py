@@ -1,0 +1,85 @@
+"""Meshes of simple solids: spheres and round bars, joined to larger ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..constraints.meshes import Mesh
+from ..rows import Array
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Return several meshes as one."""
+    if not meshes:
+        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
+    points = []
+    triangles = []
+    point_count = 0
+    for mesh in meshes:
+        points.append(mesh.points)
+        triangles.append(mesh.triangles + point_count)
+        point_count += len(mesh.points)
+    return Mesh(np.concatenate(points), np.concatenate(triangles))
+
+
+def grid_surface(points: Array) -> Mesh:
+    """Return the surface through a grid of points (a, b, 3)."""
+    a, b, _ = points.shape
+    numbers = np.arange(a * b).reshape(a, b)
+    # corners of each cell
+    top_left = numbers[:-1, :-1].ravel()
+    top_right = numbers[:-1, 1:].ravel()
+    bottom_left = numbers[1:, :-1].ravel()
+    bottom_right = numbers[1:, 1:].ravel()
+    # each cell is two triangles, on both sides of its diagonal
+    upper = np.column_stack((top_left, top_right, bottom_right))
+    lower = np.column_stack((top_left, bottom_right, bottom_left))
+    return Mesh(points.reshape(-1, 3), np.concatenate((upper, lower)))
+
+
+def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
+    """Return a sphere with ``count`` meridians."""
+    polar = np.linspace(0.0, np.pi, count // 2 + 1)
+    azimuth = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    theta, phi = np.meshgrid(polar, azimuth, indexing="ij")
+    rho = np.sin(theta)
+    x = rho * np.cos(phi)
+    y = rho * np.sin(phi)
+    z = np.cos(theta)
+    directions = np.stack((x, y, z), axis=-1)
+    return grid_surface(centre + radius * directions)
+
+
+def bar(begin: Array, end: Array, radius: float, sides: int = 12) -> Mesh:
+    """Return a straight round bar between two points (3,)."""
+    return tube(np.array([begin, end]), radius, sides)
+
+
+def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
+    """Return a round bar along a polyline (p, 3)."""
+    points = np.asarray(points, dtype=np.float64)
+    along = _unit(np.gradient(points, axis=0))
+    # all sections are oriented by the direction in which the line extends least
+    _, _, directions = np.linalg.svd(along)
+    x = _unit(np.cross(along, directions[2]))
+    y = np.cross(along, x)
+    angles = 2.0 * np.pi * np.arange(sides + 1) / sides
+    cos = np.cos(angles)[:, None]
+    sin = np.sin(angles)[:, None]
+    sections = cos * x[:, None] + sin * y[:, None]
+    surface = points[:, None] + radius * sections
+    if caps:
+        # sections of radius 0 at both ends
+        first = np.full_like(surface[:1], points[0])
+        last = np.full_like(surface[:1], points[-1])
+        surface = np.concatenate((first, surface, last))
+    return grid_surface(surface)
+
+
+def _unit(vectors: Array) -> Array:
+    """Return vectors (p, 3) scaled to length 1."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: Array = vectors / np.maximum(lengths, 1e-12)
+    return unit
