@@ -130,8 +130,10 @@ def challenge_table(results: Results, scenario: str) -> Table:
         # The baseline has no margin while it violates the row.
         column = []
         for name in baseline:
-            column.append(_least_clearance(results.rows(scenario, name, label), factor))
-        columns[f"{code(label)} [{unit}]"] = column + marked(cells, eligible, "less")
+            rows = results.rows(scenario, name, label)
+            column.append(_least_clearance(rows, factor))
+        column += marked(cells, eligible, "less")
+        columns[f"{code(label)} [{unit}]"] = column
     controllers = [*baseline, *names] if columns else []
     return columns_table("challenged rows", controllers, columns)
 
@@ -174,12 +176,12 @@ def failure_table(
             lines.append([name, status, reason, DASH, DASH, trials])
         violations = defaultdict[str, list[Line]](list)
         for row in rows:
-            if row["violation_depth"] > 0.0:
+            if _natural_depth(row) > 0.0:
                 violations[row["constraint"]].append(row)
         for label, alike in violations.items():
-            worst = max(alike, key=lambda row: float(row["violation_depth"]))
+            worst = max(alike, key=_natural_depth)
             unit, factor = finer_unit(worst["unit"])
-            depth = number(factor * worst["violation_depth"])
+            depth = number(factor * _natural_depth(worst))
             seconds = "between samples"
             if worst["violation_time_s"] > 0.0:
                 seconds = number(worst["violation_time_s"])
@@ -191,6 +193,11 @@ def failure_table(
         header = header[:-1]
         lines = [line[:-1] for line in lines]
     return Table(header, lines, text_columns=len(header))
+
+
+def _natural_depth(row: Line) -> float:
+    """Return the violation depth of a line of constraints.csv, in the unit of the row."""
+    return float(row["violation_depth"])
 
 
 def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:

@@ -115,10 +115,15 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
     runs = [run for run in results.all_runs(controller) if violated(run)]
     if not runs:
         return [], {}, DASH
-    worst = max(runs, key=lambda run: float(run["violation_depth"]))
+
+    def relative_depth(run: Line) -> float:
+        return float(run["violation_depth"])
+
+    worst = max(runs, key=relative_depth)
     rows = []
     for row in results.rows(worst["scenario"], controller):
-        if row["trial"] == worst["trial"] and row["violation_depth"] > 0.0:
+        natural_depth = row["violation_depth"]
+        if row["trial"] == worst["trial"] and natural_depth > 0.0:
             rows.append(row)
     if not rows:
         return runs, worst, DASH
@@ -202,8 +207,9 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
     text = tally(endings)
     if not scored or len(runs) != 1 or controller == BASELINE:
         return text
-    column = "violation_depth" if violated(runs[0]) else "utilization"
-    value = 100.0 * runs[0][column]
+    (run,) = runs
+    share = run["violation_depth"] if violated(run) else run["utilization"]
+    value = 100.0 * share
     return f"{text} {number(value)}" if math.isfinite(value) else text
 
 

@@ -68,13 +68,11 @@ class Centre(NamedTuple):
         used = finite_values(run["utilization"] for run in converged)
         variation = finite_values(run["acceleration_variation"] for run in converged)
         if not used or not variation:
-            return cls(math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
-        return cls(
-            median(used),
-            median(variation),
-            (min(used), max(used)),
-            (min(variation), max(variation)),
-        )
+            unknown = (math.nan, math.nan)
+            return cls(math.nan, math.nan, unknown, unknown)
+        used_range = (min(used), max(used))
+        variation_range = (min(variation), max(variation))
+        return cls(median(used), median(variation), used_range, variation_range)
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
@@ -128,9 +126,14 @@ def _scale_axes(ax: Any, runs: Sequence[Line]) -> None:
     logarithmic(ax.yaxis)
     logarithmic(ax.yaxis, decades(*ax.get_ylim()))
     ax.set_xlim(most, least)
-    ticks = [share for share in SHARES if least - 1e-12 <= 1.0 - share <= most]
-    labels = ["≥ 99.99" if share == SHARES[-1] else f"{100.0 * share:g}" for share in ticks]
-    ax.set_xticks([1.0 - share for share in ticks], labels)
+    places = []
+    labels = []
+    for share in SHARES:
+        place = 1.0 - share
+        if least - 1e-12 <= place <= most:
+            places.append(place)
+            labels.append(f"{100.0 * share:g}" if share < SHARES[-1] else "≥ 99.99")
+    ax.set_xticks(places, labels)
     ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
 

@@ -150,16 +150,21 @@ def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
 def _entries(
     view: View, plane: Plane, names: list[str], detail: CloseUp | None
 ) -> list[dict[str, Any]]:
-    goals = view.setup.task.goals if view.setup is not None else ()
+    """Return the legend entries of the tracks, of what is in the image, and of the close-up."""
+    goal_count = 0 if view.setup is None else len(view.setup.task.goals)
     entries = [START | {"label": "start of marker 1, 2, …"}]
-    if len(goals) > 1:
+    if goal_count == 1:
+        entries.append(LAST | {"label": "goal"})
+    elif goal_count > 1:
         entries.append(EARLIER | {"label": "earlier goal"})
-    if goals:
-        entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
+        entries.append(LAST | {"label": "last goal"})
     entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
-        entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(list(_violations(view.runs[name])) for name in names):
+        colour = view.looks[BASELINE].colour
+        entries.append(line("tracking alone", colour) | {"linewidth": 0.9})
+    runs = [view.runs[name] for name in names]
+    is_violated = [any(True for _ in _violations(run)) for run in runs]
+    if any(is_violated):
         entries.append(line("row in the image violated", **VIOLATED))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
@@ -184,28 +189,38 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     relative to the row's L. It lies in the shown part of the plane, and a boundary passes through
     it.
     """
-    size = max(plane.size)
     candidates: list[tuple[float, CloseUp]] = []
     for name, run in view.runs.items():
         if name == BASELINE:
             continue
         for i, pixels in _rows_in_image(run):
-            if run.trajectory.labels[i] not in view.phi_rows:
-                continue
-            is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
-            clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
-            k = int(np.argmin(clearance))
-            least = float(clearance[k])
-            is_active = run.trajectory.active[:, i].any()
-            is_violated = least < -NEGLIGIBLE * run.length[i]
-            if least > -MAX_DEPTH * size and (is_active or is_violated):
-                half = max(SHARE * size, -1.6 * least)
-                candidates.append((least / run.length[i], CloseUp(pixels[k], half)))
+            if run.trajectory.labels[i] in view.phi_rows:
+                candidates += _candidates(run, i, pixels, plane)
     candidates.sort(key=lambda candidate: candidate[0])
     for _, detail in candidates:
         if _has_boundary(plane, detail):
             return detail
     return None
+
+
+def _candidates(
+    run: RunRecord, i: int, pixels: Array, plane: Plane
+) -> Iterator[tuple[float, CloseUp]]:
+    """Yield the close-up of a row where its marker (N, 2) [px] comes nearest to the boundary.
+
+    Yield it with the clearance there relative to L; none if the row does not matter, or if the
+    violation is deep enough to be seen in the whole image.
+    """
+    size = max(plane.size)
+    is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
+    clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
+    nearest = int(np.argmin(clearance))
+    least = float(clearance[nearest])
+    is_active = run.trajectory.active[:, i].any()
+    is_violated = least < -NEGLIGIBLE * run.length[i]
+    if least > -MAX_DEPTH * size and (is_active or is_violated):
+        half = max(SHARE * size, -1.6 * least)
+        yield least / run.length[i], CloseUp(pixels[nearest], half)
 
 
 def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
