@@ -43,7 +43,7 @@ from vsconstraints.reports.plots import (
 )
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import LOOKS, area, windows_of, folded, plain, rgb
+from vsconstraints.reports.plots.style import LOOKS, area, folded, plain, rgb, windows_of
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
