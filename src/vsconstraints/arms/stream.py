@@ -34,7 +34,7 @@ FEWEST_REPEATED = 5
 
 
 class Stop(NamedTuple):
-    """How an arm came to rest, in words, and True if setpoints brought it to rest."""
+    """Description of how an arm came to rest; ``at_rest`` if setpoints brought it to rest."""
 
     description: str
     at_rest: bool
