@@ -217,6 +217,7 @@ def in_order(values: Mapping[str, Value], before: Mapping[str, str]) -> dict[str
     names = [name for name in values if not before.get(name)]
     for name in values:
         if name not in names:
-            after = before[name]
-            names.insert(names.index(after) if after in names else len(names), name)
+            following = before[name]
+            place = names.index(following) if following in names else len(names)
+            names.insert(place, name)
     return {name: values[name] for name in names}
