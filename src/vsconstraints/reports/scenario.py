@@ -61,19 +61,22 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     for metric in METRICS:
         if metric.group != group or not metric.header:
             continue
+        show = FORMATS[metric.style]
         cells = []
         eligible = []
         for trials, is_comparable in zip(runs, are_comparable, strict=True):
             values = [shown(metric, run) for run in trials]
-            cells.append(Cell.of(values, FORMATS[metric.style]))
+            cells.append(Cell.of(values, show))
             eligible.append(is_comparable and judged_by(metric, trials))
-        if any(math.isfinite(cell.value) for cell in cells):
+        has_values = any(math.isfinite(cell.value) for cell in cells)
+        if has_values:
             better = metric.better if is_ranked else None
             numbers[metric.header] = marked(cells, eligible, better)
     if group != "outcome" and not numbers:
         return Table(["controller"], [])
+    columns = texts | numbers
     text_columns = 1 + len(texts)
-    return columns_table("controller", names, texts | numbers, text_columns)
+    return columns_table("controller", names, columns, text_columns)
 
 
 def acceleration_remarks(results: Results, scenario: str) -> list[str]:
@@ -91,7 +94,9 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
         return []
     # Only the largest acceleration can be out of proportion to all others.
     second, value = sorted(accelerations.values())[-2:]
-    if value < UNUSUAL or value <= OUT_OF_PROPORTION * second or second == 0.0:
+    is_unusual = value >= UNUSUAL
+    is_out_of_proportion = second != 0.0 and value > OUT_OF_PROPORTION * second
+    if not (is_unusual and is_out_of_proportion):
         return []
     name = max(accelerations, key=accelerations.__getitem__)
     return [

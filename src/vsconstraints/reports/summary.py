@@ -44,11 +44,11 @@ MAX_NAMES = 9  #: Most scenarios that a cell names.
 
 def law_table(results: Results) -> Table:
     """Return the main results of each controller, best first."""
-    names = sorted(
-        results.competitors,
-        key=lambda name: (results.clean[name], results.clean_tolerant[name]),
-        reverse=True,
-    )
+
+    def success(name: str) -> tuple[int, int]:
+        return results.clean[name], results.clean_tolerant[name]
+
+    names = sorted(results.competitors, key=success, reverse=True)
     strict = []
     tolerant = []
     for name in names:
@@ -95,12 +95,16 @@ def score_table(results: Results) -> Table:
 
     within_band = []
     for name in names:
-        runs = [run for run in results.all_runs(name) if violated(run)]
-        count = sum(violated(run) == violated(run, "within_band") for run in runs)
+        count = 0
+        for run in results.all_runs(name):
+            rows = violated(run)
+            if rows and rows == violated(run, "within_band"):
+                count += 1
         within_band.append(str(count))
+    beyond = f"beyond {of_length(TOLERANT)}"
     columns = {
         "runs with a violated row": violation_counts("violated"),
-        f"beyond {of_length(TOLERANT)}": violation_counts("violated_tolerant"),
+        beyond: violation_counts("violated_tolerant"),
         "within the sampling band": within_band,
     }
     columns |= _overall(results, names, lambda metric: metric.column not in FIRST)

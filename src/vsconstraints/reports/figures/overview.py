@@ -100,11 +100,17 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     _scale_axes(ax, [*chain(*runs_of_all.values())])
     width = WIDTH - sheet.left - sheet.right
     name_centres(ax, centres, look, (POINTS * width, POINTS * HEIGHT))
+    without_name = {name: look[name] for name in drawn if name not in centres}
+    sheet.bottom += 0.08
+    sheet.legend(_entries(without_name), 2)
+    return sheet
+
+
+def _entries(without_name: Mapping[str, Look]) -> list[dict[str, Any]]:
+    """Return the legend entries of controllers without a name in the figure, and of the marks."""
     entries = []
-    for name in drawn:
-        if name not in centres:
-            colour = look[name].colour
-            entries.append(symbol(look[name].marker, colour, colour, 8.0, label=shortened(name)))
+    for name, look in without_name.items():
+        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=shortened(name)))
     hollow = symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated")
     entries += [
         symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
@@ -112,9 +118,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
         symbol("o", GREY, GREY, SMALL, label="one run"),
         hollow | {"markeredgewidth": 1.5},
     ]
-    sheet.bottom += 0.08
-    sheet.legend(entries, 2)
-    return sheet
+    return entries
 
 
 def _scale_axes(ax: Any, runs: Sequence[Line]) -> None:

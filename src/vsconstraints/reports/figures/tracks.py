@@ -29,6 +29,7 @@ LEFT = 0.62
 GAP = 0.16
 TITLE = 0.27
 TITLE_LINE = 0.14
+LEGEND_LINE = 0.21
 # Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
@@ -82,13 +83,14 @@ def draw_tracks(view: View) -> Sheet | None:
             draw_run(beside, view, name, 1.5)
     # The legend stands in a free place of the grid, or below it.
     entries = _entries(view, plane, names, detail)
-    taken = (len(names) - 1) % columns + 1
-    needed = 0.21 * len(entries)
-    tall = above + height
-    if taken < columns and tall > needed:
+    panels_in_last_row = (len(names) - 1) % columns + 1
+    legend_height = LEGEND_LINE * len(entries)
+    row_height = above + height
+    if panels_in_last_row < columns and row_height > legend_height:
         # The space above that place has the numbers and the label of a panel.
-        left = LEFT + taken * (room + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.bottom - 0.5 * (tall + needed)), labelspacing=0.7)
+        left = LEFT + panels_in_last_row * (room + GAP) + 0.2
+        top = sheet.bottom - 0.5 * (row_height + legend_height)
+        sheet.legend(entries, 1, (left, top), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet
@@ -138,19 +140,21 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
     """Yield the index of each row on a marker's place in the image, and that place (N, 2) [px]."""
     pixels = run.trajectory.features_px
+    marker_count = pixels.shape[1]
     for i, label in enumerate(run.trajectory.labels):
-        number = label.rpartition("marker ")[2].rstrip("]")
+        _, _, end = label.rpartition("marker ")
+        number = end.rstrip("]")
         if run.units[i] != "px" or not number.isdecimal():
             continue
         marker = int(number) - 1
-        if marker < pixels.shape[1]:
+        if marker < marker_count:
             yield i, pixels[:, marker]
 
 
 def _entries(
     view: View, plane: Plane, names: list[str], detail: CloseUp | None
 ) -> list[dict[str, Any]]:
-    """Return the legend entries of the tracks, of what is in the image, and of the close-up."""
+    """Return the legend entries of tracks, image and close-up."""
     goal_count = 0 if view.setup is None else len(view.setup.task.goals)
     entries = [START | {"label": "start of marker 1, 2, …"}]
     if goal_count == 1:
