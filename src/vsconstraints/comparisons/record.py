@@ -125,7 +125,7 @@ class RunRecord:
 class StoredArray:
     """Elements and axes of an array or a tuple of texts that a record holds."""
 
-    element: type  #: np.float64, np.bool_, or str for a tuple of texts.
+    element: type  #: ``np.float64``, ``np.bool_``, or ``str`` for a tuple of texts.
     axes: tuple[str, ...]  #: Letter of each axis, or its size in digits.
 
     def empty(self) -> Any:
