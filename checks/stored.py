@@ -39,7 +39,7 @@ from vsconstraints.bench.evidence.folder import stored_files as files_of_campaig
 from vsconstraints.bench.reports import replay, write_evidence_report
 from vsconstraints.cli.results import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.record import SHAPES
+from vsconstraints.comparisons.record import ARRAYS
 from vsconstraints.comparisons.runs.files import SUMS, digests, write_sums
 from vsconstraints.comparisons.stored import stored_files as files_of_comparison
 from vsconstraints.errors import VsconstraintsError
@@ -182,7 +182,7 @@ def comparison(root: Path) -> Made:
             if record is not None:
                 parts = {**vars(record), **vars(record.trajectory)}
                 found[str(key)] = _hash(
-                    [(name, np.asarray(parts[name]).tobytes()) for name in SHAPES]
+                    [(name, np.asarray(parts[name]).tobytes()) for name in ARRAYS]
                 )
         return found
 

@@ -96,6 +96,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.controllers.ranges.Known"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.bench.reports.dataset.Value"),
+    ("py:class", "vsconstraints.reports.markdown.Value"),
     ("py:class", "Random"),  # aliases of types
     ("py:class", "Lens"),
     ("py:class", "Formula"),

@@ -22,7 +22,7 @@ from vsconstraints.bench.families import Family, families
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
-from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.comparisons.record import FACTS, RunRecord
 from vsconstraints.comparisons.runs.spec import RunTiming
 from vsconstraints.comparisons.suite import BASELINE
 from vsconstraints.controllers import Tracking
@@ -132,18 +132,7 @@ def test_result_files_are_described_whole() -> None:
         title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()
     }
     stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
-    in_facts = {
-        "trajectory",
-        "status",
-        "reason",
-        "fallbacks",
-        "kinds",
-        "units",
-        "common",
-        "Ts",
-        "fingerprint",
-    }
-    in_facts |= {"files", "compiled", "missed"}
+    in_facts = {"trajectory", "kinds", "units", *FACTS}
     assert described["`results.csv`"] == set(RESULT_COLUMNS)
     assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)
     assert described["Trajectories"] == stored - in_facts | {"facts"}

@@ -43,7 +43,7 @@ from vsconstraints.reports.plots import (
 )
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import LOOKS, area, extremes, folded, plain, rgb
+from vsconstraints.reports.plots.style import LOOKS, area, folded, plain, rgb, windows_of
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
@@ -254,7 +254,7 @@ def small_view(duration: float = 5.0) -> View:
 def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
     t = np.arange(float(len(values)))
     y = np.array(values)
-    _, least, greatest, _ = extremes(t, y, bins)
+    _, least, greatest, _ = windows_of(t, y, bins)
     assert len(least) <= bins
     if np.isfinite(y).any():
         assert np.nanmax(greatest) == np.nanmax(y)
@@ -262,7 +262,7 @@ def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
 
 
 def test_window_means_leave_out_what_is_no_number() -> None:
-    t, _, _, mean = extremes(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
+    t, _, _, mean = windows_of(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
     assert t.tolist() == [0.5, 2.5, 4.5]
     np.testing.assert_array_equal(mean, [2.0, 5.0, np.nan])
 

@@ -826,7 +826,7 @@ def test_a_law_that_returns_after_the_watchdog_has_taken_over_moves_no_setpoint(
         return command
 
     def noted(stream: Stream, qdd: Array) -> Any:
-        prepared.append(run.taken)
+        prepared.append(run.takeover)
         return prepare(stream, qdd)
 
     monkeypatch.setattr(Stream, "prepare", noted)

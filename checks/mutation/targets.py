@@ -15,6 +15,7 @@ DOUBT = 0.05
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
+        "src/vsconstraints/comparisons/metric_inputs.py",
         "src/vsconstraints/comparisons/metrics.py",
         "src/vsconstraints/reports/results.py",
         "src/vsconstraints/reports/summary.py",

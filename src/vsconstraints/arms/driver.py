@@ -143,14 +143,14 @@ class Driver(ABC):
 
     @abstractmethod
     def halt(self, deceleration: float) -> None:
-        """Let the arm stop by its own means [rad/s²], where a stop cannot be streamed.
+        """Halt the arm: it stops by its own means, where setpoints cannot brake it [rad/s²].
 
         It may be called by another thread while a call has not returned. Raises ArmError if the arm
         is not reached.
         """
 
     def stopper(self) -> Callable[[], None] | None:
-        """Return a function that stops the arm from another process, as :meth:`halt` does.
+        """Return a function that halts the arm from another process, as :meth:`halt` does.
 
         This method is called once the arm is connected. The function is pickled and called in a
         process that shares nothing with this one, so it opens its own connection and raises

@@ -88,29 +88,22 @@ class Envelope:
             return limit * (1.0 + ROUNDING) + ROUNDING
 
         room = ROUNDING * np.maximum(1.0, np.abs(after.q))
+        is_outside = (after.q < self.q_min - room) | (after.q > self.q_max + room)
+        speed = np.maximum(np.abs(after.qd), np.abs(moved))
+        jerk = np.abs(after.qdd - before.qdd) / T
+        # positions must move with the mean of both speeds
+        jump = np.abs(moved - 0.5 * (before.qd + after.qd))
+        greatest_jump = ROUNDING + 0.01 * self.acceleration * T
         violations = (
-            (
-                "is outside its range",
-                (after.q < self.q_min - room) | (after.q > self.q_max + room),
-                after.q,
-            ),
-            (
-                "exceeds its speed",
-                np.maximum(np.abs(after.qd), np.abs(moved)) > beyond(self.qd_max),
-                after.qd,
-            ),
+            ("is outside its range", is_outside, after.q),
+            ("exceeds its speed", speed > beyond(self.qd_max), after.qd),
             ("exceeds its acceleration", np.abs(changed) > beyond(self.acceleration), changed),
-            ("exceeds its jerk", np.abs(after.qdd - before.qdd) / T > beyond(self.jerk), after.qdd),
-            (
-                "jumps",
-                np.abs(moved - 0.5 * (before.qd + after.qd))
-                > ROUNDING + 0.01 * self.acceleration * T,
-                moved,
-            ),
+            ("exceeds its jerk", jerk > beyond(self.jerk), after.qdd),
+            ("jumps", jump > greatest_jump, moved),
         )
-        for what, wrong, value in violations:
-            if wrong.any():
-                j = int(np.argmax(wrong))
+        for what, is_wrong, value in violations:
+            if is_wrong.any():
+                j = int(np.argmax(is_wrong))
                 return f"joint {j + 1} {what}: {value[j]:.6g}"
         return ""
 
@@ -166,10 +159,11 @@ class Brake:
     def at_rest(self, qd: Array) -> bool:
         """True if the stop is complete."""
         change = self.envelope.jerk * self.envelope.period * (1.0 + 1e-9)
-        still = np.abs(qd) <= AT_REST
-        decided = self._limits is not None or not self._last.any()
-        slight = np.abs(self._last) <= change
-        return bool(still.all() and decided and slight.all())
+        is_still = bool((np.abs(qd) <= AT_REST).all())
+        is_decided = self._limits is not None or not self._last.any()
+        # the last deceleration can end within one period
+        is_slight = bool((np.abs(self._last) <= change).all())
+        return is_still and is_decided and is_slight
 
     def _decide(self, q: Array, qd: Array) -> tuple[Array, Array]:
         limits = self.envelope
@@ -184,6 +178,9 @@ class Brake:
         # at unit speed along the line: the deceleration grows, holds and falls
         length = 0.5 / share + 1.5 * share / jerk + limits.period
         end = q + length * qd
-        self.straight = bool(((end >= limits.q_min) & (end <= limits.q_max) | ~moving).all())
-        still = np.maximum(speed, 1e-3 * AT_REST)
-        return (share * still, jerk * still) if self.straight else each
+        is_inside = (end >= limits.q_min) & (end <= limits.q_max)
+        self.straight = bool((is_inside | ~moving).all())
+        if not self.straight:
+            return each
+        proportions = np.maximum(speed, 1e-3 * AT_REST)
+        return share * proportions, jerk * proportions

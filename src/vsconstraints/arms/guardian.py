@@ -43,12 +43,13 @@ class Guardian:
     """Stops an arm from a separate process unless heartbeats arrive every ``patience`` [s].
 
     The process has its own connection to the arm and shares nothing with this process, whose end it
-    notices as silence. It answers heartbeats, so that this process notices if it has ended or
-    hangs. Signals of the terminal do not reach it. ``stop`` is returned by :meth:`.Driver.stopper`.
-    Raises ConfigurationError if the process cannot be started, or cannot use ``stop``.
+    notices by missing heartbeats. It answers heartbeats, so that this process notices if it has
+    ended or hangs. Signals of the terminal do not reach it. ``halt`` is returned by
+    :meth:`.Driver.stopper`. Raises ConfigurationError if the process cannot be started, or cannot
+    use ``halt``.
     """
 
-    def __init__(self, stop: Callable[[], None], patience: float) -> None:
+    def __init__(self, halt: Callable[[], None], patience: float) -> None:
         self.patience = patience
         #: Reason why the guardian cannot stop the arm: it has ended, or does not answer. Empty if
         #: it can.
@@ -57,7 +58,7 @@ class Guardian:
         #: Time at which the oldest unanswered heartbeat was sent [s].
         self._unanswered: float | None = None
         try:
-            message = pickle.dumps(sys.path) + pickle.dumps(stop)
+            message = pickle.dumps(sys.path) + pickle.dumps(halt)
         except Exception as error:  # custom objects can fail in any way
             raise ConfigurationError(
                 "the driver that stops the arm cannot be sent to the guardian process: "
@@ -146,7 +147,7 @@ def watch() -> None:
     """Main function of the process: wait for heartbeats and stop the arm if they fail to arrive."""
     for number in (*SIGNALS, *portable.signals("SIGPIPE")):
         signal.signal(number, signal.SIG_IGN)
-    stop = pickle.load(sys.stdin.buffer)
+    halt = pickle.load(sys.stdin.buffer)
     os.write(1, b"+")
     # a suspended parent reads no answers
     os.set_blocking(1, False)
@@ -168,7 +169,7 @@ def watch() -> None:
     how = ""
     for _ in range(ATTEMPTS):
         try:
-            stop()
+            halt()
             how = "sent the arm its stop command"
             break
         except BaseException as error:  # an error of the driver must not prevent another attempt

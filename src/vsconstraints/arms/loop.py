@@ -18,32 +18,30 @@ import numpy as np
 from ..compiled import load
 from ..controllers import Controller
 from ..controllers.base import restart
-from ..errors import ConfigurationError, SceneError, described, format_value
+from ..errors import ConfigurationError, SceneError, described
 from ..plugins import portable
 from ..rows import Array, Command
 from ..simulation import Setup
 from ..simulation.loop import loses_rank
-from ..vision.measurement import Measurement, with_nan
 from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
 from .guardian import Guardian
 from .images import ImageSource, SimulatedImages
-from .record import ArmLog, Ended
-from .stream import Stream
-from .supervision import Requests, Supervision, Watchdog, requests_noted, require_start
+from .measurements import Measurements
+from .record import ArmLog
+from .stream import Image, Stream, Times
+from .supervision import (
+    Ended,
+    Requests,
+    RunEnded,
+    Supervision,
+    Watchdog,
+    requests_noted,
+    require_start,
+)
 
 GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
-#: Greatest accepted lead of an image's time stamp [s]: stamps are often whole milliseconds.
-STAMP = 1e-3
 REHEARSALS = 3  #: Calls of a law before the arm moves, because the first calls take longer.
-
-
-class Halt(Exception):
-    """End of the run, with its cause: the arm is to be braked."""
-
-    def __init__(self, ended: Ended, cause: str) -> None:
-        super().__init__(cause)
-        self.ended: Ended = ended
 
 
 class TakenOver(BaseException):
@@ -110,13 +108,11 @@ class ArmRun:
             job.driver, envelope, setup.q0, len(setup.scene.markers), job.supervision
         )
         self.control.plausible = job.supervision
-        #: Reason why the watchdog has taken over, empty if it has not; and True if the arm has not
-        #: answered.
-        self.taken = ""
-        self.silent = False
-        #: Times [s]: of the newest image with a marker, and of the first image that shows the
-        #: markers where the newest does.
-        self.image_at = self.same_since = 0.0
+        self.measurements = Measurements(job.images, self.stream, job.supervision.image_s)
+        #: Reason why the watchdog has taken over; empty if it has not.
+        self.takeover = ""
+        #: True if the arm has failed, so that setpoints may not bring it to rest.
+        self.needs_halt = False
         self.watchdog: Watchdog | None = None
         self.guardian: Guardian | None = None
         self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
@@ -131,10 +127,10 @@ class ArmRun:
         try:
             for _ in range(REHEARSALS):
                 self._ask(0.0, self.setup.q0, np.zeros_like(self.setup.q0), {})
-        except Halt as halt:
+        except RunEnded as end:
             raise ConfigurationError(
-                f"{self.job.controller.name} has no command at the start: {halt}"
-            ) from halt
+                f"{self.job.controller.name} has no command at the start: {end}"
+            ) from end
         # before the motion, since it calls custom code, which may fail
         step = self.control.bound()
         self.compiled = (
@@ -152,8 +148,8 @@ class ArmRun:
             with self._guarded(), self._watched(requests):
                 ended, cause = self._periods(requests)
                 with stream.turn:
-                    if not self.taken:
-                        stream.bring_to_rest(self.silent, self._alive)
+                    if not self.takeover:
+                        stream.bring_to_rest(self.needs_halt, self._alive)
             log = self._log(ended, cause, requests.signal)
             if keep is not None:
                 keep(log)
@@ -166,8 +162,8 @@ class ArmRun:
             ended=ended,
             cause=cause,
             signal=signal_number,
-            stop=stream.stop[0],
-            at_rest=stream.stop[1],
+            stop=stream.stop.description,
+            at_rest=stream.stop.at_rest,
             periods=stream.periods,
             missed=stream.missed,
             real_time=not stream.clock.simulated,
@@ -185,7 +181,8 @@ class ArmRun:
             remarks.append(
                 f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all"
             )
-        if limited := sum(period.guarded for period in stream.periods):
+        limited = sum(period.guarded for period in stream.periods)
+        if limited:
             remarks.append(f"commands were clipped to the arm's limits in {limited} periods")
         if isinstance(images, SimulatedImages):
             try:
@@ -202,17 +199,19 @@ class ArmRun:
                 "an arm needs Linux or macOS: on this platform no signal interrupts a call that "
                 "hangs"
             )
-        stop = None if self.stream.clock.simulated else self.driver.stopper()
-        if stop is None:
+        halt = None if self.stream.clock.simulated else self.driver.stopper()
+        if halt is None:
             yield
             return
-        self.guardian = Guardian(stop, GUARDED * self._patience)
+        self.guardian = Guardian(halt, GUARDED * self._patience)
         try:
             yield
         finally:
             report = self.guardian.end(self.stream.safe)
-            how, at_rest = self.stream.stop
-            self.stream.stop = "; ".join(filter(None, (report, how))), at_rest
+            if report:
+                stop = self.stream.stop
+                description = f"{report}; {stop.description}" if stop.description else report
+                self.stream.stop = stop._replace(description=description)
 
     @contextmanager
     def _watched(self, requests: Requests) -> Iterator[None]:
@@ -237,12 +236,9 @@ class ArmRun:
             self.watchdog.end()
 
     def take_over(self) -> None:
-        """Brake in place of a loop that hangs.
-
-        If it hangs in a call to the arm, the arm stops by its own means.
-        """
+        """Brake in place of a loop that hangs; halt the arm if it hangs in a call to the arm."""
         waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
-        self.taken = f"the loop was blocked for {1e3 * waited:g} ms"
+        self.takeover = f"the loop was blocked for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
         try:
             self.stream.bring_to_rest(not free, self._alive)
@@ -264,7 +260,7 @@ class ArmRun:
         Raises TakenOver if it has done so before.
         """
         with self.stream.turn:
-            if self.taken:
+            if self.takeover:
                 raise TakenOver
             yield
 
@@ -275,15 +271,16 @@ class ArmRun:
             self.stream.begin()
             for k in range(self.setup.samples):
                 if requests.signal:
-                    raise Halt("stopped", f"{signal.Signals(requests.signal).name} was received")
+                    name = signal.Signals(requests.signal).name
+                    raise RunEnded("stopped", f"{name} was received")
                 with requests.period():
                     self._period(k)
-        except Halt as halt:
-            return halt.ended, f"t = {k * self.Ts:.4g} s: {halt}"
+        except RunEnded as end:
+            return end.ended, f"t = {k * self.Ts:.4g} s: {end}"
         except TakenOver:
-            return "failed", f"t = {k * self.Ts:.4g} s: {self.taken}"
+            return "failed", f"t = {k * self.Ts:.4g} s: {self.takeover}"
         except ArmError as error:
-            self.silent = True
+            self.needs_halt = True
             return "failed", f"t = {k * self.Ts:.4g} s: {error}"
         # custom laws, constraints and cameras may raise anything, even SystemExit
         except BaseException as error:
@@ -297,9 +294,9 @@ class ArmRun:
         due, late = stream.wait(k)
         self._alive()
         if late > self.bounds.late_s:
-            raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
+            raise RunEnded("failed", f"the period began {1e3 * late:.3g} ms late")
         if self.guardian is not None and self.guardian.lost:
-            raise Halt(
+            raise RunEnded(
                 "failed",
                 "the guardian process, which stops the arm if the loop cannot, "
                 f"{self.guardian.lost}",
@@ -310,7 +307,7 @@ class ArmRun:
             # time at which the state was read, not the scheduled start of the period
             t = stream.now()
             self._check(state)
-        measured = self._look(t, state.q)
+        measured = self.measurements.newest(t, state.q)
         command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
         # the watchdog may have begun a stop meanwhile, which integrates the same setpoints
         with self._own_turn():
@@ -318,10 +315,10 @@ class ArmRun:
             self.control.commanded(qdd)
             setpoint, refusal = stream.prepare(qdd)
             if refusal:
-                raise Halt("failed", f"not sent, {refusal}")
+                raise RunEnded("failed", f"not sent, {refusal}")
             stream.send(setpoint)
-            times = due, late, rows_time, step_time, time.perf_counter() - started
-            image = (
+            times = Times(due, late, rows_time, step_time, time.perf_counter() - started)
+            image = Image(
                 measured.get("pixels"),
                 measured.get("taken", np.nan),
                 self.control.innovation[:-1].copy(),
@@ -330,101 +327,40 @@ class ArmRun:
 
     def _check(self, state: Joints) -> None:
         if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
-            raise Halt("failed", "the arm's state is not finite")
+            raise RunEnded("failed", "the arm's state is not finite")
         off = self.stream.strayed(state)
         if off.max() > self.bounds.following_rad:
             j = int(np.argmax(off))
-            raise Halt("failed", f"joint {j + 1} deviates by {off[j]:.3g} from its setpoint")
-
-    @staticmethod
-    def _stamp(taken: Any) -> float:
-        """Return an image's time stamp [s] as a float, which the log can store.
-
-        Raises Halt if it is not a number.
-        """
-        try:
-            return float(np.asarray(taken, dtype=np.float64).item())
-        except Exception as error:
-            raise Halt(
-                "failed", f"an image's time must be a number [s], not {format_value(taken)}"
-            ) from error
-
-    def _look(self, t: float, q: Array) -> dict[str, Any]:
-        """Return the arguments of the control step on images; raises Halt if images are lost."""
-        if self.job.images is None:
-            return {}
-        seen = self.job.images(t, q)
-        measured = dict[str, Any]()
-        if seen is not None:
-            if not isinstance(seen, Measurement):
-                raise Halt(
-                    "failed",
-                    f"the source of images returned {format_value(seen)}, not a Measurement",
-                )
-            taken = t if seen.taken is None else self._stamp(seen.taken)
-            now = self.stream.now()
-            if not taken <= now + STAMP:  # False also for NaN
-                raise Halt(
-                    "failed",
-                    f"an image's time stamp, {taken:.6g} s, lies {1e3 * (taken - now):.3g} ms in "
-                    "the future: is it from another clock? Use that of the time with which the "
-                    f"source is called, which shows {now:.6g} s",
-                )
-            # an image that came after the state was read counts as taken with it
-            taken = min(taken, t)
-            pixels = None if seen.pixels is None else with_nan(seen.pixels)
-            if seen.camera is not None or (
-                pixels is not None and not np.isnan(pixels).any(axis=1).all()
-            ):
-                self.image_at = max(self.image_at, taken)
-                last = self.stream.periods[-1].pixels if self.stream.periods else None
-                # hidden markers are NaN
-                if (
-                    pixels is None
-                    or last is None
-                    or not np.array_equal(pixels, last, equal_nan=True)
-                ):
-                    self.same_since = taken
-                measured = {
-                    "pixels": pixels,
-                    "taken": taken,
-                    "depth": seen.depth,
-                    "camera": seen.camera,
-                }
-        if t - self.image_at > self.bounds.image_s:
-            raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
-        return measured
+            raise RunEnded("failed", f"joint {j + 1} deviates by {off[j]:.3g} from its setpoint")
 
     def _ask(
         self, t: float, q: Array, qd: Array, measured: dict[str, Any]
     ) -> tuple[Command, float, float]:
         """Return the law's command, and the times of rows with task and of the law [s].
 
-        Raises Halt if there is no command.
+        Raises RunEnded if there is no command.
         """
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
-        if doubts := self.control.doubts(evaluation):
-            since = measured.get("taken", self.same_since) - self.same_since
-            frozen = (
-                f"; the images have not changed for {since:.3g} s: are they frozen?"
-                if since > self.Ts
-                else ""
-            )
-            raise Halt("failed", f"{doubts}{frozen}")
+        doubts = self.control.doubts(evaluation)
+        if doubts:
+            unchanged = self.measurements.unchanged_for(measured)
+            if unchanged > self.Ts:
+                doubts += f"; the images have not changed for {unchanged:.3g} s: are they frozen?"
+            raise RunEnded("failed", doubts)
         rows = evaluation.rows
         task = evaluation.task
         ready = time.perf_counter()
         command = self.job.controller.command(rows, task)
         done = time.perf_counter()
         if command.status == "failed":
-            raise Halt("failed", command.reason)
+            raise RunEnded("failed", command.reason)
         if (
             command.status == "rank-loss"
             and self.setup.on_rank_loss == "abort"
             and loses_rank(rows)
         ):
-            raise Halt("aborted", command.reason)
+            raise RunEnded("aborted", command.reason)
         if command.qdd.shape != q.shape or not np.isfinite(command.qdd).all():
-            raise Halt("failed", f"the law's command is not {len(q)} finite numbers")
+            raise RunEnded("failed", f"the law's command is not {len(q)} finite numbers")
         return command, ready - started, done - ready

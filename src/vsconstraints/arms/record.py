@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from ..reports.plots import Figure, Sheet, decades, logarithmic
 from ..rows import Array, BoolArray
 from ..simulation import Setup, Trajectory
 from ..simulation.measured import follow_measured
+from .supervision import Ended
 
 LONG_STOP = 5.0  #: Length of a stop for which the log reserves room [s].
 RESERVED = "arm-log.reserved"  #: File that reserves disk space for the log while the arm moves.
@@ -32,9 +33,6 @@ BLOCK = 1 << 20  #: Size of one write [bytes].
 NOT_LOST = "The record of the arm's motion is kept in {}"
 #: Folder for data that only a run on an arm has: the log of all periods and their delays.
 ARM = ARM_LOG.parent.name
-#: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there.
-#: ``failed``: any other cause. ``stopped``: a signal requested it.
-Ended = Literal["done", "aborted", "failed", "stopped"]
 
 
 class Period(NamedTuple):

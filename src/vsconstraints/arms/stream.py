@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,16 +21,44 @@ from .supervision import Supervision
 MAX_STOP = 30.0  #: Greatest duration of a streamed stop [s].
 #: After such a gap between setpoints [s], an arm may have coasted, held or braked, and a stop
 #: begins at the measured state.
-SILENT = 0.01
+LONG_GAP = 0.01
 #: Greatest number of such gaps in a stop: each restarts it, so that it might never end.
-MAX_SILENCES = 3
+MAX_GAPS = 3
 SETTLING = 0.5  #: Time for which an arm may still move after the last setpoint of a stop [s].
-HALTS = 3  #: Number of attempts of the arm's own stop, if the command fails.
+HALTS = 3  #: Number of attempts to halt the arm, if the command fails.
 #: Innovation of periods without a comparison with the model.
 NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
 STILL = 0.01  #: Measured speed that counts as rest [rad/s or m/s].
 #: Number of periods in which the same state may be read again, however long a period is.
 FEWEST_REPEATED = 5
+
+
+class Stop(NamedTuple):
+    """Description of how an arm came to rest; ``at_rest`` if setpoints brought it to rest."""
+
+    description: str
+    at_rest: bool
+
+
+class Times(NamedTuple):
+    """Times of a period [s], see :class:`Period`."""
+
+    scheduled: float
+    late: float = 0.0
+    rows_time: float = 0.0
+    step_time: float = 0.0
+    busy: float = 0.0
+
+
+class Image(NamedTuple):
+    """Image of a period: pixels (M, 2), its time [s] and innovation, see :class:`Period`."""
+
+    pixels: Array | None = None
+    taken: float = np.nan
+    innovation: Array = NO_INNOVATION
+
+
+NO_IMAGE = Image()
 
 
 class Stream:
@@ -61,8 +90,7 @@ class Stream:
         self.shift = 0.0
         self.begun = 0.0  #: Start of the first period, by the clock.
         self.turn = threading.Lock()  #: Lock held by the thread that communicates with the arm.
-        #: Description of how the arm came to rest, and True if setpoints brought it to rest.
-        self.stop = "", False
+        self.stop = Stop("", at_rest=False)
         self.safe = False  #: True if the arm is at rest, or has accepted a stop command.
         stalled_s = (bounds or Supervision()).stalled_s
         self._most_repeated = max(round(stalled_s / self.Ts), FEWEST_REPEATED)
@@ -156,55 +184,59 @@ class Stream:
         self.sent = setpoint
         self._sent_at = self.clock.now()
 
-    def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
-        """Bring the arm to rest by setpoints or, ``by_arm``, by its own means; see ``stop``.
+    def bring_to_rest(self, needs_halt: bool, alive: Callable[[], None]) -> None:
+        """Brake the arm by setpoints, or halt it if it ``needs_halt`` or braking fails.
 
-        ``alive`` is called in each period.
+        :attr:`stop` and :attr:`safe` tell the result. ``alive`` is called in each period.
         """
-        trouble = ""
-        tries = 0
         self.safe = False
-        try:
-            if not by_arm:
-                self.stop = (self._stream_stop(alive), True)
-                self.safe = True
-        # the arm must stop after any error of a driver, including SystemExit
-        except BaseException as error:
-            trouble = f"while braking, {_why(error)}; "
-        while not self.safe and tries < HALTS:
-            tries += 1
+        trouble = ""
+        if not needs_halt:
             try:
-                self.driver.halt(float(self.envelope.acceleration.min()))
-                self.stop = (f"{trouble}stop command sent", False)
+                self.stop = Stop(self._brake_to_rest(alive), at_rest=True)
                 self.safe = True
-            except BaseException as error:  # as above; then it is reported
-                failed = f"{trouble}THE STOP COMMAND COULD NOT BE SENT ({_why(error)})"
-                self.stop = (
-                    f"{failed}: its watchdog, or the emergency stop, must stop the arm",
-                    False,
-                )
+            # the arm must stop after any error of a driver, including SystemExit
+            except BaseException as error:
+                trouble = f"while braking, {_why(error)}; "
+        for _ in range(HALTS):
+            if not self.safe:
+                self._halt(trouble)
 
-    def _stream_stop(self, alive: Callable[[], None]) -> str:
+    def _halt(self, trouble: str) -> None:
+        """Let the arm stop by its own means; ``trouble`` begins the description of the stop."""
+        try:
+            self.driver.halt(float(self.envelope.acceleration.min()))
+            description = f"{trouble}stop command sent"
+            self.safe = True
+        except BaseException as error:  # any error of a driver, which is reported
+            description = (
+                f"{trouble}THE STOP COMMAND COULD NOT BE SENT ({_why(error)}): its watchdog, or "
+                "the emergency stop, must stop the arm"
+            )
+        self.stop = Stop(description, at_rest=False)
+
+    def _brake_to_rest(self, alive: Callable[[], None]) -> str:
         """Send setpoints until the arm is at rest; return a description. Raises ArmError."""
         before = len(self.periods)
         begun = max(self.clock.now(), self.begun + before * self.Ts + self.shift)
         brake = self._brake()
         from_q = self.sent.q
         rested = 0
-        silences = 0
+        gaps = 0
         while True:
             k = len(self.periods) - before
             self.clock.wait(begun + k * self.Ts)
             late = self.clock.now() - begun - k * self.Ts
             # as in :meth:`wait`: missed setpoints are not sent later
-            begun += late if late >= self.Ts else 0.0
+            if late >= self.Ts:
+                begun += late
             alive()
-            if self._silent():
+            if self._has_long_gap():
                 brake = self._brake()
                 rested = 0
-                silences = silences + 1
-                if silences > MAX_SILENCES:
-                    raise ArmError(f"setpoints came too late {silences} times")
+                gaps += 1
+                if gaps > MAX_GAPS:
+                    raise ArmError(f"setpoints came too late {gaps} times")
             due = self.now()
             state = self.read()
             if brake.at_rest(self._filter.qd):
@@ -217,35 +249,31 @@ class Stream:
                     raise ArmError(f"{moves}, {SETTLING:g} s after it was sent to rest")
             if k * self.Ts > MAX_STOP:
                 raise ArmError(f"the stop has taken {MAX_STOP:g} s")
-            qdd = (
-                brake.step(self._filter.q, self._filter.qd)
-                if not rested
-                else np.zeros_like(state.q)
-            )
+            qdd = np.zeros_like(state.q)
+            if not rested:
+                qdd = brake.step(self._filter.q, self._filter.qd)
             q = self._filter.step(qdd)
             if (np.abs(self._filter.qd) <= 1e-12).all():
                 self._filter.qd = np.zeros_like(q)
             self.send(Setpoint(q, self._filter.qd, qdd))
-            self.log((due, 0.0, 0.0, 0.0, 0.0), state, braking=True)
-        taken = (len(self.periods) - before) * self.Ts
+            self.log(Times(due), state, braking=True)
+        duration = (len(self.periods) - before) * self.Ts
         moved = np.abs(self.sent.q - from_q).max()
-        line = (
-            ""
-            if brake.straight in (None, True)
-            else ", each joint separately, to stay within its range"
-        )
-        return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
+        description = f"braked to rest in {duration:.3g} s over at most {moved:.3g} rad"
+        if brake.straight is False:
+            description += ", each joint separately, to stay within its range"
+        return description
 
-    def _silent(self) -> bool:
-        """True if the gap since the last setpoint is so long that the arm may be elsewhere."""
-        return self.clock.now() - self._sent_at > self.Ts + SILENT
+    def _has_long_gap(self) -> bool:
+        """True if the last setpoint was sent so long ago that the arm may be elsewhere."""
+        return self.clock.now() - self._sent_at > self.Ts + LONG_GAP
 
     def _brake(self) -> Brake:
         """Return a brake from the last setpoint or, after a gap, from the measured state.
 
         Raises ArmError.
         """
-        if self._silent():
+        if self._has_long_gap():
             here = self.read()
             if not (np.isfinite(here.q).all() and np.isfinite(here.qd).all()):
                 raise ArmError("the arm's state is not finite")
@@ -256,17 +284,27 @@ class Stream:
 
     def log(
         self,
-        times: tuple[float, float, float, float, float],
+        times: Times,
         state: Joints,
-        image: tuple[Array | None, float, Array] = (None, np.nan, NO_INNOVATION),
+        image: Image = NO_IMAGE,
         guarded: bool = False,
         braking: bool = False,
     ) -> None:
         """Append a period, whose setpoint is :attr:`sent`; see :class:`Period`."""
-        sent = self.sent
-        pixels = self._no_image if image[0] is None else image[0]
-        moved = state.q, state.qd, sent.qdd, sent.q, sent.qd
-        self.periods.append(Period(*times, *moved, pixels, *image[1:], guarded, braking))
+        period = Period(
+            *times,
+            q=state.q,
+            qd=state.qd,
+            qdd=self.sent.qdd,
+            sent_q=self.sent.q,
+            sent_qd=self.sent.qd,
+            pixels=self._no_image if image.pixels is None else image.pixels,
+            taken=image.taken,
+            innovation=image.innovation,
+            guarded=guarded,
+            braking=braking,
+        )
+        self.periods.append(period)
 
 
 def _why(error: BaseException) -> str:

@@ -1,4 +1,4 @@
-"""Bounds beyond which a run on an arm is stopped, checks before its start, and a watchdog."""
+"""Bounds beyond which a run on an arm ends, checks before its start, and a watchdog."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import FrameType
+from typing import Literal
 
 import numpy as np
 
@@ -34,8 +35,8 @@ class Supervision(Plausible):
     late_s: float = 0.02
     #: Time for the arm to become ready for setpoints, while it stands [s].
     begin_s: float = 2.0
-    #: Silence of the loop after which another thread brakes the arm [s]; five periods if that is
-    #: longer. An arm's own watchdog should wait longer, or it acts first.
+    #: Time without a heartbeat of the loop after which another thread brakes the arm [s]; five
+    #: periods if that is longer. An arm's own watchdog should wait longer, or it acts first.
     hang_s: float = 0.05
 
     def __post_init__(self) -> None:
@@ -81,8 +82,21 @@ def require_start(setup: Setup, state: Joints, supervision: Supervision, from_ar
     return here
 
 
+#: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there.
+#: ``failed``: any other cause. ``stopped``: a signal requested it.
+Ended = Literal["done", "aborted", "failed", "stopped"]
+
+
+class RunEnded(Exception):
+    """End of the run, with its cause: the arm is to be brought to rest."""
+
+    def __init__(self, ended: Ended, cause: str) -> None:
+        super().__init__(cause)
+        self.ended: Ended = ended
+
+
 class Requests:
-    """Signals that request a stop."""
+    """Signals that request the end of the run."""
 
     def __init__(self) -> None:
         self.signal = 0  #: Number of the first signal; 0 if there is none.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import starmap
 
 from rich.table import Table
@@ -28,17 +28,22 @@ Entry = tuple[str, ...]
 
 def described_entry(name: str, thing: object) -> Entry:
     """Return a name with the first line of a docstring, without markup of references and code."""
-    line = (inspect.getdoc(thing) or "").partition("\n")[0]
-    return name, re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
+    docstring = inspect.getdoc(thing) or ""
+    line = docstring.partition("\n")[0].replace("``", "`")
+    return name, re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line)
 
 
 def part_entry(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
     """Return the entry of a law, a demand or a resolver: options and required information."""
-    options = (
-        str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values()
-    )
-    details = (("options", ", ".join(options)), ("requires", ", ".join(required)))
-    return (*described_entry(name, part), *(f"{what}: {text}" for what, text in details if text))
+    options = []
+    for parameter in inspect.signature(part).parameters.values():
+        without_type = parameter.replace(annotation=parameter.empty)
+        options.append(str(without_type))
+    details = []
+    for what, texts in (("options", options), ("requires", [*required])):
+        if texts:
+            details.append(f"{what}: {', '.join(texts)}")
+    return (*described_entry(name, part), *details)
 
 
 def _solver(name: str) -> Entry:
@@ -58,9 +63,9 @@ def _metric(metric: Metric) -> Entry:
 
     The first sentence is the description, the others are details.
     """
-    return metric.column, *re.split(
-        r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1
-    )
+    text = metric.definition or metric.header
+    sentences = re.split(r"(?<=\.) (?=[A-Z])", text, maxsplit=1)
+    return metric.column, *sentences
 
 
 def scenarios() -> Iterator[Entry]:
@@ -78,13 +83,15 @@ def laws() -> Iterator[Entry]:
 def demands() -> Iterator[Entry]:
     """Return the demands of which laws are made."""
     for part in DEMANDS:
-        yield part_entry(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses))
+        required = [USED_BY_DEMANDS[name] for name in part.uses]
+        yield part_entry(part.name, part, required)
 
 
 def resolvers() -> Iterator[Entry]:
     """Return the resolvers of which laws are made."""
     for part in RESOLVERS:
-        yield part_entry(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses))
+        required = [USED_BY_RESOLVERS[name] for name in part.uses]
+        yield part_entry(part.name, part, required)
 
 
 def solvers() -> Iterator[Entry]:
@@ -120,7 +127,8 @@ def metrics() -> Iterator[Entry]:
 def kinds() -> dict[str, Callable[[], Iterable[Entry]]]:
     """Return functions that return the entries of each kind."""
     found: dict[str, Listing] = registered("listings")
-    ordered = in_order(found, {name: listing.before for name, listing in found.items()})
+    before = {name: listing.before for name, listing in found.items()}
+    ordered = in_order(found, before)
     return {name: load(listing.function) for name, listing in ordered.items()}
 
 
@@ -131,23 +139,33 @@ def print_listing(words: Sequence[str]) -> None:
     """
     known = kinds()
     if not words:
-        _print_table(
-            (kind, ", ".join(name for name, *_ in entries())) for kind, entries in known.items()
-        )
+        rows = []
+        for kind, entries in known.items():
+            names = [name for name, *_ in entries()]
+            rows.append((kind, ", ".join(names)))
+        _print_table(rows)
         console.print("\nDetails: vsconstraints list KIND, for example list laws, or list NAME")
     for word in words:
         kind = "laws" if word == "controllers" else word
         if kind in known:
             _print_table((name, text) for name, text, *_ in known[kind]())
             continue
-        everything = [(kind, *entry) for kind, entries in known.items() for entry in entries()]
-        named = [entry for entry in everything if entry[1] == word]
-        if not named:
-            raise unknown_name(
-                "kind or name", word, [*known, *(name for _, name, *_ in everything)]
-            )
-        for kind, name, *texts in named:
-            _print_table([(f"{name} ({kind})", "\n".join(filter(None, texts)))])
+        _print_named(word, known)
+
+
+def _print_named(word: str, known: Mapping[str, Callable[[], Iterable[Entry]]]) -> None:
+    """Print the entries of all kinds with this name; raises ConfigurationError without any."""
+    names = [*known]
+    is_found = False
+    for kind, entries in known.items():
+        for name, *texts in entries():
+            names.append(name)
+            if name == word:
+                is_found = True
+                details = [text for text in texts if text]
+                _print_table([(f"{name} ({kind})", "\n".join(details))])
+    if not is_found:
+        raise unknown_name("kind or name", word, names)
 
 
 def _print_table(rows: Iterable[tuple[str, str]]) -> None:

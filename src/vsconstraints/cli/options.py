@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from glob import glob
 from pathlib import Path
@@ -48,18 +48,27 @@ def described(name: str, command: Callable[..., None], file: Path | None) -> Cal
     known = known_options(name, file)
     for parameter, kind in get_type_hints(command).items():
         if parameter not in ("context", "return"):
-            table = dict(known[parameter])
-            is_argument = table.pop("argument", False)
-            declare = typer.Argument if is_argument else typer.Option
-            table["help"] = literal(table["help"])
-            if not is_argument:  # the placeholder of an argument is its name
-                table.setdefault("metavar", METAVARS[value_type(kind).__name__.lower()])
-            if names := table.pop("names", None):
-                table["autocompletion"] = run_names if names == "runs" else completed(*names)
-            command.__annotations__[parameter] = Annotated[
-                kind, declare(*table.pop("flags", "").split(), **table)
-            ]
+            description = _declared(known[parameter], kind)
+            command.__annotations__[parameter] = Annotated[kind, description]
     return command
+
+
+def _declared(description: Mapping[str, Any], kind: Any) -> Any:
+    """Return the argument or option of Typer that a table describes, with values of a kind."""
+    table = dict(description)
+    is_argument = table.pop("argument", False)
+    flags = table.pop("flags", "").split()
+    names = table.pop("names", None)
+    table["help"] = literal(table["help"])
+    if names == "runs":
+        table["autocompletion"] = run_names
+    elif names:
+        table["autocompletion"] = completed(*names)
+    if is_argument:  # its placeholder is its name
+        return typer.Argument(*flags, **table)
+    type_name = value_type(kind).__name__.lower()
+    table.setdefault("metavar", METAVARS[type_name])
+    return typer.Option(*flags, **table)
 
 
 def value_type(kind: Any) -> type:
@@ -87,10 +96,15 @@ def completed(source: str, ending: str = "", files: str = "") -> Callable[[str],
     """
 
     def complete(incomplete: str) -> list[str]:
-        names = load(source)
-        names = get_args(names) or (names() if callable(names) else names)
-        found = [f"{name}{ending}" for name in names if f"{name}{ending}".startswith(incomplete)]
-        return found + sorted(glob(f"{incomplete}*{files}") if files else ())
+        named = load(source)
+        names = get_args(named)
+        if not names:
+            names = named() if callable(named) else named
+        whole = [f"{name}{ending}" for name in names]
+        found = [name for name in whole if name.startswith(incomplete)]
+        if files:
+            found += sorted(glob(f"{incomplete}*{files}"))
+        return found
 
     return complete
 
@@ -102,11 +116,9 @@ def run_names(incomplete: str) -> list[str]:
     word after the scenario.
     """
     scenario, colon, controller = incomplete.partition(":")
-    scenarios = (
-        [scenario]
-        if colon
-        else completed("vsconstraints.scenarios:shipped_scenarios", files=".toml")(incomplete)
-    )
+    scenarios = [scenario]
+    if not colon:
+        scenarios = completed(SCENARIOS, files=".toml")(incomplete)
     files = sorted(glob(f"{incomplete}*.npz"))
     if len(scenarios) == 1 and not files:
         return [f"{scenarios[0]}:{name}" for name in completed(LAWS)(controller)]

@@ -49,15 +49,13 @@ def print_columns(
     widths = []
     for column, title in enumerate(header):
         cells = [_emphasised(line[column]).cell_len for line in lines]
-        widths.append(
-            max(*map(cell_len, title.split()), wrapped.get(column) or max(cells, default=0))
-        )
+        content = wrapped.get(column) or max(cells, default=0)
+        longest_word = max((cell_len(word) for word in title.split()), default=0)
+        widths.append(max(longest_word, content))
     blocks = [[0]]
     for column in range(1, len(header)):
-        if (
-            sum(widths[k] + 1 for k in (*blocks[-1], column)) > console.width + 1
-            and len(blocks[-1]) > 1
-        ):
+        needed = sum(widths[k] + 1 for k in (*blocks[-1], column))
+        if needed > console.width + 1 and len(blocks[-1]) > 1:
             blocks.append([0])
         blocks[-1].append(column)
     for number, block in enumerate(blocks):
@@ -95,8 +93,13 @@ def _emphasised(text: str) -> Text:
 
     If the console is no terminal, the stars are kept.
     """
-    parts = text.split("**") if console.is_terminal else [text]
-    return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))
+    if not console.is_terminal:
+        return Text(text)
+    emphasised = Text()
+    for k, part in enumerate(text.split("**")):
+        is_between_stars = k % 2 == 1
+        emphasised.append(part, "bold" if is_between_stars else "")
+    return emphasised
 
 
 def print_paragraph(text: str) -> None:
@@ -112,10 +115,8 @@ def note(*remarks: str) -> None:
 
 def typed_command() -> list[str]:
     """Return the command as typed, in a form that UTF-8 files can store."""
-    return [
-        "vsconstraints",
-        *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:]),
-    ]
+    words = [word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:]]
+    return ["vsconstraints", *words]
 
 
 def note_processes(jobs: int | None) -> None:

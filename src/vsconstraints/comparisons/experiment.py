@@ -103,13 +103,13 @@ class Experiment:
         part.
         """
         names = {*others, *(entry.name for entry in self.controllers)}
-        # names may contain dots: the longest name that the key begins with is used
-        target = max(
-            (name for name in names if f"{key}.".startswith(f"{name}.")), key=len, default=None
-        )
-        if target is None:
+        begun = [name for name in names if f"{key}.".startswith(f"{name}.")]
+        if not begun:
             raise unknown_name("setting", key.partition(".")[0], {*names, *self.settings})
-        if not (rest := key[len(target) + 1 :]):
+        # names may contain dots: the longest name that the key begins with is used
+        target = max(begun, key=len)
+        rest = key[len(target) + 1 :]
+        if not rest:
             raise ConfigurationError(f"--set {target} needs a key: {target}.KEY=VALUE")
         return target, rest
 

@@ -67,9 +67,8 @@ def with_interval(
         return f"{_decimals(value, _places(0.0, value))}{after} (too few for an interval)"
     half = (high - low) / 2.0
     places = _places(half if math.isfinite(half) else 0.0, value)
-    return (
-        f"{_decimals(value, places)} ({_decimals(low, places)} to {_decimals(high, places)}){after}"
-    )
+    interval = f"{_decimals(low, places)} to {_decimals(high, places)}"
+    return f"{_decimals(value, places)} ({interval}){after}"
 
 
 def rate_text(rate: Rate) -> str:
@@ -79,30 +78,45 @@ def rate_text(rate: Rate) -> str:
     at most 3.7e-4 (95 %)``.
     """
     level = f"{100.0 * rate.confidence:g} %"
-    count, of = (
-        f"{each:,}".replace(",", " ") if each >= 10_000 else str(each)
-        for each in (rate.count, rate.of)
-    )
-    counted = f"{count} of {of}"
+    counted = f"{_count(rate.count)} of {_count(rate.of)}"
     if rate.of == 0:
         return f"{counted}: nothing is known"
-    if rate.count == 0:  # rounded up to two digits
-        places = _places(rate.high, rate.high)
-        up = math.ceil(rate.high * 10.0**places) / 10.0**places
-        most = _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
-        return f"{counted}: at most {most} ({level})"
-    if rate.count == rate.of:  # rounded down to two digits of the remainder
-        places = _places(1.0 - rate.low, rate.low)
-        least = _decimals(100.0 * (math.floor(rate.low * 10.0**places) / 10.0**places), places - 2)
-        return f"{counted}: at least {least} % ({level})"
+    if rate.count == 0:
+        return f"{counted}: at most {_rounded_up(rate.high)} ({level})"
+    if rate.count == rate.of:
+        return f"{counted}: at least {_rounded_down(rate.low)} ({level})"
     places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
-    low, high, share = (
-        _decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share)
-    )
+    share = _decimals(100.0 * rate.share, places)
+    low = _decimals(100.0 * rate.low, places)
+    high = _decimals(100.0 * rate.high, places)
     return f"{counted}: {share} % ({level}: {low} to {high} %)"
 
 
-def _short(text: str) -> str:
+def _count(number: int) -> str:
+    """Format a count, with groups of three digits from 10 000 on."""
+    return f"{number:,}".replace(",", " ") if number >= 10_000 else str(number)
+
+
+def _rounded_up(share: float) -> str:
+    """Format an upper bound on a rate, rounded up to two digits; below 1e-3 not in per cent."""
+    places = _places(share, share)
+    unit = 10.0**places
+    bound = math.ceil(share * unit) / unit
+    if bound < 1e-3:
+        return _short_exponent(f"{bound:.1e}")
+    return f"{_decimals(100.0 * bound, places - 2)} %"
+
+
+def _rounded_down(share: float) -> str:
+    """Format a lower bound on a rate, rounded down to two digits of the remainder."""
+    places = _places(1.0 - share, share)
+    unit = 10.0**places
+    bound = math.floor(share * unit) / unit
+    return f"{_decimals(100.0 * bound, places - 2)} %"
+
+
+def _short_exponent(text: str) -> str:
+    """Remove the leading zero of an exponent: 1.2e-4 instead of 1.2e-04."""
     return text.replace("e-0", "e-").replace("e+0", "e+")
 
 
@@ -112,7 +126,9 @@ def _places(half: float, value: float) -> int:
     If the half-width is zero, three digits of the value are shown.
     """
     size, digits = (half, 2) if half > 0.0 else (abs(value), 3)
-    return digits - 1 - math.floor(math.log10(size)) if size > 0.0 and math.isfinite(size) else 0
+    if not (size > 0.0 and math.isfinite(size)):
+        return 0
+    return digits - 1 - math.floor(math.log10(size))
 
 
 def _decimals(value: float, places: int) -> str:
@@ -121,5 +137,5 @@ def _decimals(value: float, places: int) -> str:
     shown = round(value, places) + 0.0  # no −0
     size = math.floor(math.log10(abs(shown))) if shown else 0
     if places > 5 or size > 5:
-        return _short(f"{shown:.{max(size + places, 0)}e}")
+        return _short_exponent(f"{shown:.{max(size + places, 0)}e}")
     return f"{shown:.{max(places, 0)}f}"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -16,63 +16,28 @@ from ..plugins.provenance import Files, digests
 from ..rows import Array, BoolArray
 from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
-from ..simulation.trajectory import Outcome
 from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0  # maximum bytes of a sample: thousands of rows and robot points
 
-#: Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points
-#: p, goals g.
-SHAPES = {
-    **dict.fromkeys(
-        ("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"
-    ),
-    **dict.fromkeys(("q", "qd", "qdd_command"), "Nn"),
-    **dict.fromkeys(("phi", "sigma", "clearance", "active", "between_clearance"), "Nm"),
-    **dict.fromkeys(("labels", "kinds", "units", "length", "switching_gain"), "m"),
-    **dict.fromkeys(("approach_time", "sampling_band", "share_to_hold"), "m"),
-    "error": "Nk",
-    "camera_error": "N2",
-    "camera_position": "N3",
-    "features_px": "NM2",
-    "points": "Np3",
-    "goal_begins": "g",
-}
-
-TEXTS = ("labels", "kinds", "units")
-FLAGS = ("active", "saturated", "settled")
-#: Types of the other entries of a record.
-FACTS: dict[str, Any] = dict.fromkeys(("status", "reason", "fingerprint"), str)
-FACTS |= {
-    "fallbacks": int,
-    "compiled": bool,
-    "files": dict,
-    "Ts": float,
-    "common": int,
-    "missed": (int, type(None)),
-}
-
-TRAJECTORY = [f.name for f in fields(Trajectory)]
-
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Trajectory of a run and the description of its rows."""
+    """Trajectory of a run with g goals, and the description of its m rows.
+
+    The annotation of an array names its axes, as in :class:`.Trajectory`.
+    """
 
     trajectory: Trajectory
-    #: (m,) kind, unit, characteristic length L in that unit, and switching gain u⁺ of each row.
-    kinds: tuple[str, ...]
-    units: tuple[str, ...]
-    length: Array
-    switching_gain: Array
-    #: (m,) approach time K of each row [s], 0 for rows on speeds; depth that sampling alone causes,
-    #: in the unit of the row.
-    approach_time: Array
-    sampling_band: Array
-    #: (N,) True if the current goal is reached at the sample; (g,) start time of each goal [s].
-    settled: BoolArray
-    goal_begins: Array
+    kinds: Annotated[tuple[str, ...], "m"]  #: Kind of each row, such as ``fov``.
+    units: Annotated[tuple[str, ...], "m"]  #: Natural unit of each row.
+    length: Annotated[Array, "m"]  #: Characteristic length L in that unit.
+    switching_gain: Annotated[Array, "m"]  #: Switching gain u⁺ [of φ per second].
+    approach_time: Annotated[Array, "m"]  #: Approach time K [s]; 0 for rows on speeds.
+    sampling_band: Annotated[Array, "m"]  #: Depth that sampling alone causes [natural].
+    settled: Annotated[BoolArray, "N"]  #: True if the current goal is reached at the sample.
+    goal_begins: Annotated[Array, "g"]  #: Start time of each goal [s].
     #: Samples within the scenario's duration, common to all laws: the basis of rates per second.
     common: int
     Ts: float  #: Sampling time [s].
@@ -90,47 +55,52 @@ class RunRecord:
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:
         """Build the record of a run of this setup."""
-        told = replace(trajectory, reason=one_line(trajectory.reason))
-        own = setup.constraints
-        rows = (
-            own.kinds,
-            own.units,
-            own.characteristic_length,
-            own.switching_gain,
-            own.approach_time,
+        run = replace(trajectory, reason=one_line(trajectory.reason))
+        constraints = setup.constraints
+        return cls(
+            run,
+            kinds=constraints.kinds,
+            units=constraints.units,
+            length=constraints.characteristic_length,
+            switching_gain=constraints.switching_gain,
+            approach_time=constraints.approach_time,
+            sampling_band=constraints.sampling_band(setup.Ts),
+            settled=setup.reached(run.t, run.camera_error, run.feature_error_px, run.qd),
+            goal_begins=setup.goal_begins,
+            common=setup.samples,
+            Ts=setup.Ts,
+            fingerprint=fingerprint,
         )
-        settled = setup.reached(told.t, told.camera_error, told.feature_error_px, told.qd)
-        goals = settled, setup.goal_begins, setup.samples
-        return cls(told, *rows, own.sampling_band(setup.Ts), *goals, setup.Ts, fingerprint)
 
     @classmethod
     def failed(cls, reason: str, fingerprint: str) -> RunRecord:
         """Build the record of a run that failed without a trajectory, with its reason."""
-        values: dict[str, Any] = dict.fromkeys(TEXTS, ())
-        for name, axes in SHAPES.items():
-            shape = [int(axis) if axis.isdecimal() else 0 for axis in axes]
-            values.setdefault(name, np.empty(shape, np.bool_ if name in FLAGS else float))
+        values = {name: array.empty() for name, array in ARRAYS.items()}
         values |= {
             "status": "failed",
             "reason": one_line(reason),
             "fallbacks": 0,
-            "compiled": False,
+            "common": 0,
+            "Ts": math.nan,
+            "fingerprint": fingerprint,
         }
-        return cls._from({**values, "common": 0, "Ts": math.nan, "fingerprint": fingerprint})
+        return cls._from(values)
 
     @classmethod
     def _from(cls, values: Mapping[str, Any]) -> RunRecord:
         """Build a record from its attributes and those of its trajectory."""
-        others = {name: value for name, value in values.items() if name not in TRAJECTORY}
-        return cls(Trajectory(**{name: values[name] for name in TRAJECTORY}), **others)
+        names = {each.name for each in fields(Trajectory)}
+        run = {name: value for name, value in values.items() if name in names}
+        others = {name: value for name, value in values.items() if name not in names}
+        return cls(Trajectory(**run), **others)
 
     def save(self, path: Path) -> None:
         """Write the file completely or not at all.
 
         Raises OSError, and any error that invalid arrays of a custom part may raise.
         """
-        values = {name: getattr(self.trajectory, name) for name in TRAJECTORY}
-        values |= {f.name: getattr(self, f.name) for f in fields(self)[1:]}
+        values = {**vars(self.trajectory), **vars(self)}
+        del values["trajectory"]
         write_arrays(path, {**values, "labels": np.array(self.trajectory.labels, dtype=np.str_)})
 
     @classmethod
@@ -142,39 +112,95 @@ class RunRecord:
         # a damaged file can raise any error: from the archive, its compression, NumPy or JSON
         with suppress(Exception):
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
-            values |= {name: tuple(map(str, values[name])) for name in TEXTS}
-            _require_shapes(values, samples)
+            for name, array in ARRAYS.items():
+                if array.element is str:
+                    values[name] = tuple(map(str, values[name]))
+            _require_arrays(values, samples)
+            _require_facts(values)
             return cls._from(values)
         return None
 
 
-def _require_shapes(values: Mapping[str, Any], samples: float) -> None:
-    """Raise unless the arrays of a record have consistent shapes and all entries have their types.
+@dataclass(frozen=True)
+class StoredArray:
+    """Elements and axes of an array or a tuple of texts that a record holds."""
+
+    element: type  #: ``np.float64``, ``np.bool_``, or ``str`` for a tuple of texts.
+    axes: tuple[str, ...]  #: Letter of each axis, or its size in digits.
+
+    def empty(self) -> Any:
+        """Return the array with axes of length zero, except those of a fixed size."""
+        if self.element is str:
+            return ()
+        shape = [int(axis) if axis.isdecimal() else 0 for axis in self.axes]
+        return np.empty(shape, self.element)
+
+
+_ELEMENTS: dict[Any, type] = {Array: np.float64, BoolArray: np.bool_, tuple[str, ...]: str}
+
+
+def _declared() -> tuple[dict[str, StoredArray], dict[str, Any]]:
+    """Return the arrays of a record, and the types of its other entries, by name.
+
+    They are declared by the annotations of :class:`.Trajectory` and :class:`RunRecord`.
+    """
+    annotations = get_type_hints(Trajectory, include_extras=True)
+    annotations |= get_type_hints(RunRecord, include_extras=True)
+    del annotations["trajectory"]
+    arrays = {}
+    facts = {}
+    for name, annotation in annotations.items():
+        if get_origin(annotation) is Annotated:
+            kind, axes = get_args(annotation)
+            arrays[name] = StoredArray(_ELEMENTS[kind], tuple(axes.split()))
+        else:
+            facts[name] = annotation
+    return arrays, facts
+
+
+ARRAYS, FACTS = _declared()
+
+
+def _require_arrays(values: Mapping[str, Any], samples: float) -> None:
+    """Raise unless the arrays of a record have consistent shapes and the declared elements.
 
     The error is ValueError, KeyError or TypeError.
     """
     sizes: dict[str, int] = {}
-    for name, axes in SHAPES.items():
+    for name, array in ARRAYS.items():
         value = values[name]
-        shape = (len(value),) if isinstance(value, tuple) else value.shape
-        if (
-            not isinstance(value, tuple)
-            and value.size
-            and value.dtype != (np.bool_ if name in FLAGS else np.float64)
-        ):
-            raise TypeError(f"{name} are not numbers")
-        if len(shape) != len(axes):
+        if array.element is str:
+            shape = (len(value),)
+        else:
+            shape = value.shape
+            if value.size and value.dtype != array.element:
+                raise TypeError(f"{name} are not numbers")
+        if len(shape) != len(array.axes):
             raise ValueError(f"{name} has the shape {shape}")
-        for axis, size in zip(axes, shape, strict=True):
-            if (int(axis) if axis.isdecimal() else sizes.setdefault(axis, size)) != size:
+        for axis, size in zip(array.axes, shape, strict=True):
+            expected = int(axis) if axis.isdecimal() else sizes.setdefault(axis, size)
+            if size != expected:
                 raise ValueError(f"{name} has the shape {shape}")
     if sizes["N"] > samples:
         raise ValueError(f"it has {sizes['N']} samples")
+
+
+def _require_facts(values: Mapping[str, Any]) -> None:
+    """Raise unless the other entries of a record have their types.
+
+    The error is ValueError, KeyError or TypeError.
+    """
     for name, kind in FACTS.items():
-        if not isinstance(values[name], kind) or isinstance(values[name], bool) != (kind is bool):
-            raise TypeError(f"{name} is {values[name]!r}")
-    if values["status"] not in get_args(Outcome):
-        raise ValueError(f"status is {values['status']!r}")
+        value = values[name]
+        if get_origin(kind) is Literal:
+            if value not in get_args(kind):
+                raise ValueError(f"{name} is {value!r}")
+            continue
+        accepted = dict if get_origin(kind) is dict else kind
+        # True is an int, too
+        is_flag = isinstance(value, bool)
+        if not isinstance(value, accepted) or is_flag != (kind is bool):
+            raise TypeError(f"{name} is {value!r}")
 
 
 def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:

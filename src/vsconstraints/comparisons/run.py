@@ -108,8 +108,9 @@ class Run:
 
     def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
         """Return the intervals in which φ ≥ 0 for any of these rows [s], with short gaps closed."""
-        at = [self.index(label) for label in labels]
-        return intervals(self.t, np.asarray((self.trajectory.phi[:, at] >= 0.0).any(axis=1)), gap)
+        rows = [self.index(label) for label in labels]
+        is_active = self.trajectory.phi[:, rows] >= 0.0
+        return intervals(self.t, np.asarray(is_active.any(axis=1)), gap)
 
     def ever_active(self, kind: str = "") -> list[str]:
         """Return the labels of the rows of a kind with φ ≥ 0 in any sample."""
@@ -128,10 +129,10 @@ class Run:
         It is averaged over five samples.
         """
         clearance = self.trajectory.clearance[:, self.index(label)]
-        rate: Array = -np.convolve(
-            np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same"
-        )
-        return rate
+        rate = np.gradient(clearance, self.sampling_time)
+        averaging = np.ones(5) / 5.0
+        speed: Array = -np.convolve(rate, averaging, mode="same")
+        return speed
 
     @cached_property
     def drift(self) -> Array:
@@ -139,13 +140,14 @@ class Run:
 
         These are the terms of eq. (12) along this motion.
         """
+        run = self.trajectory
         world = self.setup.world()
-        drift = np.zeros_like(self.trajectory.phi)
-        for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
-            rows = world.evaluate(
-                float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k]
-            ).rows
-            drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
+        drift = np.zeros_like(run.phi)
+        has_active_row = (run.phi >= 0.0).any(axis=1)
+        for k in np.flatnonzero(has_active_row):
+            rows = world.evaluate(float(run.t[k]), run.q[k], run.qd[k]).rows
+            outwards = np.maximum(rows.Lf, 0.0)
+            drift[k] = np.where(rows.phi >= 0.0, outwards, 0.0)
         return drift
 
     def needed_gain(self) -> Array:
@@ -182,7 +184,8 @@ def perform(
     # custom parts may change the working directory, and import neighbouring modules at any time
     with chdir("."), spec.controller.importing_beside(scenario.folder):
         setup = scenario.setup(spec.trial, spec.seed)
-        setup = until_settled(setup) if to_the_goal else setup
+        if to_the_goal:
+            setup = until_settled(setup)
         setup = spec.controller.run.of(setup)
         law_run = LawRun(spec, setup.time_limit, by_public_call, in_own_process)
         trajectory = simulate_law(law_run, setup)

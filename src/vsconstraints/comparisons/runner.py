@@ -130,16 +130,20 @@ def compare(
             key: (run, folder, fresh, baselines[run.name, run.trial], key not in in_main)
             for key, run in runs.items()
         }
-        batches = (
-            {key: calls[key] for key in runs if (key[1] == BASELINE) == first}
-            for first in (True, False)
-        )
+        first_batch = {key: call for key, call in calls.items() if key[1] == BASELINE}
+        second_batch = {key: call for key, call in calls.items() if key[1] != BASELINE}
         limits = {
             key: limit or run.controller.run_limit(run.load().tables) for key, run in runs.items()
         }
         with store.interruptible():
             run_all(
-                run_stored, *batches, workers=workers, limits=limits, here=in_main, on_answer=done
+                run_stored,
+                first_batch,
+                second_batch,
+                workers=workers,
+                limits=limits,
+                here=in_main,
+                on_answer=done,
             )
         # in the order of the suite, not in the order of completion
         scores = {key: scores[key] for key in runs if key in scores}
@@ -189,18 +193,21 @@ def run_stored(
         # an older trajectory is removed even if this run fails
         path.unlink(missing_ok=True)
         record = _simulated(spec, in_own_process and spec.controller.in_own_process)
-        result = scored(record)
         if record.fingerprint != NOT_STORED:
             record.save(path)
     except Exception as error:  # a failure of one run must not end the others
-        result = failed_score(f"the run cannot be stored: {described(error)}")
-    return result, False
+        return failed_score(f"the run cannot be stored: {described(error)}"), False
+    try:
+        return scored(record), False
+    except Exception as error:  # the run is stored, and can be scored once this is repaired
+        return failed_score(f"the run cannot be scored: {described(error)}"), False
 
 
 def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
     files: Files = {}
+    noting = noted() if spec.has_own_parts else nullcontext(files)
     # custom parts may change the working directory
-    with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
+    with chdir("."), noting as read:
         try:
             files = digests(spec.files)
             record = perform(
@@ -213,7 +220,9 @@ def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:
     # the first reading of a file counts: its content before an edit must not be mistaken for the
     # content after it; the process of a law may have read some files earlier
     found = {**files, **read} if in_own_process else {**read, **files}
-    return replace(record, files={**found, **(imported() if spec.has_own_parts else {})})
+    if spec.has_own_parts:
+        found |= imported()
+    return replace(record, files=found)
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:

@@ -46,11 +46,11 @@ def require_nothing_lost(folder: Path, suite: Suite) -> None:
     """Raise ConfigurationError if finished runs are not in a suite or have other settings in it."""
     earlier = _settings(manifest_of(folder).get("configuration"))
     now = _settings(plain(suite.resolved()))
-    planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
+    planned = {_texts(run) for run in suite.runs()}
     for scenario, controller, trial in _finished(folder):
-        parts = "seed", f"scenario {scenario}", f"controller {controller}"
-        known = {part: earlier[part] for part in parts if part in earlier}
-        changes = list(differences(known, {part: now.get(part) for part in known}))
+        parts = ("seed", f"scenario {scenario}", f"controller {controller}")
+        before = {part: earlier[part] for part in parts if part in earlier}
+        changes = list(differences(before, {part: now.get(part) for part in before}))
         if (scenario, controller, trial) not in planned:
             why = "is not part of this one"
         elif changes:
@@ -70,18 +70,26 @@ def require_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False)
     if not (folder / ARM_LOG).is_file():
         return
     require_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
-    planned = {(run.key[0], run.key[1], str(run.key[2])): run for run in runs}
+    planned = {_texts(run): run for run in runs}
     for key, reason in _finished(folder).items():
         driven = ON_ARM.match(reason)
         run = planned.get(key)
-        if driven and (fresh or run is None or stored_run(run, folder) is None):
+        is_kept = not fresh and run is not None and stored_run(run, folder) is not None
+        if driven and not is_kept:
+            scenario, controller, _ = key
             lost = (
-                f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation "
-                f"would replace"
+                f"{folder} holds a run {driven[0]}, {scenario} with {controller}, which a "
+                "simulation would replace"
             )
             why = "code, settings or files have changed"
             instead = "or --fresh was given. Give another folder with --out"
             raise FolderTaken(f"{lost}: {why}, {instead}", f"{lost}: {why}")
+
+
+def _texts(run: RunSpec) -> tuple[str, str, str]:
+    """Return the key of a run as its line of results.csv has it."""
+    scenario, controller, trial = run.key
+    return scenario, controller, str(trial)
 
 
 def _settings(configuration: Any) -> dict[str, Any]:
@@ -106,16 +114,18 @@ def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
 
     A key consists of scenario, controller and trial.
     """
-    names = ("scenario", "controller", "trial")
+    reasons = {}
     try:
         with (folder / "results.csv").open(newline="", encoding="utf-8", errors="replace") as file:
-            lines = [line for line in csv.DictReader(file) if all(line.get(name) for name in names)]
+            for line in csv.DictReader(file):
+                scenario = line.get("scenario")
+                controller = line.get("controller")
+                trial = line.get("trial")
+                if scenario and controller and trial:
+                    reasons[scenario, controller, trial] = line.get("reason") or ""
     except (OSError, csv.Error):
         return {}
-    return {
-        (line["scenario"], line["controller"], line["trial"]): line.get("reason") or ""
-        for line in lines
-    }
+    return reasons
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
@@ -162,17 +172,12 @@ class StoredComparison(StoredResults):
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
         """Scenarios as they were run, by name, in the suite's order."""
-        stored = self.manifest["configuration"]["scenarios"]
-        # shipped scenarios are stored without the folder, which differs from machine to machine
-        return {
-            name: Scenario(
-                name,
-                entry["tables"],
-                Path(entry["folder"]) if entry["folder"] else SHIPPED,
-                self.trusted,
-            )
-            for name, entry in stored.items()
-        }
+        scenarios = {}
+        for name, entry in self.manifest["configuration"]["scenarios"].items():
+            # shipped scenarios are stored without the folder, which differs from machine to machine
+            folder = Path(entry["folder"]) if entry["folder"] else SHIPPED
+            scenarios[name] = Scenario(name, entry["tables"], folder, self.trusted)
+        return scenarios
 
     @property
     def warnings(self) -> Mapping[str, Sequence[str]]:
@@ -183,7 +188,7 @@ class StoredComparison(StoredResults):
     @property
     def notes(self) -> tuple[str, ...]:
         """Warnings as sentences, each of which names its scenario."""
-        return tuple(f"{name}: {text}" for name, own in self.warnings.items() for text in own)
+        return tuple(f"{name}: {text}" for name, texts in self.warnings.items() for text in texts)
 
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
         """Load a run; None if its trajectory is missing or longer than its scenario allows."""
@@ -214,8 +219,7 @@ class StoredComparison(StoredResults):
                 if key in seen or not planned:
                     named = (
                         f"scenario {format_value(scenario)}, controller "
-                        f"{format_value(controller)}, trial "
-                        f"{trial:g}"
+                        f"{format_value(controller)}, trial {trial:g}"
                     )
                     why = " twice" if planned else f", which {MANIFEST} beside it does not have"
                     raise ConfigurationError(f"{self.folder / name} has {named}{why}")
@@ -229,8 +233,8 @@ class StoredComparison(StoredResults):
             "command": Texts,
             "wall_time_s": Number,
             "stored_before": Number,
+            "warnings": Table,
         }
-        others["warnings"] = Table
         manifest = entries(manifest, where, {"configuration": Table}, others)
         for name, texts in manifest.get("warnings", {}).items():
             checked(texts, Sequence[str], f"{where}.warnings", name)

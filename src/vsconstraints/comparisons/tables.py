@@ -16,25 +16,31 @@ import numpy as np
 from ..errors import ConfigurationError, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
-from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS, RUN
+from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-_KINDS = {
+#: Kinds of the columns of both tables; those of metrics that are not installed are not known.
+_KINDS: dict[str, str] = {
+    "suite": "text",
+    "scenario": "text",
+    "controller": "text",
+    "trial": "number",
     **{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)},
-    **dict.fromkeys(RUN[:-1], "text"),
 }
-_EMPTY: dict[str, Any] = {"text": "", "flag": None}  # for all others NaN
+_EMPTY = {metric.column: metric.empty for metric in (*METRICS, *ROW_METRICS)}
 
 
 def cell(value: object) -> str:
-    """Format a value as text; empty for a number that is not finite.
+    """Format a value as text; empty for None, and for a number that is not finite.
 
     One NaN therefore leaves only one cell empty.
     """
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
+    if value is None:
+        return ""
     if isinstance(value, (float, np.floating)):
         return f"{value:.9g}" if math.isfinite(value) else ""
     # a text may contain characters that UTF-8 cannot encode
@@ -43,16 +49,17 @@ def cell(value: object) -> str:
 
 def _text(columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> str:
     text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(
-        [cell(line[name]) for name in columns] for line in lines
-    )
+    writer = csv.writer(text, lineterminator="\n")
+    for line in lines:
+        writer.writerow([cell(line[name]) for name in columns])
     return text.getvalue()
 
 
 def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
     """Write a whole table; the file is replaced atomically, never left half written."""
+    header = {name: name for name in columns}
     with replaced(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        file.write(_text(columns, [dict(zip(columns, columns, strict=True)), *lines]))
+        file.write(_text(columns, [header, *lines]))
 
 
 def append_lines(
@@ -78,8 +85,10 @@ def append_lines(
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Return the lines of a table: text, flags and floats, NaN where empty.
 
-    A missing column is read as empty: a text as "", a flag as None. Raises ConfigurationError, with
-    file and line, if a required one is missing (:data:`.metrics.REQUIRED_COLUMNS`).
+    A missing column is read as empty: a text as "", a flag as None. Cells of a
+    metric that is not installed are numbers or, where they are none, text. Raises
+    ConfigurationError, with file and line, if a required one is missing
+    (:data:`.metrics.REQUIRED_COLUMNS`).
     """
     lines = []
     try:
@@ -87,33 +96,40 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
-            missing = [name for name in columns if name not in header]
-            unusable = [name for name in missing if name in REQUIRED_COLUMNS]
-            unusable += [name for name in columns if header.count(name) > 1]
-            if unusable:
-                why = "or more than one; another version may have written it"
-                raise ValueError(f"it has no column {format_value(unusable[0])}, {why}")
-            empty: dict[str, Any] = {name: _EMPTY.get(_kind(name), math.nan) for name in missing}
+            missing = _missing_columns(header, columns)
+            empty = {name: _EMPTY.get(name, math.nan) for name in missing}
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-                line: dict[str, Any] = {
-                    name: _parsed(name, text, where)
-                    for name, text in zip(header, cells, strict=True)
-                }
+                line: dict[str, Any] = {}
+                for name, text in zip(header, cells, strict=True):
+                    line[name] = _parsed(name, text, where)
                 lines.append(line | empty)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     return lines
 
 
-def _kind(column: str) -> str:
-    return _KINDS.get(column, "number")
+def _missing_columns(header: Sequence[str], columns: Iterable[str]) -> list[str]:
+    """Return the columns that a header lacks.
+
+    Raises ValueError if a required one is missing or one appears more than once.
+    """
+    missing = []
+    for name in columns:
+        count = header.count(name)
+        if count > 1 or (count == 0 and name in REQUIRED_COLUMNS):
+            why = "or more than one; another version may have written it"
+            raise ValueError(f"it has no column {format_value(name)}, {why}")
+        if count == 0:
+            missing.append(name)
+    return missing
 
 
-def _parsed(name: str, text: str, where: str) -> str | bool | float:
-    kind = _kind(name)
+def _parsed(name: str, text: str, where: str) -> Any:
+    """Return a cell as text, flag or float; raises ValueError that names its line and column."""
+    kind = _KINDS.get(name)
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(
             f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "
@@ -122,13 +138,25 @@ def _parsed(name: str, text: str, where: str) -> str | bool | float:
     if kind == "text":
         return text
     if kind == "flag":
+        if text == "" and name not in REQUIRED_COLUMNS:
+            return None
         if text not in ("true", "false"):
             raise ValueError(f"{where}: {name} must be true or false, not {format_value(text)}")
         return text == "true"
-    try:
-        value = float(text) if text else math.nan
-    except ValueError:
-        value = math.inf
-    if math.isinf(value) or (name == "trial" and not (value >= 0.0 and value.is_integer())):
+    if not text:
+        return math.nan
+    number = _number(text)
+    if kind is None:
+        return text if math.isinf(number) else number
+    is_index = number >= 0.0 and number.is_integer()
+    if math.isinf(number) or (name == "trial" and not is_index):
         raise ValueError(f"{where}: {name} must be a number, not {format_value(text)}")
-    return value
+    return number
+
+
+def _number(text: str) -> float:
+    """Return the number of a cell; infinity, which no table holds, if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.inf

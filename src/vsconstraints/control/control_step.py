@@ -125,7 +125,9 @@ class Model:
         if self._of.believes:
             return self.present.t
         following = self.task.goals[self.goal + 1 :]
-        return following[0].from_time - JUST_BEFORE if following else np.inf
+        if not following:
+            return np.inf
+        return following[0].from_time - JUST_BEFORE
 
     @property
     def loop(self) -> CompiledStep | None:
@@ -161,22 +163,29 @@ class Model:
         q = np.ascontiguousarray(q, dtype=np.float64)
         qd = np.ascontiguousarray(qd, dtype=np.float64)
         out = np.empty((len(t), packed.out.size))
-        N = 0
         if self.step is not None:
             N = load("from_state").predict(packed.workspace, t, q, qd, packed.out, out)
         else:
-            with suppress(SceneError, InvalidInput):
-                for N, state in enumerate(zip(t.tolist(), q, qd, strict=True)):
-                    out[N] = self._evaluated(*state).out
-                N = len(t)
-        predicted = []
+            N = self._predict_in_numpy(t, q, qd, out)
+        predicted = {}
         for name in (*ROWS, *TASK, "pixels"):
-            where, shape = packed.parts[name]
-            predicted.append(out[:N, where].reshape(N, *shape))
-        return Prediction(*predicted)
+            columns, shape = packed.parts[name]
+            predicted[name] = out[:N, columns].reshape(N, *shape)
+        return Prediction(**predicted)
+
+    def _predict_in_numpy(self, t: Array, q: Array, qd: Array, out: Array) -> int:
+        """Write the evaluations at the states of :meth:`along`; return how many there are."""
+        count = 0
+        with suppress(SceneError, InvalidInput):
+            for state in zip(t.tolist(), q, qd, strict=True):
+                out[count] = self._evaluated(*state).out
+                count += 1
+        return count
 
     def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
-        step = self._own.evaluate(self.present.t if self._of.believes else t, q, qd)
+        if self._of.believes:
+            t = self.present.t
+        step = self._own.evaluate(t, q, qd)
         if self.step is None and self._gradient_error is not None:
             rows = self._gradient_error(step.rows, qd)
             for name in ("phi", "Lg", "Lf"):
@@ -272,12 +281,12 @@ class ControlStep(Evaluator):
         return evaluation, self._with_doubts(evaluation, command)
 
     def _with_doubts(self, evaluation: Evaluation, command: Command) -> Command:
+        """Return the command with a remark on implausible measurements, if there are any."""
         doubts = self.doubts(evaluation)
-        return (
-            replace(command, remark="; ".join(filter(None, (command.remark, doubts))))
-            if doubts
-            else command
-        )
+        if not doubts:
+            return command
+        remarks = [text for text in (command.remark, doubts) if text]
+        return replace(command, remark="; ".join(remarks))
 
     def _in_one_call(self, controller: Controller) -> StateToCommand | None:
         """Return step and law as one compiled call; None if either runs in NumPy.
@@ -330,7 +339,7 @@ class ControlStep(Evaluator):
                     plain = plain and depth is None and taken is None
                 elif plain:
                     Z = unknown if depth is None else depth
-                    at = t if taken is None else taken
+                    image_time = t if taken is None else taken
                     plain = (
                         pixels.dtype is FLOAT
                         and Z.dtype is FLOAT
@@ -340,7 +349,10 @@ class ControlStep(Evaluator):
                     # a masked array needs the other path, which heeds its mask
                     plain = plain and type(pixels) is np.ndarray and type(Z) is np.ndarray
                     seen = pixels if undistort is None or not plain else undistort(pixels)
-                    plain = plain and seen is not None and not measure(seen, Z, at + 0.0, t + 0.0)
+                    if plain and seen is not None:
+                        plain = not measure(seen, Z, image_time + 0.0, t + 0.0)
+                    else:
+                        plain = False
                 if plain:
                     code = both(t + 0.0, q, qd)
             except (AttributeError, TypeError):
@@ -353,15 +365,20 @@ class ControlStep(Evaluator):
             if command is None:
                 command = controller.command(evaluation.rows, evaluation.task)
                 self.commanded(command.qdd)
-            return evaluation, with_doubts(evaluation, command) if doubt() > 1.0 else command
+            if doubt() > 1.0:
+                command = with_doubts(evaluation, command)
+            return evaluation, command
 
         return in_one
 
 
 def _options_of(controller: Controller) -> dict[str, Any]:
     """Return the attributes of a controller, including those of its inner law if it has one."""
-    own = vars(controller)
-    return {**(_options_of(own["law"]) if hasattr(own.get("law"), "__dict__") else {}), **own}
+    options = vars(controller)
+    inner: Any = options.get("law")
+    if not hasattr(inner, "__dict__"):
+        return {**options}
+    return {**_options_of(inner), **options}
 
 
 def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None] | None:
@@ -376,6 +393,9 @@ def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None
     ideal = np.empty((markers, 2))
 
     def undistort(pixels: Array) -> Array | None:
-        return None if pixels.shape != ideal.shape or through(eye, pixels, ideal, True) else ideal
+        if pixels.shape != ideal.shape:
+            return None
+        is_refused = through(eye, pixels, ideal, True)
+        return None if is_refused else ideal
 
     return undistort

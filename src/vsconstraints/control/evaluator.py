@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from ..controllers.compiled import BoundLaw
 
 
+Evaluate = Callable[[float, Array, Array], int]
+Measure = Callable[[Array, Array, float, float], int]
+
+
 def _view(name: str) -> property:
     return property(lambda evaluation: evaluation.part(name))
 
@@ -46,8 +50,8 @@ class Evaluation:
 
     def part(self, name: str) -> Array:
         """Return an output of the step by its name in :attr:`.Size.outputs`."""
-        where, shape = self._packed.parts[name]
-        part = self.out[where]
+        place, shape = self._packed.parts[name]
+        part = self.out[place]
         return part if len(shape) == 1 else part.reshape(shape)
 
     @property
@@ -55,6 +59,11 @@ class Evaluation:
         """Rows as input of a controller."""
         constraints = self._constraints
         part = self.part
+        least = UNKNOWN
+        greatest = UNKNOWN
+        if self._packed.size.limited:
+            least = part("qdd_min")
+            greatest = part("qdd_max")
         return Rows(
             part("phi"),
             part("Lg"),
@@ -65,11 +74,8 @@ class Evaluation:
             part("sigma"),
             part("sigma_dot"),
             constraints.approach_time,
-            *(
-                (part("qdd_min"), part("qdd_max"))
-                if self._packed.size.limited
-                else (UNKNOWN, UNKNOWN)
-            ),
+            least,
+            greatest,
         )
 
     @property
@@ -100,23 +106,19 @@ class CompiledStep:
 
     def __init__(self, packed: StepArrays, constraints: ConstraintSet) -> None:
         kernels = load("step")
+        workspace = packed.workspace
         self.packed = packed
         self.out = packed.out
         self.now = Evaluation(packed, constraints, self.out)
-        self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(
-            packed.workspace
-        )
-        self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(
-            packed.workspace
-        )
+        self.evaluate: Evaluate = kernels.evaluate_step.bind(workspace)
+        self.measure: Measure = kernels.measure.bind(workspace)
 
     def bind(self, controller: Controller) -> BoundLaw | None:
         """Bind a controller to the rows and the task of ``now``; None if it is not compiled."""
         size = self.packed.size
-        now = self.now
-        return controller.bind(
-            now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n)
-        )
+        acted = np.empty(size.m, dtype=np.bool_)
+        qdd = np.empty(size.n)
+        return controller.bind(self.now.rows, self.now.task, acted, qdd)
 
 
 class CurrentState(NamedTuple):
@@ -207,11 +209,11 @@ class Evaluator:
         return tuple(constraint for constraint, _, _ in self.packed.others)
 
     def __getstate__(self) -> dict[str, Any]:
-        parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task")}
-        settings = {**self._settings, "plausible": self.plausible}
         return {
-            **parts,
-            "settings": settings,
+            "scene": self.scene,
+            "constraints": self.constraints,
+            "visual_task": self.visual_task,
+            "settings": {**self._settings, "plausible": self.plausible},
             "memory": self.packed.remembered(),
             "views": self.packed.step.views,
         }
@@ -244,10 +246,9 @@ class Evaluator:
     @property
     def acceleration(self) -> Array:
         """Known limit of |q̈| (n,), infinite where there is none."""
-        limits = self._limits
-        return (
-            np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
-        )
+        if self._limits is None:
+            return np.full(self.scene.robot.n, np.inf)
+        return np.array(self._limits.acceleration)
 
     def evaluate(
         self,
@@ -309,11 +310,11 @@ class Evaluator:
             packed.insert(rows, constraint, constraint.rows(state, points))
         if packed.own_feature:
             goal = task.goal_at(t)
-            k = packed.size.k
-            previous = (
-                packed.step.last_error[:k].copy() if packed.step.last[0]["goal"] == goal else None
-            )
-            packed.insert_feature(task.feature.evaluate(state, task.goals[goal], previous))
+            previous = None
+            if packed.step.last[0]["goal"] == goal:
+                previous = packed.step.last_error[: packed.size.k].copy()
+            motion = task.feature.evaluate(state, task.goals[goal], previous)
+            packed.insert_feature(motion)
             load("step").follow(packed.workspace, t)
 
     def _state(self) -> State:
@@ -321,11 +322,11 @@ class Evaluator:
         step = self.packed.step
         eye = step.eye[0]
         seen = step.seen
-        F = step.camera[0]["focal"]
         J = interaction_matrix(seen["xy"], seen["depth"]) @ step.camera_J
-        normalised = PointMotion(
-            seen["xy"].copy(), J, seen["velocity"].copy(), seen["drift"].copy()
-        )
+        velocity = seen["velocity"].copy()
+        drift = seen["drift"].copy()
+        focal = step.camera[0]["focal"]  # (2,) pixels per unit of normalised coordinates
+        pixel_J = J * focal[:, None]
         return State(
             t=float(step.time[0]),
             robot=self.scene.kinematics(step.q, step.qd),
@@ -334,10 +335,8 @@ class Evaluator:
             camera_twist=np.concatenate((eye["velocity"], eye["angular_velocity"])),
             camera_drift=np.concatenate((eye["acceleration"], eye["angular_acceleration"])),
             depth=seen["depth"].copy(),
-            normalised=normalised,
-            pixels=PointMotion(
-                step.pixels.copy(), J * F[:, None], normalised.velocity * F, normalised.drift * F
-            ),
+            normalised=PointMotion(seen["xy"].copy(), J, velocity, drift),
+            pixels=PointMotion(step.pixels.copy(), pixel_J, velocity * focal, drift * focal),
             believed=not self.known,
         )
 
@@ -357,9 +356,9 @@ class Evaluator:
     def bound(self) -> CompiledStep | None:
         """Return the compiled step for loops; None where anything runs in NumPy."""
         packed = self.packed
-        return (
-            None if packed.others or packed.own_feature else CompiledStep(packed, self.constraints)
-        )
+        if packed.others or packed.own_feature:
+            return None
+        return CompiledStep(packed, self.constraints)
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """Return the markers and robot points at (N,) times t [s] and (N, n) coordinates q.
@@ -377,10 +376,8 @@ class Evaluator:
                 f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not "
                 f"{q.shape}"
             )
-        out = (
-            np.zeros((len(t), size.M, 2)),
-            np.zeros((len(t), size.P, 3)),
-            np.ones(len(t), dtype=np.bool_),
-        )
-        load("step").views(self.packed.workspace, t, q, *out)
-        return out
+        pixels = np.zeros((len(t), size.M, 2))
+        points = np.zeros((len(t), size.P, 3))
+        is_in_front = np.ones(len(t), dtype=np.bool_)
+        load("step").views(self.packed.workspace, t, q, pixels, points, is_in_front)
+        return pixels, points, is_in_front

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,12 +80,13 @@ def _require_matrix(feature: ViewFeature, view: View, goal: View) -> None:
     for column, twist in enumerate(np.eye(6)):
         quotients = _quotients(feature.along(view, goal, twist))
         for row in _differing(given, column, quotients):
-            right = 0.5 * (quotients[0][0][row] + quotients[0][1][row])
+            right = quotients[0].mean[row]
             wrong = given[row, column]
+            sign = _wrong_sign(wrong, right)
             raise ConfigurationError(
                 f"the interaction matrix of the feature {feature.name} is not the derivative of "
                 f"its value at the start: component {row + 1} by {TWIST[column]} is {right:.4g} by "
-                f"differences, but {wrong:.4g} as given{_wrong_sign(wrong, right)}"
+                f"differences, but {wrong:.4g} as given{sign}"
             )
 
 
@@ -95,7 +97,8 @@ def _wrong(
     with np.errstate(all="ignore"):
         first = 0
         for constraint, count, points in constraints.blocks():
-            rows = slice(first, first := first + count)
+            rows = slice(first, first + count)
+            first += count
             # by identity: == of custom dataclasses with arrays is ambiguous
             if not any(constraint is each for each in checked):
                 continue
@@ -133,8 +136,7 @@ def _of_coordinates(
     if gradient.shape != y.shape:
         yield (
             f"{type(constraint).__name__}.gradient must return the shape {y.shape} for "
-            f"coordinates of that shape, not "
-            f"{gradient.shape}"
+            f"coordinates of that shape, not {gradient.shape}"
         )
         return
     labels = evaluator.constraints.labels[rows]
@@ -146,10 +148,9 @@ def _of_coordinates(
 
         quotients = _quotients(sigma)
         for row in _differing(gradient * unit, coordinate, quotients):
-            expected = [slope[row] / unit for slope in quotients[0]]
-            yield _sentence(
-                constraint, labels[row], f"∂σ/∂{name}", gradient[row, coordinate], expected
-            )
+            right = quotients[0].mean[row] / unit
+            given = gradient[row, coordinate]
+            yield _sentence(constraint, labels[row], f"∂σ/∂{name}", given, right)
 
 
 def _of_joints(
@@ -179,56 +180,69 @@ def _of_joints(
 
         quotients = _quotients(value)
         for row in _differing(gradient, joint, quotients):
-            expected = [slope[row] for slope in quotients[0]]
-            by = (
-                f"{'∂φ/∂q̇' if by_speed else '∂σ/∂q'} of joint {joint + 1} "
-                f"({robot.joint_names[joint]})"
-            )
-            yield _sentence(constraint, labels[row], by, gradient[row, joint], expected)
+            right = quotients[0].mean[row]
+            derivative = "∂φ/∂q̇" if by_speed else "∂σ/∂q"
+            by = f"{derivative} of joint {joint + 1} ({robot.joint_names[joint]})"
+            yield _sentence(constraint, labels[row], by, gradient[row, joint], right)
 
 
-Sides = tuple[Array, Array, Array]  #: (r,) quotients to both sides, and their rounding error.
+class Quotients(NamedTuple):
+    """Difference quotients (r,) of r values to both sides, and their rounding error."""
+
+    ahead: Array
+    behind: Array
+    rounding: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean (r,) of both sides."""
+        return 0.5 * (self.ahead + self.behind)
 
 
-def _quotients(value: Callable[[float], Array]) -> list[Sides]:
+def _quotients(value: Callable[[float], Array]) -> list[Quotients]:
     """Return the difference quotients of (r,) values, for each step."""
     here = np.asarray(value(0.0), dtype=np.float64)
-    found: list[Sides] = []
+    found = []
     for step in STEPS:
         ahead = np.asarray(value(step), dtype=np.float64)
         behind = np.asarray(value(-step), dtype=np.float64)
-        rounding = SMALLEST * np.abs(here) / step
-        found.append(((ahead - here) / step, (here - behind) / step, rounding))
+        quotients = Quotients(
+            ahead=(ahead - here) / step,
+            behind=(here - behind) / step,
+            rounding=SMALLEST * np.abs(here) / step,
+        )
+        found.append(quotients)
     return found
 
 
-def _differing(gradient: Array, coordinate: int, quotients: Sequence[Sides]) -> IntArray:
+def _differing(gradient: Array, coordinate: int, quotients: Sequence[Quotients]) -> IntArray:
     """Return the rows whose gradient (r, d) contradicts the quotients along a coordinate.
 
     It does if it is outside the quotients of both sides, for each of the steps.
     """
     given = gradient[:, coordinate]
     greatest = np.abs(gradient).max(axis=1, initial=0.0)
-    wrong = np.ones(len(given), dtype=np.bool_)
-    for ahead, behind, rounding in quotients:
-        low = np.minimum(ahead, behind)
-        high = np.maximum(ahead, behind)
-        size = np.maximum(greatest, np.maximum(np.abs(low), np.abs(high)))
+    is_finite = np.isfinite(given)
+    is_wrong = np.ones(len(given), dtype=np.bool_)
+    for each in quotients:
+        low = np.minimum(each.ahead, each.behind)
+        high = np.maximum(each.ahead, each.behind)
+        steepest = np.maximum(np.abs(low), np.abs(high))
+        size = np.maximum(greatest, steepest)
         # near a kink or a curve, the slope may differ from either side by their difference
-        room = TOLERANCE * size + (high - low) + rounding
-        wrong &= (given < low - room) | (given > high + room) | ~np.isfinite(given)
-    return np.flatnonzero(wrong)
+        room = TOLERANCE * size + (high - low) + each.rounding
+        is_too_low = given < low - room
+        is_too_high = given > high + room
+        is_wrong &= is_too_low | is_too_high | ~is_finite
+    return np.flatnonzero(is_wrong)
 
 
-def _sentence(
-    constraint: Constraint, label: str, by: str, given: float, expected: Sequence[float]
-) -> str:
-    right = 0.5 * (expected[0] + expected[1])
+def _sentence(constraint: Constraint, label: str, by: str, given: float, right: float) -> str:
+    """Say which derivative of a row is given, and which one is right by differences."""
     sign = _wrong_sign(given, right)
     return (
         f"{label}: the gradient of {type(constraint).__name__} is not the derivative of its σ at "
-        f"the start: {by} is "
-        f"{right:.4g} by differences, but {given:.4g} as given{sign}"
+        f"the start: {by} is {right:.4g} by differences, but {given:.4g} as given{sign}"
     )
 
 

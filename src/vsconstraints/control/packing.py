@@ -15,6 +15,7 @@ from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
+from ..robots.robot import Robot
 from ..vision.camera import Camera
 from ..vision.features import CameraPose, Feature, FeatureMotion, ImagePoints
 from ..vision.features.image_points import SHARES
@@ -64,13 +65,13 @@ class StepArrays:
             form = constraint.compiled_form(scene, points)
             address = 0
             if form is not None and (form.motion is None or type(form.motion) is Motion):
-                address = load("constraint_rows").rows_address(
-                    form.template, form.formulas, len(form.parameters)
-                )
+                kernels = load("constraint_rows")
+                address = kernels.rows_address(form.template, form.formulas, len(form.parameters))
             if form is not None and address:
                 compiled.append((constraint, form, rows, address))
             else:
                 self.others.append((constraint, rows, points))
+        parameter_counts = [len(form.parameters) for _, form, _, _ in compiled]
         self.size = Size(
             n=n,
             M=M,
@@ -79,7 +80,7 @@ class StepArrays:
             k=k,
             goals=len(task.goals),
             parts=len(compiled),
-            parameters=max((len(form.parameters) for _, form, _, _ in compiled), default=0),
+            parameters=max(parameter_counts, default=0),
             limited=limits is not None,
             rests=rest.any,
         )
@@ -100,8 +101,15 @@ class StepArrays:
     def memory(self) -> tuple[Any, ...]:
         """Arrays that are kept between samples, except for the poses of the camera."""
         step = self.step
-        task = step.last_error, step.last_partial, step.last_J, step.last_reference
-        return step.last, *task, step.correction, step.last_command
+        return (
+            step.last,
+            step.last_error,
+            step.last_partial,
+            step.last_J,
+            step.last_reference,
+            step.correction,
+            step.last_command,
+        )
 
     def remembered(self) -> list[Any]:
         """Return a copy of the memory."""
@@ -135,8 +143,7 @@ class StepArrays:
         if shapes != [(r,), (r,), (r, n), (r,)]:
             raise InvalidInput(
                 f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels "
-                f"for {n} joints, but the "
-                f"shapes {shapes}"
+                f"for {n} joints, but the shapes {shapes}"
             )
         now.phi[rows] = block.phi
         now.sigma[rows] = block.sigma
@@ -149,11 +156,9 @@ class StepArrays:
         step = self.step
         k = self.size.k
         n = self.size.n
-        if [part.shape for part in motion] != [(k,), (k, n), (k,), (k,), (k,)]:
-            raise InvalidInput(
-                f"the custom feature returned the shapes {[part.shape for part in motion]} for "
-                f"{k} numbers"
-            )
+        shapes = [part.shape for part in motion]
+        if shapes != [(k,), (k, n), (k,), (k,), (k,)]:
+            raise InvalidInput(f"the custom feature returned the shapes {shapes} for {k} numbers")
         step.task.error[:] = motion.error
         step.task.J[:] = motion.J
         step.task.error_rate[:] = motion.velocity
@@ -200,14 +205,31 @@ def _write(record: Any, **values: Any) -> None:
 
 
 def _write_scene(step: Step, scene: Scene, known: bool) -> None:
-    robot = scene.robot
+    _write_robot(step, scene.robot)
+    write_camera(step, scene.camera)
+    step.markers[:] = scene.markers
+    for record, point in zip(step.robot_points, scene.points, strict=True):
+        frame = scene.robot.model.frames[scene.robot.frame_id(point.link)]
+        R = np.array(frame.placement.rotation)
+        t = np.array(frame.placement.translation)
+        offset = np.asarray(point.offset, dtype=np.float64)
+        _write(record, body=int(frame.parentJoint), offset=Pose(R, t).act(offset))
     motion = scene.motion
+    if motion is not None:
+        _demand(motion, TargetMotion)
+        _demand(motion.translation, Motion)
+        target = step.target[0]
+        _write(target, moves=True, known=known or motion.known)
+        _write(target, centre=motion.centre, angular_velocity=motion.angular_velocity)
+        _write_motion(target["motion"], motion.translation)
+
+
+def _write_robot(step: Step, robot: Robot) -> None:
+    """Write the joints, and the pose of the tip in the last body."""
     placements = list(robot.model.jointPlacements)[1:]
-    _write(
-        step.joints,
-        R=[place.rotation for place in placements],
-        t=[place.translation for place in placements],
-    )
+    R = [placement.rotation for placement in placements]
+    t = [placement.translation for placement in placements]
+    _write(step.joints, R=R, t=t)
     _write(step.joints, axis=robot.axes, prismatic=robot.prismatic, continuous=robot.continuous)
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
@@ -215,22 +237,6 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
             f"control needs a tip that the last joint moves, not the frame {tip.name}"
         )
     _write(step.camera[0], tip_R=tip.placement.rotation, tip_t=tip.placement.translation)
-    write_camera(step, scene.camera)
-    step.markers[:] = scene.markers
-    for record, point in zip(step.robot_points, scene.points, strict=True):
-        frame = robot.model.frames[robot.frame_id(point.link)]
-        placed = Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation))
-        _write(
-            record,
-            body=int(frame.parentJoint),
-            offset=placed.act(np.asarray(point.offset, dtype=np.float64)),
-        )
-    if motion is not None:
-        _demand(motion, TargetMotion)
-        _demand(motion.translation, Motion)
-        _write(step.target[0], moves=True, known=known or motion.known, centre=motion.centre)
-        _write(step.target[0], angular_velocity=motion.angular_velocity)
-        _write_motion(step.target[0]["motion"], motion.translation)
 
 
 def write_camera(step: Step, camera: Camera) -> None:
@@ -239,9 +245,10 @@ def write_camera(step: Step, camera: Camera) -> None:
     The pose of the tip in the last body must be written before.
     """
     record = step.camera[0]
-    eye = (
-        camera.fixed or Pose(record["tip_R"].copy(), record["tip_t"].copy()) @ camera.mount.inverse
-    )
+    eye = camera.fixed
+    if eye is None:
+        tip = Pose(record["tip_R"].copy(), record["tip_t"].copy())
+        eye = tip @ camera.mount.inverse
     _write(record, R=eye.R, t=eye.t, fixed=camera.fixed is not None, depth_factor=1.0)
     _write(record, focal=camera.focal, offset=camera.offset)
 
@@ -265,11 +272,9 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     )
     step.posture[: len(rest.posture)] = rest.posture
     for g, goal in enumerate(task.goals):
-        pose = (
-            goal.camera
-            if isinstance(feature, CameraPose) and goal.camera is not None
-            else Pose.identity()
-        )
+        pose = Pose.identity()
+        if isinstance(feature, CameraPose) and goal.camera is not None:
+            pose = goal.camera
         reach_in = 0.0 if goal.reference is None else goal.reference.duration
         _write(step.goals[g], from_time=goal.from_time, reach_in=reach_in, R=pose.R, t=pose.t)
         step.goal_points[g] = goal.normalised.ravel()

@@ -11,15 +11,16 @@ still has them. Another package registers its part by an entry point of the grou
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value
+from .metric import Metric
 
 Value = TypeVar("Value")
 
@@ -82,6 +83,11 @@ class Part:
     #: Text of each scenario in a report, by what it shows: functions that take the
     #: :class:`vsconstraints.reports.results.Results` and the scenario's name, and return Markdown.
     report_sections: Mapping[str, str] = field(default_factory=dict)
+    #: Metrics of runs and of their rows that a part of another package adds to results.csv,
+    #: constraints.csv and reports: objects of :class:`.Metric`. Those of this package are in
+    #: ``comparisons/metrics.py``.
+    metrics: Sequence[str] = ()
+    row_metrics: Sequence[str] = ()
     #: Results of other kinds than comparisons, by kind: objects of
     #: ``vsconstraints.cli.results.ResultsKind``.
     results: Mapping[str, str] = field(default_factory=dict)
@@ -94,12 +100,30 @@ def parts() -> tuple[Part, ...]:
     Raises ConfigurationError if a part of another package cannot be imported.
     """
     included = [load(f"vsconstraints.{name}.part:PART") for name in OWN]
-    return (*included, *_of_other_packages())
+    return (*included, *(installed.part for installed in parts_of_other_packages()))
 
 
-def _of_other_packages() -> Iterable[Part]:
+class InstalledPart(NamedTuple):
+    """Part of another package, with the name and the version of the package."""
+
+    part: Part
+    package: str
+    version: str
+
+
+@cache
+def parts_of_other_packages() -> tuple[InstalledPart, ...]:
+    """Return the parts of other packages by the names of their entry points.
+
+    Raises ConfigurationError if one cannot be imported.
+    """
+    found = []
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        package = entry.dist.name if entry.dist is not None else "an unknown package"
+        package = "an unknown package"
+        version = ""
+        if entry.dist is not None:
+            package = entry.dist.name
+            version = entry.dist.version
         where = f"part {entry.name} of {package}, {entry.value}"
         try:
             part = entry.load()
@@ -109,7 +133,8 @@ def _of_other_packages() -> Iterable[Part]:
             ) from error
         if not isinstance(part, Part):
             raise ConfigurationError(f"{where}, must be a Part, not {format_value(part)}")
-        yield part
+        found.append(InstalledPart(part, package, version))
+    return tuple(found)
 
 
 def load(reference: str) -> Any:
@@ -159,11 +184,40 @@ def figures() -> list[Any]:
     return [load(reference) for part in parts() for reference in part.figures]
 
 
+def added_metrics(table: Literal["metrics", "row_metrics"]) -> list[Metric]:
+    """Return the metrics that parts of other packages add to a table, a field of :class:`Part`.
+
+    Raises ConfigurationError, which names the package, if one cannot be imported or is no metric.
+    """
+    found = []
+    for installed in parts_of_other_packages():
+        for reference in getattr(installed.part, table):
+            where = f"{reference}, a metric of {installed.package},"
+            try:
+                metric = load(reference)
+            except VsconstraintsError as error:
+                raise ConfigurationError(f"{where} cannot be used: {error}") from error
+            if not isinstance(metric, Metric):
+                raise ConfigurationError(f"{where} must be a Metric, not {format_value(metric)}")
+            found.append(metric)
+    return found
+
+
+def packages_with_metrics() -> dict[str, str]:
+    """Return the versions of the other packages that add metrics, by name."""
+    return {
+        installed.package: installed.version
+        for installed in parts_of_other_packages()
+        if installed.part.metrics or installed.part.row_metrics
+    }
+
+
 def in_order(values: Mapping[str, Value], before: Mapping[str, str]) -> dict[str, Value]:
     """Return the values in order, but each that has a name in ``before`` before that other one."""
     names = [name for name in values if not before.get(name)]
     for name in values:
         if name not in names:
-            after = before[name]
-            names.insert(names.index(after) if after in names else len(names), name)
+            following = before[name]
+            place = names.index(following) if following in names else len(names)
+            names.insert(place, name)
     return {name: values[name] for name in names}

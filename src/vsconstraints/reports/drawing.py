@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import quote
@@ -51,10 +50,11 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
     def informativeness(scenario: str) -> tuple[int, float]:
         solvers = len(results.solvers(scenario))
         others = len(results.competitors) - solvers
-        depths = [0.0]
+        relative_depths = [0.0]
         for name in results.competitors:
-            depths += [line["violation_depth"] for line in results.runs(scenario, name)]
-        return min(solvers, others), largest(depths)
+            for run in results.runs(scenario, name):
+                relative_depths.append(run["violation_depth"])
+        return min(solvers, others), largest(relative_depths)
 
     ordered = sorted(results.scenarios, key=informativeness, reverse=True)
     chosen = ordered[:MAX_SCENARIOS]
@@ -303,17 +303,21 @@ def remove_stale(
     Without ``figures`` the figures of scenarios are removed.
     """
     current = set[str]()
-    for file, kind in product(kept, formats):
-        current.add(PurePath(file).with_suffix(f".{kind}").name)
+    for file in kept:
+        for kind in formats:
+            current.add(PurePath(file).with_suffix(f".{kind}").name)
     starts = [figure.name for figure in figures]
     if not figures:
         starts = [f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())]
-    # A group of controllers has a number after the figure's name.
-    for start, end in product(starts, (".*", "--*")):
-        for path in list(folder.glob(start + end)):
-            is_figure = path.suffix.removeprefix(".") in FORMATS
-            if is_figure and path.name not in current:
-                path.unlink(missing_ok=True)
+    stale = list[Path]()
+    for start in starts:
+        # A group of controllers has a number after the figure's name.
+        for end in (".*", "--*"):
+            stale += folder.glob(start + end)
+    for path in stale:
+        is_figure = path.suffix.removeprefix(".") in FORMATS
+        if is_figure and path.name not in current:
+            path.unlink(missing_ok=True)
 
 
 def add_sections(
@@ -326,8 +330,11 @@ def add_sections(
     sections = registered("report_sections")
     if not replays:
         sections.pop(REPLAY, None)
-    for (what, reference), name in product(sections.items(), scenarios):
-        try:
-            drawn[name].sections.append(load(reference)(results, name))
-        except Exception as error:  # one bad run or page must not cost the report
-            drawn[name].problems.append(f"Its {what} could not be made: {described(error)}.")
+    for what, reference in sections.items():
+        for name in scenarios:
+            try:
+                section = load(reference)
+                drawn[name].sections.append(section(results, name))
+            except Exception as error:  # one bad run or page must not cost the report
+                problem = f"Its {what} could not be made: {described(error)}."
+                drawn[name].problems.append(problem)

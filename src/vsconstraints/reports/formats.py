@@ -24,5 +24,7 @@ def formats_of(names: Sequence[str]) -> Formats:
     for name in names:
         if name not in FORMATS:
             raise unknown_name("format", name, FORMATS)
-    chosen = dict.fromkeys([*names, *(() if {*names} - {"pdf"} else PNG)])
-    return tuple(sorted(chosen, key="pdf".__eq__))
+    shown = [name for name in dict.fromkeys(names) if name != "pdf"]
+    if not shown:
+        shown = [*PNG]
+    return (*shown, "pdf") if "pdf" in names else tuple(shown)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
 from ..controllers import CONTROLLERS
 from ..scenarios.toml import toml_text
-from .markdown import plain
+from .markdown import evenly_split, plain
 from .numbers import number
 
 MAX_LAWS = 8  #: Most controllers that a figure shows beside the unconstrained baseline.
@@ -65,10 +64,8 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     baseline = [BASELINE] if BASELINE in entries else []
     if len(laws) <= MAX_LAWS:
         return (Group((*baseline, *laws)),)
-    count = math.ceil(len(laws) / MAX_LAWS)
     groups = []
-    for k in range(count):
-        begin = len(laws) * k // count
-        end = len(laws) * (k + 1) // count
-        groups.append(Group((*baseline, *laws[begin:end]), f"--{k + 1}"))
+    parts = evenly_split(laws, MAX_LAWS)
+    for k, part in enumerate(parts):
+        groups.append(Group((*baseline, *part), suffix=f"--{k + 1}"))
     return tuple(groups)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
 from rich.cells import cell_len
+
+Value = TypeVar("Value")
 
 #: A table with more columns is split into several, each with the first column repeated.
 MAX_COLUMNS = 9
@@ -33,16 +36,24 @@ class Table(str):
             for j, column in enumerate(zip(header, *lines, strict=False)):
                 columns.append(_aligned(column, left=j < text_columns))
             first, *others = columns
-            count = max(1, math.ceil(len(others) / (MAX_COLUMNS - 1)))
-            for k in range(count):
-                begin = len(others) * k // count
-                end = len(others) * (k + 1) // count
-                rows = zip(first, *others[begin:end], strict=True)
+            for part in evenly_split(others, MAX_COLUMNS - 1):
+                rows = zip(first, *part, strict=True)
                 blocks.append("\n".join(f"| {' | '.join(row)} |" for row in rows))
         table = super().__new__(cls, "\n\n".join(blocks))
         table.header = header
         table.lines = lines
         return table
+
+
+def evenly_split(values: Sequence[Value], most: int) -> list[Sequence[Value]]:
+    """Split values into as few parts of at most ``most`` as possible, even in size; one if none."""
+    count = max(1, math.ceil(len(values) / most))
+    parts = []
+    for k in range(count):
+        begin = len(values) * k // count
+        end = len(values) * (k + 1) // count
+        parts.append(values[begin:end])
+    return parts
 
 
 def _aligned(column: Sequence[str], left: bool) -> list[str]:

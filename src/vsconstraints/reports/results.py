@@ -49,9 +49,8 @@ class Results:
         for name, table in configuration["controllers"].items():
             if table.get("type") == stack_law():
                 self.external.add(name)
-        self._runs = _by_scenario_and_controller(
-            sorted(stored.results, key=lambda line: line["trial"])
-        )
+        in_order = sorted(stored.results, key=lambda line: line["trial"])
+        self._runs = _by_scenario_and_controller(in_order)
         self._rows = _by_scenario_and_controller(stored.constraints)
         self.planned = len(self.scenarios) * len(self.controllers) * self.trials
         self.finished = sum(len(self.all_runs(name)) for name in self.controllers)
@@ -172,16 +171,15 @@ class RowsShown(NamedTuple):
         φ is shown of rows that are challenged or violated by a competitor; without any of these, of
         rows that were active.
         """
-        is_relevant: dict[str, bool] = {}
+        is_relevant = defaultdict[str, bool](bool)
         active_time = defaultdict[str, float](float)  # of all competitors [s]
         for line in lines:
             label = line["constraint"]
-            is_challenged = bool(line["challenged"])
-            is_violated = False
+            is_relevant[label] |= bool(line["challenged"])
             if line.get("controller") != BASELINE:
-                is_violated = line["violation_depth"] > 0.0
+                natural_depth = line["violation_depth"]
+                is_relevant[label] |= natural_depth > 0.0
                 active_time[label] += line["active_time_s"]
-            is_relevant[label] = is_relevant.get(label, False) or is_challenged or is_violated
         relevant = [label for label in is_relevant if is_relevant[label]]
         active = [label for label in is_relevant if active_time[label] > 0.0]
 

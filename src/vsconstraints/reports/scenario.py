@@ -61,19 +61,22 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     for metric in METRICS:
         if metric.group != group or not metric.header:
             continue
+        show = FORMATS[metric.style]
         cells = []
         eligible = []
         for trials, is_comparable in zip(runs, are_comparable, strict=True):
             values = [shown(metric, run) for run in trials]
-            cells.append(Cell.of(values, FORMATS[metric.style]))
+            cells.append(Cell.of(values, show))
             eligible.append(is_comparable and judged_by(metric, trials))
-        if any(math.isfinite(cell.value) for cell in cells):
+        has_values = any(math.isfinite(cell.value) for cell in cells)
+        if has_values:
             better = metric.better if is_ranked else None
             numbers[metric.header] = marked(cells, eligible, better)
     if group != "outcome" and not numbers:
         return Table(["controller"], [])
+    columns = texts | numbers
     text_columns = 1 + len(texts)
-    return columns_table("controller", names, texts | numbers, text_columns)
+    return columns_table("controller", names, columns, text_columns)
 
 
 def acceleration_remarks(results: Results, scenario: str) -> list[str]:
@@ -91,7 +94,9 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
         return []
     # Only the largest acceleration can be out of proportion to all others.
     second, value = sorted(accelerations.values())[-2:]
-    if value < UNUSUAL or value <= OUT_OF_PROPORTION * second or second == 0.0:
+    is_unusual = value >= UNUSUAL
+    is_out_of_proportion = second != 0.0 and value > OUT_OF_PROPORTION * second
+    if not (is_unusual and is_out_of_proportion):
         return []
     name = max(accelerations, key=accelerations.__getitem__)
     return [
@@ -130,8 +135,10 @@ def challenge_table(results: Results, scenario: str) -> Table:
         # The baseline has no margin while it violates the row.
         column = []
         for name in baseline:
-            column.append(_least_clearance(results.rows(scenario, name, label), factor))
-        columns[f"{code(label)} [{unit}]"] = column + marked(cells, eligible, "less")
+            rows = results.rows(scenario, name, label)
+            column.append(_least_clearance(rows, factor))
+        column += marked(cells, eligible, "less")
+        columns[f"{code(label)} [{unit}]"] = column
     controllers = [*baseline, *names] if columns else []
     return columns_table("challenged rows", controllers, columns)
 
@@ -174,12 +181,12 @@ def failure_table(
             lines.append([name, status, reason, DASH, DASH, trials])
         violations = defaultdict[str, list[Line]](list)
         for row in rows:
-            if row["violation_depth"] > 0.0:
+            if _natural_depth(row) > 0.0:
                 violations[row["constraint"]].append(row)
         for label, alike in violations.items():
-            worst = max(alike, key=lambda row: float(row["violation_depth"]))
+            worst = max(alike, key=_natural_depth)
             unit, factor = finer_unit(worst["unit"])
-            depth = number(factor * worst["violation_depth"])
+            depth = number(factor * _natural_depth(worst))
             seconds = "between samples"
             if worst["violation_time_s"] > 0.0:
                 seconds = number(worst["violation_time_s"])
@@ -191,6 +198,11 @@ def failure_table(
         header = header[:-1]
         lines = [line[:-1] for line in lines]
     return Table(header, lines, text_columns=len(header))
+
+
+def _natural_depth(row: Line) -> float:
+    """Return the violation depth of a line of constraints.csv, in the unit of the row."""
+    return float(row["violation_depth"])
 
 
 def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:

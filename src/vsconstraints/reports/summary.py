@@ -44,11 +44,11 @@ MAX_NAMES = 9  #: Most scenarios that a cell names.
 
 def law_table(results: Results) -> Table:
     """Return the main results of each controller, best first."""
-    names = sorted(
-        results.competitors,
-        key=lambda name: (results.clean[name], results.clean_tolerant[name]),
-        reverse=True,
-    )
+
+    def success(name: str) -> tuple[int, int]:
+        return results.clean[name], results.clean_tolerant[name]
+
+    names = sorted(results.competitors, key=success, reverse=True)
     strict = []
     tolerant = []
     for name in names:
@@ -95,12 +95,16 @@ def score_table(results: Results) -> Table:
 
     within_band = []
     for name in names:
-        runs = [run for run in results.all_runs(name) if violated(run)]
-        count = sum(violated(run) == violated(run, "within_band") for run in runs)
+        count = 0
+        for run in results.all_runs(name):
+            rows = violated(run)
+            if rows and rows == violated(run, "within_band"):
+                count += 1
         within_band.append(str(count))
+    beyond = f"beyond {of_length(TOLERANT)}"
     columns = {
         "runs with a violated row": violation_counts("violated"),
-        f"beyond {of_length(TOLERANT)}": violation_counts("violated_tolerant"),
+        beyond: violation_counts("violated_tolerant"),
         "within the sampling band": within_band,
     }
     columns |= _overall(results, names, lambda metric: metric.column not in FIRST)
@@ -115,10 +119,15 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
     runs = [run for run in results.all_runs(controller) if violated(run)]
     if not runs:
         return [], {}, DASH
-    worst = max(runs, key=lambda run: float(run["violation_depth"]))
+
+    def relative_depth(run: Line) -> float:
+        return float(run["violation_depth"])
+
+    worst = max(runs, key=relative_depth)
     rows = []
     for row in results.rows(worst["scenario"], controller):
-        if row["trial"] == worst["trial"] and row["violation_depth"] > 0.0:
+        natural_depth = row["violation_depth"]
+        if row["trial"] == worst["trial"] and natural_depth > 0.0:
             rows.append(row)
     if not rows:
         return runs, worst, DASH
@@ -202,8 +211,9 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
     text = tally(endings)
     if not scored or len(runs) != 1 or controller == BASELINE:
         return text
-    column = "violation_depth" if violated(runs[0]) else "utilization"
-    value = 100.0 * runs[0][column]
+    (run,) = runs
+    share = run["violation_depth"] if violated(run) else run["utilization"]
+    value = 100.0 * share
     return f"{text} {number(value)}" if math.isfinite(value) else text
 
 

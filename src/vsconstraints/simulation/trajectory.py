@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -24,40 +24,44 @@ the goal, or a goal was missed.
 
 @dataclass(frozen=True)
 class Trajectory:
-    """N samples of a simulation with m rows, M markers, n joints, k features and p robot points."""
+    """N samples of a simulation with m rows, M markers, n joints, k features and p robot points.
+
+    The annotation of an array names its axes, or their sizes: with them the stored run is checked
+    when it is read, and no other list has to name a field.
+    """
 
     status: Outcome
     reason: str  #: Reason, unless ``converged``, and the rows that were violated at the start.
-    t: Array  #: (N,) [s].
-    q: Array  #: (N, n) [rad or m].
-    qd: Array  #: (N, n) [rad/s or m/s].
-    qdd_command: Array  #: (N, n) [rad/s² or m/s²].
-    error: Array  #: (N, k) feature error according to the controller.
-    #: (N, 2) distance [m] and angle [rad] of the camera from the goal's pose; NaN if it has none.
-    camera_error: Array
-    #: (N,) largest distance of a marker from its goal [px]; the largest error of the feature times
-    #: the focal length, if the feature decides whether the goal is reached.
-    feature_error_px: Array
-    #: (N, 3) in the target's frame [m]; this is the base frame if the target stands still.
-    camera_position: Array
-    features_px: Array  #: (N, M, 2) markers from the image's centre [px].
-    points: Array  #: (N, p, 3) robot points in the base frame [m].
-    labels: tuple[str, ...]  #: m row labels.
-    #: (N, m) true value, even if the controller's differs; so are σ and clearance.
-    phi: Array
-    sigma: Array  #: (N, m) constraint functions.
-    clearance: Array  #: (N, m) in the natural unit of each constraint.
-    #: (N, m) rows that constrain the arm: :func:`vsconstraints.compiled.samples.mark_acting`.
-    active: BoolArray
-    saturated: BoolArray  #: (N,) True if the command is at a limit of the actuators.
-    #: (m,) share of the available accelerations that holding φ at zero takes when φ first reaches
-    #: zero; above 1 it is impossible for any law. NaN if φ does not reach zero, and without limits.
-    share_to_hold: Array
-    #: (N, m) smallest clearance within the period after each sample; infinite if not inspected.
-    between_clearance: Array
-    rows_time: Array  #: (N,) wall time of rows and task [s].
-    #: (N,) wall time of the controller's call [s]: see :func:`vsconstraints.simulation.simulate`.
-    step_time: Array
+    t: Annotated[Array, "N"]  #: [s].
+    q: Annotated[Array, "N n"]  #: [rad or m].
+    qd: Annotated[Array, "N n"]  #: [rad/s or m/s].
+    qdd_command: Annotated[Array, "N n"]  #: [rad/s² or m/s²].
+    error: Annotated[Array, "N k"]  #: Feature error according to the controller.
+    #: Distance [m] and angle [rad] of the camera from the goal's pose; NaN if it has none.
+    camera_error: Annotated[Array, "N 2"]
+    #: Largest distance of a marker from its goal [px]; the largest error of the feature times the
+    #: focal length, if the feature decides whether the goal is reached.
+    feature_error_px: Annotated[Array, "N"]
+    #: In the target's frame [m]; this is the base frame if the target stands still.
+    camera_position: Annotated[Array, "N 3"]
+    features_px: Annotated[Array, "N M 2"]  #: Markers from the image's centre [px].
+    points: Annotated[Array, "N p 3"]  #: Robot points in the base frame [m].
+    labels: Annotated[tuple[str, ...], "m"]  #: Row labels.
+    #: True value, even if the controller's differs; so are σ and clearance.
+    phi: Annotated[Array, "N m"]
+    sigma: Annotated[Array, "N m"]  #: Constraint functions.
+    clearance: Annotated[Array, "N m"]  #: In the natural unit of each constraint.
+    #: Rows that constrain the arm: :func:`vsconstraints.compiled.samples.mark_acting`.
+    active: Annotated[BoolArray, "N m"]
+    saturated: Annotated[BoolArray, "N"]  #: True if the command is at a limit of the actuators.
+    #: Share of the available accelerations that holding φ at zero takes when φ first reaches zero;
+    #: above 1 it is impossible for any law. NaN if φ does not reach zero, and without limits.
+    share_to_hold: Annotated[Array, "m"]
+    #: Smallest clearance within the period after each sample; infinite if not inspected.
+    between_clearance: Annotated[Array, "N m"]
+    rows_time: Annotated[Array, "N"]  #: Wall time of rows and task [s].
+    #: Wall time of the controller's call [s]: see :func:`vsconstraints.simulation.simulate`.
+    step_time: Annotated[Array, "N"]
     fallbacks: int  #: Number of samples in which another solver than the selected one answered.
     compiled: bool = False  #: True if rows, task and law all ran compiled.
 

@@ -51,8 +51,8 @@ class FakeArm:
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self.t += max(seconds, 0.0)
-        silent = self.t - self._begun - self.period
-        if np.isfinite(self._begun) and silent > self._patience and not self.stopped:
+        gap = self.t - self._begun - self.period
+        if np.isfinite(self._begun) and gap > self._patience and not self.stopped:
             self.stopped = f"its watchdog received nothing for {1e3 * self._patience:g} ms"
 
     def state(self) -> tuple[Array, Array]:

@@ -80,22 +80,38 @@ def plain(data: object) -> Any:
 
 def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
     """Write a .npz file of arrays by name; all other values are stored in ``facts``, as JSON."""
-    arrays: dict[str, Any] = {
-        name: value for name, value in values.items() if isinstance(value, np.ndarray)
-    }
-    facts = {name: value for name, value in values.items() if name not in arrays}
+    arrays: dict[str, Any] = {}
+    facts = {}
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            arrays[name] = value
+        else:
+            facts[name] = value
     text = json.dumps(facts, default=lambda number: number.item())
     with replaced(path) as part, zipfile.ZipFile(part, "w") as archive:
         for name, array in {"facts": np.array(text), **arrays}.items():
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, array, allow_pickle=False)
             member = buffer.getbuffer()
-            # measured numbers hardly shrink, and compressing them takes most of the time
-            begin = member[:SAMPLE]
-            worth = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
-            kind = zipfile.ZIP_DEFLATED if worth else zipfile.ZIP_STORED
             info = zipfile.ZipInfo(f"{name}.npy", MEMBER_TIME)
-            archive.writestr(info, member, compress_type=kind, compresslevel=LEVEL)
+            archive.writestr(info, member, _compression(member), compresslevel=LEVEL)
+
+
+def _compression(member: memoryview) -> int:
+    """Return the compression that an array is worth, judged by its first bytes.
+
+    Measured numbers hardly shrink, and compressing them would take most of the time.
+    """
+    begin = member[:SAMPLE]
+    is_worth_it = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
+    return zipfile.ZIP_DEFLATED if is_worth_it else zipfile.ZIP_STORED
+
+
+#: Readers of the header of an array, by the version of its format.
+_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
@@ -106,23 +122,26 @@ def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     """
     with path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-            if (size := sum(member.file_size for member in members)) > most:
-                raise ValueError(f"it expands to {size} bytes, and may take {most:.0f}")
-            for member in members:
-                with archive.open(member) as array:
-                    version = np.lib.format.read_magic(array)
-                    header = {
-                        (1, 0): np.lib.format.read_array_header_1_0,
-                        (2, 0): np.lib.format.read_array_header_2_0,
-                    }
-                    shape, _, dtype = header[version](array)
-                    if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
-                        raise ValueError(f"{member.filename} is not as large as it says")
+            _require_sizes(archive, most)
         file.seek(0)
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     return {**json.loads(str(arrays.pop("facts"))), **arrays}
+
+
+def _require_sizes(archive: zipfile.ZipFile, most: float) -> None:
+    """Raise an error if arrays are not as large as they declare, or larger than ``most`` bytes."""
+    members = archive.infolist()
+    size = sum(member.file_size for member in members)
+    if size > most:
+        raise ValueError(f"it expands to {size} bytes, and may take {most:.0f}")
+    for member in members:
+        with archive.open(member) as array:
+            version = np.lib.format.read_magic(array)
+            shape, _, dtype = _HEADERS[version](array)
+            content = math.prod(shape) * dtype.itemsize
+            if array.tell() + content != member.file_size:
+                raise ValueError(f"{member.filename} is not as large as it says")
 
 
 def digests(folder: Path, paths: Iterable[Path]) -> Sums:

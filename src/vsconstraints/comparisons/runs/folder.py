@@ -92,12 +92,13 @@ def make_folder(folder: Path, contents: str = "results") -> None:
 def require_inside(folder: Path) -> None:
     """Raise ConfigurationError if a link in a folder leads out of it, so that writing would too."""
     whole = os.path.realpath(folder)
-    for at, folders, files in os.walk(folder):
-        for path in (os.path.join(at, name) for name in (*folders, *files)):
-            if (
-                os.path.islink(path)
-                and os.path.commonpath([whole, os.path.realpath(path)]) != whole
-            ):
+    for parent, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = os.path.join(parent, name)
+            if not os.path.islink(path):
+                continue
+            target = os.path.realpath(path)
+            if os.path.commonpath([whole, target]) != whole:
                 why = "where results would be written: replace it by its target"
                 raise ConfigurationError(f"{path} is a link that leads out of the folder, {why}")
 

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from ...errors import format_value
 from ...plugins.provenance import digest
+from ...plugins.registry import packages_with_metrics
 from .files import plain
 from .machine import code_identity, used_versions
 
@@ -51,10 +52,16 @@ def identity(controllers: Iterable[Law], *, with_files: bool = True, **others: A
     """Return everything that runs depend on: code, packages, controllers, and ``others``.
 
     ``others`` are settings, and scenes by :func:`scene_identity`. Unless ``with_files``, hashes of
-    files of custom laws are left out, for runs whose records hold hashes of all files.
+    files of custom laws and packages with metrics are left out, for runs that are stored as
+    records: these hold hashes of all files, and are scored again whenever they are read.
     """
     laws = {entry.name: _law_identity(entry, with_files) for entry in controllers}
-    return {**code_identity(), **others, "controllers": laws}
+    found = {**code_identity(), **others, "controllers": laws}
+    # records are scored anew; without them, scores of other packages' metrics are results
+    packages = {} if not with_files else packages_with_metrics()
+    if packages:
+        found["metrics"] = packages
+    return found
 
 
 def scene_identity(tables: Mapping[str, Any], files: Iterable[Path] = ()) -> Identity:
@@ -102,17 +109,26 @@ def different(
 
     Tables are compared recursively, as are nonempty lists of tables with equal length.
     """
-    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
-    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
-        a, b = (dict(enumerate(side)) for side in (a, b))
-    if isinstance(a, Mapping) and isinstance(b, Mapping):
-        for key in dict.fromkeys((*a, *b)):
-            if key in a and key in b:
-                yield from different(a[key], b[key], (*path, str(key)))
-            else:
-                yield (*path, str(key)), a.get(key), b.get(key)
-    elif a != b:
-        yield path, a, b
+    if _is_list_of_tables(a) and _is_list_of_tables(b) and len(a) == len(b):
+        a = dict(enumerate(a))
+        b = dict(enumerate(b))
+    if not (isinstance(a, Mapping) and isinstance(b, Mapping)):
+        if a != b:
+            yield path, a, b
+        return
+    for key in dict.fromkeys((*a, *b)):
+        inside = (*path, str(key))
+        if key in a and key in b:
+            yield from different(a[key], b[key], inside)
+        else:
+            yield inside, a.get(key), b.get(key)
+
+
+def _is_list_of_tables(value: Any) -> bool:
+    """True for a nonempty list of tables."""
+    if not isinstance(value, list) or not value:
+        return False
+    return all(isinstance(entry, Mapping) for entry in value)
 
 
 def differences(there: Any, here: Any) -> Iterator[str]:

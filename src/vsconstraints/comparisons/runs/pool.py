@@ -255,9 +255,11 @@ def run_all(
     and the number of all calls.
     """
     answers: dict[Key, Answer | Failure] = {}
-    total = sum(map(len, batches))
+    sizes = [len(batch) for batch in batches]
+    total = sum(sizes)
     on_progress(0, total)
-    with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
+    most = min(process_count(workers), max(sizes, default=1))
+    with Pool(function, most) as pool:
         for batch in batches:
             own = ((key, function(*call)) for key, call in batch.items() if key in here)
             others = {key: call for key, call in batch.items() if key not in here}

@@ -118,18 +118,16 @@ class ControllerSpec:
         law = checked(options.pop("type", stack_law() if is_stack else name), str, at, "type")
         if is_stack and law == stack_law():
             options = _from_folder(options, folder)
-        return cls(
-            name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run")
-        )
+        timing = from_table(RunTiming, options.pop("run", {}), f"{at}.run")
+        return cls(name, law, options, folder, timing)
 
     @property
     def table(self) -> dict[str, Any]:
         """Law, options and timing, in the format of :meth:`from_table`."""
-        return {
-            "type": self.law,
-            **self.options,
-            **({"run": changes} if (changes := self.run.changes) else {}),
-        }
+        table = {"type": self.law, **self.options}
+        if self.run.changes:
+            table["run"] = self.run.changes
+        return table
 
     def changed(self, key: str, value: object) -> ControllerSpec:
         """Return a copy with another value of an option or of a key of ``run``.
@@ -138,7 +136,9 @@ class ControllerSpec:
         """
         if key.partition(".")[0] != "run":
             return replace(self, options={**self.options, key: value})
-        run = {**self.run.changes, key.removeprefix("run."): value} if key != "run" else value
+        run = value
+        if key != "run":
+            run = {**self.run.changes, key.removeprefix("run."): value}
         return replace(self, run=from_table(RunTiming, run, f"{self.name}.run"))
 
     @classmethod
@@ -234,8 +234,10 @@ def _from_folder(options: dict[str, Any], folder: Path | None) -> dict[str, Any]
     """Return options of a stack, with files of its command relative to the folder made absolute."""
 
     def found(part: object) -> object:
-        path = (folder or Path()) / str(part)
-        return str(path.absolute()) if isinstance(part, str) and isfile(path) else part
+        if not isinstance(part, str):
+            return part
+        path = (folder or Path()) / part
+        return str(path.absolute()) if isfile(path) else part
 
     changed = dict(options)
     if isinstance(changed.get("command"), list):
@@ -250,7 +252,11 @@ def prepare_laws(laws: Iterable[ControllerSpec]) -> None:
 
     No code of custom laws is run.
     """
-    prepare(*sorted({name for law in laws if ":" not in law.law for name in law.make().kernels}))
+    kernels: set[str] = set()
+    for law in laws:
+        if ":" not in law.law:
+            kernels.update(law.make().kernels)
+    prepare(*sorted(kernels))
 
 
 #: The unconstrained baseline, which defines the challenged rows of a scenario; every comparison

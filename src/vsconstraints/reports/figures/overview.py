@@ -68,13 +68,11 @@ class Centre(NamedTuple):
         used = finite_values(run["utilization"] for run in converged)
         variation = finite_values(run["acceleration_variation"] for run in converged)
         if not used or not variation:
-            return cls(math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
-        return cls(
-            median(used),
-            median(variation),
-            (min(used), max(used)),
-            (min(variation), max(variation)),
-        )
+            unknown = (math.nan, math.nan)
+            return cls(math.nan, math.nan, unknown, unknown)
+        used_range = (min(used), max(used))
+        variation_range = (min(variation), max(variation))
+        return cls(median(used), median(variation), used_range, variation_range)
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
@@ -107,11 +105,17 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     _scale_axes(ax, runs_of_axes, [value for value in variations if value > 0.0])
     width = WIDTH - sheet.left - sheet.right
     name_centres(ax, centres, look, (POINTS * width, POINTS * HEIGHT))
+    without_name = {name: look[name] for name in drawn if name not in centres}
+    sheet.bottom += 0.08
+    sheet.legend(_entries(without_name), 2)
+    return sheet
+
+
+def _entries(without_name: Mapping[str, Look]) -> list[dict[str, Any]]:
+    """Return the legend entries of controllers without a name in the figure, and of the marks."""
     entries = []
-    for name in drawn:
-        if name not in centres:
-            colour = look[name].colour
-            entries.append(symbol(look[name].marker, colour, colour, 8.0, label=shortened(name)))
+    for name, look in without_name.items():
+        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=shortened(name)))
     hollow = symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated")
     entries += [
         symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
@@ -119,9 +123,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
         symbol("o", GREY, GREY, SMALL, label="one run"),
         hollow | {"markeredgewidth": 1.5},
     ]
-    sheet.bottom += 0.08
-    sheet.legend(entries, 2)
-    return sheet
+    return entries
 
 
 def _scale_axes(ax: Any, runs: Sequence[Line], variations: Sequence[float]) -> None:
@@ -135,9 +137,14 @@ def _scale_axes(ax: Any, runs: Sequence[Line], variations: Sequence[float]) -> N
     highest = 1.6 * max(variations)
     logarithmic(ax.yaxis, decades(lowest, highest))
     ax.set_ylim(lowest, highest)
-    ticks = [share for share in SHARES if least - 1e-12 <= 1.0 - share <= most]
-    labels = ["≥ 99.99" if share == SHARES[-1] else f"{100.0 * share:g}" for share in ticks]
-    ax.set_xticks([1.0 - share for share in ticks], labels)
+    places = []
+    labels = []
+    for share in SHARES:
+        place = 1.0 - share
+        if least - 1e-12 <= place <= most:
+            places.append(place)
+            labels.append(f"{100.0 * share:g}" if share < SHARES[-1] else "≥ 99.99")
+    ax.set_xticks(places, labels)
     ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
 

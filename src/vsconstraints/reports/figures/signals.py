@@ -17,11 +17,11 @@ from ..plots.style import (
     area,
     band,
     decades,
-    extremes,
     line,
     logarithmic,
     note,
     signal,
+    windows_of,
     zero_line,
 )
 from .view import View
@@ -33,6 +33,7 @@ PANEL = 1.0
 LANE = 0.075
 LANE_GAP = 0.09
 MAX_PHI = 1e3  # φ is drawn up to this many times its sampling band
+MAX_LABEL = 14  # longer labels of rows stand in two lines
 ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
 
 
@@ -41,20 +42,26 @@ def draw_phi(view: View) -> Sheet | None:
     if not view.phi_rows and not view.lane_rows:
         return None
     sheet = Sheet(left=1.85, right=0.2)
-    sheet.legend(view.entries(None if view.phi_rows else view.competitors))
+    named = None if view.phi_rows else view.competitors
+    sheet.legend(view.entries(named))
     lane = len(view.competitors) * LANE + LANE_GAP
+    lane_count = len(view.lane_rows)
     heights = [PANEL] * len(view.phi_rows)
-    if view.lane_rows:
-        heights.append(lane * len(view.lane_rows))
+    if lane_count:
+        heights.append(lane * lane_count)
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
     for ax, label in zip(panels, view.phi_rows, strict=False):
         _draw_row(ax, view, label)
-        sheet.name(ax, label.replace("[", "\n[", 1) if len(label) > 14 else label)
-    if view.lane_rows:
-        _draw_activity(panels[-1], view, lane)
+        text = label
+        if len(label) > MAX_LABEL:
+            text = label.replace("[", "\n[", 1)
+        sheet.name(ax, text)
+    if lane_count:
+        activity = panels[-1]
+        _draw_activity(activity, view, lane)
         for i, label in enumerate(view.lane_rows):
-            place = 1.0 - (i + 0.5) / len(view.lane_rows)
-            sheet.name(panels[-1], label, place, fontsize=8)
+            place = 1.0 - (i + 0.5) / lane_count
+            sheet.name(activity, label, place, fontsize=8)
     for ax in panels:
         view.time_axis(ax, view.rows_end)
     return sheet
@@ -74,16 +81,17 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
         step = run.Ts * run.switching_gain[i]
         relative = trajectory.phi[:, i] / step
         low = min(low, float(np.nanmin(relative, initial=low)))
-        shown = trajectory.t <= view.rows_end
-        t, least, greatest, _ = extremes(trajectory.t[shown], relative[shown], BINS)
-        ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
+        is_shown = trajectory.t <= view.rows_end
+        windows = windows_of(trajectory.t[is_shown], relative[is_shown], BINS)
+        marks = view.marks(name, windows.t, view.rows_end)
+        ax.plot(windows.t, windows.greatest, **look, **marks)
         if name != BASELINE:
             high = max(high, float(np.nanmax(relative, initial=high)))
             area(
                 ax,
-                t,
-                least,
-                greatest,
+                windows.t,
+                windows.least,
+                windows.greatest,
                 color=look["color"],
                 alpha=0.15,
                 linewidth=0.0,
@@ -214,21 +222,25 @@ def draw_acceleration(view: View) -> Sheet:
     for name in view.shown:
         trajectory = view.runs[name].trajectory
         commands[name] = (trajectory.t, trajectory.qdd_command)
+    scale = (1.0, 1.3 * _largest_command(view))
+    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
+    for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
+        windows = windows_of(t, qdd, MEAN_BINS)
+        for mean, colour in zip(windows.mean.T, colours, strict=False):
+            ax.plot(windows.t, mean, color=colour, linewidth=1.1, zorder=3)
+        view.title(ax, name)
+    return sheet
+
+
+def _largest_command(view: View) -> float:
+    """Return the largest |q̈_c| of all runs, without their largest 0.05 % samples; at least 1."""
     largest = 1.0
     for run in view.runs.values():
         command = run.trajectory.qdd_command
         sizes = np.abs(command[np.isfinite(command)])
         if len(sizes):
-            # Without the largest 0.05 % of the samples.
             largest = max(largest, float(np.quantile(sizes, 0.9995)))
-    scale = (1.0, 1.3 * largest)
-    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
-    for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
-        middle, _, _, means = extremes(t, qdd, MEAN_BINS)
-        for mean, colour in zip(means.T, colours, strict=False):
-            ax.plot(middle, mean, color=colour, linewidth=1.1, zorder=3)
-        view.title(ax, name)
-    return sheet
+    return largest
 
 
 def joint_panels(
@@ -265,15 +277,15 @@ def joint_panels(
         same_y=True,
     )
     for ax, (t, joints) in zip(panels, values.values(), strict=True):
-        middle, least, greatest, _ = extremes(t, joints, BINS)
+        windows = windows_of(t, joints, BINS)
         # Joints that vary most lie below the others.
-        variation = np.nan_to_num(greatest - least).mean(axis=0)
+        variation = np.nan_to_num(windows.greatest - windows.least).mean(axis=0)
         for rank, k in enumerate(np.argsort(-variation, kind="stable")):
             area(
                 ax,
-                middle,
-                least[:, k],
-                greatest[:, k],
+                windows.t,
+                windows.least[:, k],
+                windows.greatest[:, k],
                 color=colours[k],
                 alpha=0.4,
                 linewidth=0.4,

@@ -29,6 +29,7 @@ LEFT = 0.62
 GAP = 0.16
 TITLE = 0.27
 TITLE_LINE = 0.14
+LEGEND_LINE = 0.21
 # Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
@@ -82,13 +83,14 @@ def draw_tracks(view: View) -> Sheet | None:
             draw_run(beside, view, name, 1.5)
     # The legend stands in a free place of the grid, or below it.
     entries = _entries(view, plane, names, detail)
-    taken = (len(names) - 1) % columns + 1
-    needed = 0.21 * len(entries)
-    tall = above + height
-    if taken < columns and tall > needed:
+    panels_in_last_row = (len(names) - 1) % columns + 1
+    legend_height = LEGEND_LINE * len(entries)
+    row_height = above + height
+    if panels_in_last_row < columns and row_height > legend_height:
         # The space above that place has the numbers and the label of a panel.
-        left = LEFT + taken * (room + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.bottom - 0.5 * (tall + needed)), labelspacing=0.7)
+        left = LEFT + panels_in_last_row * (room + GAP) + 0.2
+        top = sheet.bottom - 0.5 * (row_height + legend_height)
+        sheet.legend(entries, 1, (left, top), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet
@@ -138,28 +140,35 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
     """Yield the index of each row on a marker's place in the image, and that place (N, 2) [px]."""
     pixels = run.trajectory.features_px
+    marker_count = pixels.shape[1]
     for i, label in enumerate(run.trajectory.labels):
-        number = label.rpartition("marker ")[2].rstrip("]")
+        _, _, end = label.rpartition("marker ")
+        number = end.rstrip("]")
         if run.units[i] != "px" or not number.isdecimal():
             continue
         marker = int(number) - 1
-        if marker < pixels.shape[1]:
+        if marker < marker_count:
             yield i, pixels[:, marker]
 
 
 def _entries(
     view: View, plane: Plane, names: list[str], detail: CloseUp | None
 ) -> list[dict[str, Any]]:
-    goals = view.setup.task.goals if view.setup is not None else ()
+    """Return the legend entries of tracks, image and close-up."""
+    goal_count = 0 if view.setup is None else len(view.setup.task.goals)
     entries = [START | {"label": "start of marker 1, 2, …"}]
-    if len(goals) > 1:
+    if goal_count == 1:
+        entries.append(LAST | {"label": "goal"})
+    elif goal_count > 1:
         entries.append(EARLIER | {"label": "earlier goal"})
-    if goals:
-        entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
+        entries.append(LAST | {"label": "last goal"})
     entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
-        entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(list(_violations(view.runs[name])) for name in names):
+        colour = view.looks[BASELINE].colour
+        entries.append(line("tracking alone", colour) | {"linewidth": 0.9})
+    runs = [view.runs[name] for name in names]
+    is_violated = [any(True for _ in _violations(run)) for run in runs]
+    if any(is_violated):
         entries.append(line("row in the image violated", **VIOLATED))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
@@ -184,28 +193,38 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     relative to the row's L. It lies in the shown part of the plane, and a boundary passes through
     it.
     """
-    size = max(plane.size)
     candidates: list[tuple[float, CloseUp]] = []
     for name, run in view.runs.items():
         if name == BASELINE:
             continue
         for i, pixels in _rows_in_image(run):
-            if run.trajectory.labels[i] not in view.phi_rows:
-                continue
-            is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
-            clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
-            k = int(np.argmin(clearance))
-            least = float(clearance[k])
-            is_active = run.trajectory.active[:, i].any()
-            is_violated = least < -NEGLIGIBLE * run.length[i]
-            if least > -MAX_DEPTH * size and (is_active or is_violated):
-                half = max(SHARE * size, -1.6 * least)
-                candidates.append((least / run.length[i], CloseUp(pixels[k], half)))
+            if run.trajectory.labels[i] in view.phi_rows:
+                candidates += _candidates(run, i, pixels, plane)
     candidates.sort(key=lambda candidate: candidate[0])
     for _, detail in candidates:
         if _has_boundary(plane, detail):
             return detail
     return None
+
+
+def _candidates(
+    run: RunRecord, i: int, pixels: Array, plane: Plane
+) -> Iterator[tuple[float, CloseUp]]:
+    """Yield the close-up of a row where its marker (N, 2) [px] comes nearest to the boundary.
+
+    Yield it with the clearance there relative to L; none if the row does not matter, or if the
+    violation is deep enough to be seen in the whole image.
+    """
+    size = max(plane.size)
+    is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
+    clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
+    nearest = int(np.argmin(clearance))
+    least = float(clearance[nearest])
+    is_active = run.trajectory.active[:, i].any()
+    is_violated = least < -NEGLIGIBLE * run.length[i]
+    if least > -MAX_DEPTH * size and (is_active or is_violated):
+        half = max(SHARE * size, -1.6 * least)
+        yield least / run.length[i], CloseUp(pixels[nearest], half)
 
 
 def _has_boundary(plane: Plane, detail: CloseUp) -> bool:

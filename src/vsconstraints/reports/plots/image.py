@@ -299,10 +299,12 @@ def _outline(camera: Camera) -> Array | None:
         return None
     rising = np.linspace(-0.5, 0.5, 41)
     constant = np.full(41, 0.5)
+    # the upper, right, lower and left edge
     u = np.concatenate((rising, constant, -rising, -constant))
     v = np.concatenate((-constant, rising, constant, -rising))
     edge = np.stack((u, v), axis=1)
+    pixels = edge * np.asarray(camera.size)
     try:
-        return camera.undistort(edge * np.asarray(camera.size))
+        return camera.undistort(pixels)
     except InvalidInput:
         return None

@@ -222,8 +222,10 @@ class Sheet:
                 if kind in VECTOR:
                     self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
                 else:  # already drawn
-                    pixels = Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
-                    pixels.save(part, format="PNG", dpi=(DPI, DPI))
+                    drawn = np.asarray(self.canvas.buffer_rgba())
+                    without_alpha = drawn[..., :3]
+                    image = Image.fromarray(without_alpha)
+                    image.save(part, format="PNG", dpi=(DPI, DPI))
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import numpy as np
 
-from ...rows import Array
+from ...rows import Array, IntArray
 
 INK = "#222222"
 FAINT = "#444444"
@@ -27,7 +27,8 @@ _TABLE = tomllib.loads(Path(__file__).with_name("looks.toml").read_text(encoding
 COLOURS: dict[str, str] = _TABLE["colours"]
 #: Preferred colours of custom laws: no law of the default comparison has them.
 FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "vermillion")]
-LINES = ("-", "--", "-.", ":")
+DASHED = "--"
+LINES = ("-", DASHED, "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
 #: Digits and sign of an exponent.
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -55,18 +56,20 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     It is that of its name in ``looks.toml``, or else a preferred one that no other controller has.
     A tuned law has the colour of the law from which it was tuned, dashed.
     """
-    result = {name: LOOKS[name] for name in controllers if name in LOOKS}
+    known = {name: LOOKS[name] for name in controllers if name in LOOKS}
     others = [name for name in dict.fromkeys(controllers) if name not in LOOKS]
     # Tuned laws come last, when the looks of their originals are known.
-    for name in sorted(others, key=lambda name: name.endswith(TUNED)):
-        original = name.removesuffix(TUNED)
-        taken = list(result.values())
-        look = result.get(original) or LOOKS.get(original) or _free_look(original, taken)
-        if original != name:
-            marker = _free_marker(MARKERS.index(look.marker) + 1, taken)
-            look = Look(look.colour, marker, LINES[1])
-        result[name] = look
-    return {name: result[name] for name in controllers}
+    others.sort(key=lambda name: name.endswith(TUNED))
+    for name in others:
+        taken = list(known.values())
+        if name.endswith(TUNED):
+            original = name.removesuffix(TUNED)
+            look = known.get(original) or LOOKS.get(original) or _free_look(original, taken)
+            next_marker = MARKERS.index(look.marker) + 1
+            known[name] = Look(look.colour, _free_marker(next_marker, taken), DASHED)
+        elif name not in known:
+            known[name] = _free_look(name, taken)
+    return {name: known[name] for name in controllers}
 
 
 def _free_look(name: str, taken: Sequence[Look]) -> Look:
@@ -76,14 +79,20 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
     """
     number = crc32(name.encode())
     k = number % len(FREE_COLOURS)
+    preferred = [*FREE_COLOURS[k:], *FREE_COLOURS[:k]]
     _, *coloured = COLOURS.values()  # without the baseline's grey
-    colours = dict.fromkeys([*FREE_COLOURS[k:], *FREE_COLOURS[:k], *coloured])
+    colours = dict.fromkeys([*preferred, *coloured])
     taken_colours = {look.colour for look in taken}
     taken_pairs = {(look.line, look.colour) for look in taken}
-    pairs = list(product(LINES, colours))
-    unused = [pair for pair in pairs if pair not in taken_pairs] or pairs
-    of_new_colour = [pair for pair in unused if pair[1] not in taken_colours]
-    line, colour = (of_new_colour or unused)[0]
+
+    def conflict(pair: tuple[str, str]) -> int:
+        """Return 2 if a law has the pair of line and colour, 1 if one has the colour, else 0."""
+        if pair in taken_pairs:
+            return 2
+        return 1 if pair[1] in taken_colours else 0
+
+    # The first of the pairs with the least conflict, solid lines before others.
+    line, colour = min(product(LINES, colours), key=conflict)
     return Look(colour, _free_marker(number, taken), line)
 
 
@@ -130,7 +139,8 @@ def folded(name: str, most: int) -> str:
     breaks = []
     for hyphen in re.finditer("-", name):
         k = hyphen.end()
-        if max(k, len(name) - k) <= most:
+        longer_line = max(k, len(name) - k)
+        if longer_line <= most:
             breaks.append(k)
     if not breaks:
         return shortened(name, most)
@@ -345,21 +355,35 @@ def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -
     return {name: thickest - step * i for i, name in enumerate(names)}
 
 
-def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]:
-    """Return middle time (B,) and least, greatest and mean value (B, …) of y (N, …) in windows.
+class Windows(NamedTuple):
+    """Signal in B short windows; values are NaN in a window without finite ones."""
 
-    There are at most ``bins`` windows. Values are NaN in a window without finite ones.
-    """
+    t: Array  #: (B,) middle of each window [s].
+    least: Array  #: (B, …).
+    greatest: Array  #: (B, …).
+    mean: Array  #: (B, …).
+
+
+def windows_of(t: Array, y: Array, most: int) -> Windows:
+    """Return y (N, …) at times t (N,) [s] in at most ``most`` windows."""
     N = len(t)
-    begins = np.linspace(0, N, min(bins, N), endpoint=False)
+    begins = np.linspace(0, N, min(most, N), endpoint=False)
     starts = np.unique(begins.astype(np.int64))
     ends = np.append(starts[1:], N) - 1
-    middle = 0.5 * (t[starts] + t[ends])
-    least = np.fmin.reduceat(y, starts, axis=0)
-    greatest = np.fmax.reduceat(y, starts, axis=0)
+    return Windows(
+        t=0.5 * (t[starts] + t[ends]),
+        least=np.fmin.reduceat(y, starts, axis=0),
+        greatest=np.fmax.reduceat(y, starts, axis=0),
+        mean=_window_means(y, starts),
+    )
+
+
+def _window_means(y: Array, starts: IntArray) -> Array:
+    """Return the mean of the finite values of y (N, …) in windows with these starts (B,)."""
     is_known = np.isfinite(y)
+    known = np.where(is_known, y, 0.0)
     count = np.add.reduceat(is_known.astype(np.int64), starts, axis=0)
-    total = np.add.reduceat(np.where(is_known, y, 0.0), starts, axis=0)
+    total = np.add.reduceat(known, starts, axis=0)
     mean = np.full(total.shape, np.nan)
     np.divide(total, count, out=mean, where=count > 0)
-    return middle, least, greatest, mean
+    return mean
