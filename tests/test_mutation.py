@@ -79,7 +79,6 @@ def test_loop():
 """
 
 RUN = """
-import os
 import sys
 from pathlib import Path
 from checks.mutation import run
@@ -111,12 +110,11 @@ else:
     raise AssertionError("a test that does not exist has noticed a mutant")
 runner.known = None
 del runner.reached[wrong[2]]
+for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
+    print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 late = run.Runner(Path(sys.argv[2]) / "late", ["tests/test_module.py"], 2, tree, watch_until=0.0)
 assert late.unwatched == ["tests/test_module.py"]
 assert [verdict.state for verdict in late.judge([named])] == ["undecided"]
-os.chdir(runner.folder)
-for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
-    print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 """
 
 

@@ -157,17 +157,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.chdir(ROOT)
             print("tests of noticed.tsv that cannot be run:", *missing, sep="\n    ")
             return 1
-        verdicts = []
         wanted_mutants = [*named, *mutants]
-        until = started + 60.0 * chosen.minutes
-        undecided = 0
-        for verdict in runner.judge(wanted_mutants, until):
-            if verdict.state == "undecided":
-                undecided += 1
-            else:
-                verdicts.append(verdict)
-            if chosen.verbose or not verdict.noticed:
-                print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
+        every_verdict = _judged(
+            runner, wanted_mutants, started + 60.0 * chosen.minutes, chosen.verbose
+        )
+        verdicts = [verdict for verdict in every_verdict if verdict.state != "undecided"]
         noticing = {verdict.by for verdict in verdicts if verdict.by}
         failing = "" if chosen.named else runner.failing_without_mutant(sorted(noticing))
         os.chdir(ROOT)
@@ -175,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
         f"{len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s"
     )
-    if undecided:
+    if undecided := len(every_verdict) - len(verdicts):
         print(f"{undecided} mutants undecided: run it again, it continues to watch tests")
     if len(verdicts) < min(FEWEST, len(wanted_mutants)):
         print(f"fewer than {FEWEST} mutants were judged, which tell nothing: allow more --minutes")
@@ -196,6 +190,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed)
     )
     return 0 if good and not missed and not stale else 1
+
+
+def _judged(
+    runner: Runner, mutants: Sequence[Mutant], until: float, verbose: bool
+) -> list[Verdict]:
+    """Judge mutants, and print those that are not noticed, or all of them."""
+    verdicts = []
+    for verdict in runner.judge(mutants, until):
+        verdicts.append(verdict)
+        if verbose or not verdict.noticed:
+            print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
+    return verdicts
 
 
 def _tables(name: str) -> list[dict[str, str]]:
