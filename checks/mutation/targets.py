@@ -182,7 +182,7 @@ TESTS = (
 QUICK = 1.0
 """Time limit of a test without the compiler [s]; longer ones are left out."""
 
-WATCHED = 20.0
+WATCHED = 10.0
 """Time [s] for which the tests of a file are watched, those of the quick suite first."""
 
 RUNS = "tests/test_reproduction.py"
