@@ -5,7 +5,7 @@ exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample
 is improbable), or if a named one is not. Compiled functions run as Python here.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
-With ``--minutes``, half of that time is for watching, no mutant is begun when it is over, and the
+With ``--minutes``, 60 % of that time is for watching, no mutant is begun when it is over, and the
 tests of each take a minute at most. The test of a sample is about the mutants that were judged, 30
 at least. Where test files were not watched in time, mutants that no other test notices are
 undecided; the next run continues.
@@ -51,6 +51,9 @@ SPARE = 1.25
 
 LONGEST = 60.0
 """With ``--renew`` or ``--minutes``, time limit [s] of all tests of a mutant together."""
+
+WATCHING = 0.6
+"""With ``--minutes``, share of the time after which no further test file is watched."""
 
 FEWEST = 30
 """With ``--minutes``, least number of judged mutants of a sample: fewer contradict no share."""
@@ -140,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             known=known_tests if chosen.named else None,
             longest=LONGEST if is_limited else math.inf,
             cache=cache_folder(),
-            watch_until=started + 30.0 * chosen.minutes,
+            watch_until=started + WATCHING * 60.0 * chosen.minutes,
         )
         if runner.unwatched:
             print(f"not watched in time: {len(runner.unwatched)} of {len(TESTS)} test files")
