@@ -5,7 +5,7 @@ exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample
 is improbable), or if a named one is not. Compiled functions run as Python here.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
-With ``--minutes``, 60 % of that time is for watching, no mutant is begun when it is over, and the
+With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the
 tests of each take a minute at most. The test of a sample is about the mutants that were judged, 30
 at least. Where test files were not watched in time, mutants that no other test notices are
 undecided; the next run continues.
