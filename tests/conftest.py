@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from markers import MARKERS, SAMPLED, sampled
+
+NOTICED = Path(__file__).parents[1] / "checks/mutation/noticed.tsv"
 
 # `nohup`, and shells that start something in the background, ignore signals, and what is started
 # inherits that
@@ -22,7 +25,7 @@ for number, handler in (
         signal.signal(number, handler)
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
-for profile, examples in (("quick", 15), ("thorough", 60)):
+for profile, examples in (("quick", 10), ("thorough", 60)):
     settings.register_profile(
         profile,
         derandomize=True,
@@ -61,11 +64,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(getattr(pytest.mark, marker))
         if test in SAMPLED and isinstance(item, pytest.Function):
             many.setdefault(test, []).append(item)
+    noticing = _tests_of_named_mutants()
     for test, cases in many.items():
         kept = sampled([case.callspec.params for case in cases], SAMPLED[test])
         for number, case in enumerate(cases):
-            if number not in kept:
+            if number not in kept and case.nodeid not in noticing:
                 case.add_marker(pytest.mark.full)
+
+
+def _tests_of_named_mutants() -> set[str]:
+    """Return the names of the tests that notice the named mutants: the quick suite keeps them.
+
+    In a copy of the tests without ``checks`` there are none.
+    """
+    if not NOTICED.exists():
+        return set()
+    with NOTICED.open(encoding="utf-8", newline="") as file:
+        return {mutant["test"] for mutant in csv.DictReader(file, delimiter="\t")}
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from vsconstraints.cli.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.compiled import available
 from vsconstraints.controllers import CONTROLLERS
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.plugins.registry import load, parts
 from vsconstraints.scenarios import shipped_scenarios
 
@@ -190,7 +190,6 @@ def test_compare_writes_a_report_and_report_writes_it_again(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("compare", "--scenario", "example-2d-fow"), ("example-2d-fow", "example-2d-fov")),
         (("compare", "--controller", "sliding"), ("sliding", "sliding-mode")),
         (("compare", "--set", "hierarchical-qp.solver=quadprogg"), ("quadprogg", "quadprog")),
         (("compare", "--set", "scenario.robot=ur6"), ("ur6", "ur5")),
@@ -199,10 +198,31 @@ def test_compare_writes_a_report_and_report_writes_it_again(tmp_path: Path) -> N
         (("compare", "--jobs", "0"), ("jobs",)),
         (("compare", "--seed", "-1"), ("seed",)),
         (("report", "nowhere"), ("nowhere", "manifest.json")),
-        (("compair",), ("compair",)),
         (("compare", "--set", "trials=1000000000"), ("1000000000 trials", "runs", "100000")),
         (("compare", "--set", "scenario.duration=1e9"), ("samples", "GB")),
         (("compare", "--set", "scenario.q0=" + "[" * 2000 + "]" * 2000), ("levels",)),
+    ],
+)
+def test_bad_input_is_refused_and_writes_nothing(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    words: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the start of a process, which takes longer than all of these together."""
+    monkeypatch.chdir(tmp_path)
+    refused = CliRunner().invoke(app, arguments)
+    assert isinstance(refused.exception, VsconstraintsError) or refused.exit_code == 2
+    for word in words:
+        assert word in f"{refused.exception} {refused.output}"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("compare", "--scenario", "example-2d-fow"), ("example-2d-fow", "example-2d-fov")),
+        (("compair",), ("compair",)),
         (("compare", "--scenario", "aus\udcff.toml"), ("aus\\udcff.toml",)),
     ],
 )

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.optimize import nnls
@@ -32,6 +32,8 @@ SOLVERS = ("auto", "daqp", "proxqp", "osqp", "quadprog", "clarabel")
 COMPILED = load("hierarchical_qp") is not None
 NAMES = {"auto": "compiled" if COMPILED else "daqp"}
 SEEDS = range(20)
+#: Those of which all solvers are compared: fewer in the quick suite.
+COMPARED = SEEDS if settings().max_examples > 10 else SEEDS[:8]
 ALPHA = 20.0
 DAMPING = 1e-8
 TOLERANCES = {name: 1e-8 if name == "auto" else make_solver(name).tolerance for name in SOLVERS}
@@ -94,12 +96,12 @@ def near_singular(problem, optimum):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_solver_agrees_with_the_oracle(kind):
-    """Compare the objective of each level, 20 problems of each kind."""
+    """Compare the objective of each level, on several problems of each kind."""
     faults = []
     excluded = 0
     answered = dict.fromkeys(SOLVERS, 0)
     replaced = dict.fromkeys(SOLVERS, 0)
-    for seed in SEEDS:
+    for seed in COMPARED:
         problem = random_problem(kind, seed)
         optimum = lexicographic_optimum(problem)
         reference = problem.objectives(optimum)
@@ -133,7 +135,7 @@ def test_every_solver_agrees_with_the_oracle(kind):
     for name in SOLVERS:
         assert replaced[name] <= 0.5 * answered[name]
     if kind not in ("many rows",):  # which leave one point only, without any QP
-        assert min(answered.values()) >= 3
+        assert min(answered.values()) >= len(COMPARED) // 6
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -269,10 +269,16 @@ ASKED = Situation(joints=6, noise=0.5, delay=0.03, unknown_motion=True, constrai
 
 @pytest.mark.parametrize("what", ODD)
 def test_columns_of_a_study_that_hold_something_else(what: str, table: Any, tmp_path: Path) -> None:
-    """Either the study is refused, or there is advice: never anything else."""
+    """Either the study is refused, or there is advice: never anything else.
+
+    All columns are empty once; what else may stand in them is tried in every third.
+    """
     path = tmp_path / "study.parquet"
     refused: dict[str, str] = {}
+    place = list(ODD).index(what)
     for at, name in enumerate(table.column_names):
+        if what != "empty" and at % 3 != place % 3:
+            continue
         odd = table.set_column(at, name, ODD[what](table.num_rows, table[name].type))
         pq.write_table(odd.replace_schema_metadata(table.schema.metadata), path)
         try:

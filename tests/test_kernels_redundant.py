@@ -4,6 +4,8 @@ by construction.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -119,16 +121,22 @@ def test_the_hierarchy_of_redundant_arms(n, bound):
     assert 0 < relaxed < 20
 
 
+@cache
+def compiled_pseudoinverse():
+    """Return the compiled pseudoinverse as a function of W, the tolerance and Y."""
+    inner = kernels.load("least_squares").pseudoinverse
+    start = kernels.load("linear").START
+    none = kernels.load("scratch").no_scratch
+    return kernels.load("compiler").numba.njit(
+        lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start, none())
+    )
+
+
 @pytest.mark.parametrize(
     ("k", "n", "rank"), [(3, 30, 3), (6, 12, 4), (12, 6, 4), (9, 9, 9), (9, 9, 5), (40, 7, 7)]
 )
 def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, rank):
-    inner = kernels.load("least_squares").pseudoinverse
-    start = kernels.load("linear").START
-    none = kernels.load("scratch").no_scratch
-    solve = kernels.load("compiler").numba.njit(
-        lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start, none())
-    )
+    solve = compiled_pseudoinverse()
     rng = np.random.default_rng(0)
     c = min(k, n)
     for cut in (1e-6, 1e-2):

@@ -46,6 +46,9 @@ LAWS: list[Any] = [
 ]
 """Every name, every file of the folder controllers, every demand and every resolver."""
 
+COSTLY = ("goal-governor", "barrier-governor", "mppi")
+"""Laws whose runs take longer than those of all others together."""
+
 VELOCITY_ARM = {"command": "velocity", "lag": 0.02, "acceleration": 20.0}
 MODEL = ("predictive", "robust-predictive", *FOLDER_LAWS.values())
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
@@ -152,7 +155,11 @@ def test_what_is_searched_of_each_law() -> None:
 
 
 #: Laws that declare what is searched; those of the guides do not.
-DECLARED = [law for law in LAWS if law.id not in ("cautious", "gradual", "careful")]
+DECLARED = [
+    pytest.param(*law.values, id=law.id, marks=pytest.mark.full) if law.id in COSTLY else law
+    for law in LAWS
+    if law.id not in ("cautious", "gradual", "careful")
+]
 
 
 @pytest.mark.parametrize(("name", "options"), DECLARED)

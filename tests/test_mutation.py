@@ -66,7 +66,8 @@ CHANGES = {
     ("return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 1][low]"),
 }
 
-TESTS = """from module import clipped
+TESTS = """import helper
+from module import clipped
 
 
 def test_shared():
@@ -111,6 +112,9 @@ runner.known = None
 del runner.reached[wrong[2]]
 for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
     print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
+late = run.Runner(Path(sys.argv[2]) / "late", ["tests/test_module.py"], 2, tree, watch_until=0.0)
+assert late.unwatched == ["tests/test_module.py"]
+assert [verdict.state for verdict in late.judge([named])] == ["undecided"]
 """
 
 
@@ -119,6 +123,7 @@ def tree(tmp_path: Path) -> Path:
     for name, text in (("src/module.py", SOURCE), ("tests/test_module.py", TESTS)):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "tests" / "helper.py").touch()
     (tmp_path / "pyproject.toml").touch()
     (tmp_path / "copy").mkdir()
     return tmp_path
@@ -228,8 +233,11 @@ def test_coverage_is_kept_until_something_changes(tree: Path) -> None:
     cache = CoverageCache(tree / "cache", tree)
     cache.put("tests/test_module.py", REACHED, ["src/module.py"])
     assert kept(tree) == REACHED
+    assert CoverageCache(tree / "cache", tree, "other limits").get("tests/test_module.py") is None
     # no test enters a function of this file
     (tree / "src" / "other.py").write_text("def unused():\n    return 1\n", encoding="utf-8")
+    assert kept(tree) == REACHED
+    (tree / "tests" / "unused.py").write_text("", encoding="utf-8")
     assert kept(tree) == REACHED
     for name in ("src/module.py", "tests/test_module.py", "src/table.toml", "tests/helper.py"):
         path = tree / name

@@ -5,8 +5,10 @@ exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample
 is improbable), or if a named one is not. Compiled functions run as Python here.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
-With ``--minutes``, no mutant is begun after that time, watching not counted, and the tests of each
-take a minute at most; the test of a sample is about the mutants that were judged, 30 at least.
+With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the
+tests of each take a minute at most. The test of a sample is about the mutants that were judged, 30
+at least. Where test files were not watched in time, mutants that no other test notices are
+undecided; the next run continues.
 
 Named mistakes are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test
 that notices it. ``--named`` runs only these, each against its test; ``--renew N`` chooses N new
@@ -50,6 +52,9 @@ SPARE = 1.25
 LONGEST = 60.0
 """With ``--renew`` or ``--minutes``, time limit [s] of all tests of a mutant together."""
 
+WATCHING = 0.6
+"""With ``--minutes``, share of the time after which no further test file is watched."""
+
 FEWEST = 30
 """With ``--minutes``, least number of judged mutants of a sample: fewer contradict no share."""
 
@@ -66,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--seed", default="1", help="of the sample (default: 1)")
     parser.add_argument(
-        "--minutes", type=float, default=math.inf, metavar="M", help="begin none after that time"
+        "--minutes", type=float, default=math.inf, metavar="M", help="time for all of it"
     )
     parser.add_argument(
         "--only", metavar="TEXT", default="", help="only files with this in their path"
@@ -130,31 +135,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         known_tests = {mutant.key: tests[mutant.key] for mutant in named if mutant.key in tests}
         is_limited = chosen.renew or math.isfinite(chosen.minutes)
+        named_by = Counter(test.partition("::")[0] for test in tests.values())
         runner = Runner(
             Path(folder),
-            TESTS,
+            sorted(TESTS, key=lambda test_file: -named_by[test_file]),
             chosen.jobs,
             known=known_tests if chosen.named else None,
             longest=LONGEST if is_limited else math.inf,
             cache=cache_folder(),
+            watch_until=started + WATCHING * 60.0 * chosen.minutes,
         )
+        if runner.unwatched:
+            print(f"not watched in time: {len(runner.unwatched)} of {len(TESTS)} test files")
         print(
             f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s",
             file=sys.stderr,
             flush=True,
         )
-        missing = runner.missing_tests(sorted(set(known_tests.values()))) if chosen.named else []
+        # of a sample a missing test is noticed when it is to run
+        missing = []
+        if chosen.named and not chosen.sample:
+            missing = runner.missing_tests(sorted(set(known_tests.values())))
         if missing:
             os.chdir(ROOT)
             print("tests of noticed.tsv that cannot be run:", *missing, sep="\n    ")
             return 1
-        verdicts = []
         wanted_mutants = [*named, *mutants]
-        until = time.monotonic() + 60.0 * chosen.minutes
-        for verdict in runner.judge(wanted_mutants, until):
-            verdicts.append(verdict)
-            if chosen.verbose or not verdict.noticed:
-                print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
+        every_verdict = _judged(
+            runner, wanted_mutants, started + 60.0 * chosen.minutes, chosen.verbose
+        )
+        verdicts = [verdict for verdict in every_verdict if verdict.state != "undecided"]
         noticing = {verdict.by for verdict in verdicts if verdict.by}
         failing = "" if chosen.named else runner.failing_without_mutant(sorted(noticing))
         os.chdir(ROOT)
@@ -162,6 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
         f"{len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s"
     )
+    if undecided := len(every_verdict) - len(verdicts):
+        print(f"{undecided} mutants undecided: run it again, it continues to watch tests")
     if len(verdicts) < min(FEWEST, len(wanted_mutants)):
         print(f"fewer than {FEWEST} mutants were judged, which tell nothing: allow more --minutes")
         return 1
@@ -181,6 +193,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed)
     )
     return 0 if good and not missed and not stale else 1
+
+
+def _judged(
+    runner: Runner, mutants: Sequence[Mutant], until: float, verbose: bool
+) -> list[Verdict]:
+    """Judge mutants, and print those that are not noticed, or all of them."""
+    verdicts = []
+    for verdict in runner.judge(mutants, until):
+        verdicts.append(verdict)
+        if verbose or not verdict.noticed:
+            print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
+    return verdicts
 
 
 def _tables(name: str) -> list[dict[str, str]]:
@@ -279,7 +303,7 @@ def _scores(
             shares.append(line(group, files))
     if whole:
         return all(share >= LEAST for share in shares)
-    line("sample", list(judged))
+    line(f"sample of {len(judged)} files of {len({mutant.file for mutant in every})}", list(judged))
     return suffices(noticed.total(), judged.total())
 
 

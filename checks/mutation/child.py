@@ -20,7 +20,7 @@ import pytest
 
 from .coverage import ENTERED, Instrumented
 from .mutants import Mutant
-from .targets import COMPARED, QUICK, RUNS
+from .targets import COMPARED, QUICK, RUNS, WATCHED
 
 IMPORTS = 300
 """Time limit of importing the test files on a busy machine [s]."""
@@ -64,7 +64,8 @@ def fork(work: Callable[[], int], output: Path) -> int:
 def watch(test_file: str, sources: Instrumented, result: Path) -> int:
     """Run the tests of a file and write which functions each of them enters, as places in a list.
 
-    Tests that fail, or are not quick, are left out. ``result`` is a JSON object: ``tests`` has the
+    Tests that fail, or are not quick, are left out, and those that are left when the time of a file
+    is over. ``result`` is a JSON object: ``tests`` has the
     CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
     while tests were collected. If the file cannot be imported, nothing is written.
     """
@@ -125,6 +126,7 @@ class _Watcher:
         self.tests: dict[str, tuple[float, list[int]]] = {}
         self.passed: set[str] = set()
         self.ever: set[int] = set()
+        self.seconds = 0.0
 
     def entered(self) -> list[int]:
         """Return the functions that were entered since the last call."""
@@ -134,7 +136,12 @@ class _Watcher:
         return found
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = [item for item in items if _may_be_quick(item)]
+        quick = [item for item in items if _may_be_quick(item)]
+        items[:] = sorted(quick, key=lambda item: item.get_closest_marker("full") is not None)
+
+    def pytest_runtest_setup(self) -> None:
+        if self.seconds > WATCHED:
+            pytest.skip("the time of the file is over")
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
@@ -145,7 +152,9 @@ class _Watcher:
         signal.setitimer(signal.ITIMER_PROF, QUICK)
         yield
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-        self.tests[item.nodeid] = (time.process_time() - started, self.entered())
+        seconds = time.process_time() - started
+        self.seconds += seconds
+        self.tests[item.nodeid] = (seconds, self.entered())
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:

@@ -1,8 +1,8 @@
 """Coverage of test files, kept between runs.
 
 The coverage of a test file is valid as long as nothing changes that it depends on: the test file,
-the helper modules and data of all tests, files of the package without functions (data and tables),
-and the source files whose functions its tests enter.
+the modules beside it that it imports, the data of all tests, files of the package without functions
+(data and tables), and the source files whose functions its tests enter.
 """
 
 from __future__ import annotations
@@ -136,19 +136,14 @@ class CoverageCache:
         return self.folder / f"{Path(test_file).stem}.json"
 
     def _test_files(self, test_file: str) -> list[str]:
-        """Return a test file and the test files that it imports."""
+        """Return a test file and the modules beside it that it imports, directly or not."""
         folder = Path(test_file).parent
         found = [test_file]
-        module = ast.parse((self.root / test_file).read_text(encoding="utf-8"))
-        for node in ast.walk(module):
-            names = []
-            if isinstance(node, ast.ImportFrom) and node.module:
-                names = [node.module]
-            elif isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            found += [
-                (folder / f"{name}.py").as_posix() for name in names if name.startswith("test_")
-            ]
+        for file in found:  # it grows
+            for name in _imported(self.root / file):
+                module = (folder / f"{name}.py").as_posix()
+                if module not in found and (self.root / module).is_file():
+                    found.append(module)
         return found
 
     def _digests(self, files: Iterable[str]) -> dict[str, str]:
@@ -158,7 +153,7 @@ class CoverageCache:
         """Digest of all that every test file may depend on."""
         files = [self.root / "pyproject.toml"]
         for path in sorted((self.root / "tests").rglob("*")):
-            if not (path.suffix == ".py" and path.name.startswith("test_")):
+            if path.suffix != ".py" or path.name == "conftest.py":
                 files.append(path)
         for name in ("src", "examples", "comparisons"):
             files += [path for path in sorted((self.root / name).rglob("*")) if _no_code(path)]
@@ -174,6 +169,17 @@ class CoverageCache:
                 "" if content is None else hashlib.sha256(content).hexdigest()
             )
         return self._known_digests[path]
+
+
+def _imported(file: Path) -> set[str]:
+    """Return the names of the modules that a file imports."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+    return names
 
 
 def cache_folder() -> Path:

@@ -20,7 +20,7 @@ from typing import Literal
 from .child import NOTHING_RUN, fork, judge, list_missing, watch
 from .coverage import CoverageCache, Reached, instrumented
 from .mutants import Mutant
-from .targets import QUICK, RUNS
+from .targets import QUICK, RUNS, WATCHED
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -38,7 +38,7 @@ SLACK = 20.0
 FACTOR = 10.0
 """Time limit of each test of a mutant: additional seconds, and factor on its usual time."""
 
-State = Literal["killed", "timed out", "survived", "not reached"]
+State = Literal["killed", "timed out", "survived", "not reached", "undecided"]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class Verdict:
     mutant
         Mutant.
     state
-        ``not reached`` if no test enters the function.
+        ``not reached`` if no test enters the function; ``undecided`` if no test that is known to
+        enter it has failed, and there are test files that were not watched.
     by
         Name of the test that failed.
     """
@@ -86,6 +87,13 @@ class Runner:
         quickest that reach it are run.
     cache
         Folder in which the coverage of tests is kept between runs; None keeps nothing.
+    watch_until
+        Time of ``time.monotonic`` after which no further test file is watched.
+
+    Attributes
+    ----------
+    unwatched
+        Test files of which it is not known which functions they enter.
     """
 
     def __init__(
@@ -97,10 +105,13 @@ class Runner:
         known: Mapping[tuple[str, str, str], str] | None = None,
         longest: float = math.inf,
         cache: Path | None = None,
+        watch_until: float = math.inf,
     ) -> None:
         self.folder = folder.resolve()
         self.jobs = jobs
         self.longest = longest
+        self.watch_until = watch_until
+        self.unwatched: list[str] = []
         for name in COPIED:
             there = root / name
             if there.is_dir():
@@ -136,7 +147,8 @@ class Runner:
 
     def _coverage(self, tests: Sequence[str], cache: Path | None) -> dict[str, Reached]:
         """Return the coverage of each test; test files without a kept one are watched."""
-        kept = None if cache is None else CoverageCache(cache, self.folder, f"at most {QUICK} s")
+        limits = f"at most {QUICK} s, {WATCHED} s a file"
+        kept = None if cache is None else CoverageCache(cache, self.folder, limits)
         reached: dict[str, Reached] = {}
         unknown = []
         for test_file in tests:
@@ -158,7 +170,10 @@ class Runner:
         return reached
 
     def _watch(self, tests: Sequence[str]) -> Iterator[tuple[str, dict[str, Reached], set[str]]]:
-        """Watch test files; yield each with its tests and the source files that these enter."""
+        """Watch test files; yield each with its tests and the source files that these enter.
+
+        Those that are not begun in time are noted as unwatched.
+        """
         if not tests:
             return
         python_files = sorted((self.folder / "src").rglob("*.py"))
@@ -168,12 +183,17 @@ class Runner:
         running = {}
         waiting = list(enumerate(tests))
         while waiting or running:
+            if time.monotonic() >= self.watch_until:
+                self.unwatched += [test for _, test in waiting]
+                waiting.clear()
             while waiting and len(running) < self.jobs:
-                i, test = waiting.pop()
+                i, test = waiting.pop(0)
                 result = self.folder / f"reached-{i}.json"
                 output = self.folder / f"reached-{i}.log"
                 process = fork(lambda t=test, r=result: watch(t, sources, r), output)
                 running[process] = (test, result, output)
+            if not running:
+                break
             test, result, output = running.pop(os.waitpid(-1, 0)[0])
             if not result.exists():
                 raise RuntimeError(
@@ -267,7 +287,7 @@ class Runner:
                     number, mutant = waiting.pop()
                     tests = self.tests_for(mutant)
                     if not tests:
-                        yield Verdict(mutant, "not reached")
+                        yield Verdict(mutant, "undecided" if self.unwatched else "not reached")
                         continue
                     result = self.folder / f"mutant-{number}.txt"
                     limits = self.limits(tests)
@@ -291,9 +311,11 @@ class Runner:
                     named = ", ".join(self.tests_for(mutant))
                     raise RuntimeError(f"no test was run for {mutant}: there is no {named}")
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
-                late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
-                yield Verdict(
-                    mutant, "timed out" if late else "killed" if status else "survived", by
-                )
+                state: State = "undecided" if self.unwatched else "survived"
+                if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
+                    state = "timed out"
+                elif status:
+                    state = "killed"
+                yield Verdict(mutant, state, by)
                 for left in (result, Path(f"{result}.log")):
                     left.unlink(missing_ok=True)

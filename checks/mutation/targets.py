@@ -191,6 +191,9 @@ TESTS = (
 QUICK = 1.0
 """Time limit of a test without the compiler [s]; longer ones are left out."""
 
+WATCHED = 10.0
+"""Time [s] for which the tests of a file are watched, those of the quick suite first."""
+
 RUNS = "tests/test_reproduction.py"
 """Test file that simulates many runs; as a script it keeps them, and then its tests are quick.
 

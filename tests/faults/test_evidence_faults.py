@@ -73,8 +73,17 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder, folder / "out"
 
 
-@pytest.mark.parametrize("target", ["parent", "worker", "group"])
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    ("target", "number"),
+    [
+        ("parent", signal.SIGKILL),
+        ("parent", signal.SIGTERM),
+        ("parent", signal.SIGINT),
+        ("worker", signal.SIGKILL),
+        ("group", signal.SIGTERM),
+        ("group", signal.SIGINT),
+    ],
+)
 def test_what_is_killed_goes_on(
     target: str, number: signal.Signals, undisturbed: tuple[Path, Path], tmp_path: Path
 ) -> None:

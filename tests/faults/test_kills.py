@@ -9,7 +9,6 @@ import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -20,9 +19,16 @@ from processes import needs_proc, with_mark
 pytestmark = [pytest.mark.faults, needs_proc]
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+#: A worker dies of SIGHUP as of SIGTERM, and a group of SIGTERM and SIGKILL as its parent does.
+TARGETS = {
+    "parent": SIGNALS,
+    "worker": (signal.SIGKILL, signal.SIGTERM, signal.SIGINT),
+    "group": (signal.SIGINT, signal.SIGHUP),
+}
 KILLS = [
     pytest.param(target, number, id=f"{target}-{number.name}")
-    for target, number in product(("parent", "worker", "group"), SIGNALS)
+    for target, numbers in TARGETS.items()
+    for number in numbers
 ]
 
 

@@ -1,4 +1,4 @@
-"""A thousand wrong scenarios, suites and tables beside those that every test run tries."""
+"""Some hundred wrong scenarios, suites and tables beside those that every test run tries."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ TABLES = ("results.csv", "constraints.csv", "manifest.json")
 
 
 def test_scenarios_are_refused_or_fine(tmp_path: Path) -> None:
-    found = outcomes(tmp_path / mutated.FILE, list(mutated.scenarios(500, seed=SEED)), start)
+    found = outcomes(tmp_path / mutated.FILE, list(mutated.scenarios(250, seed=SEED)), start)
     assert any(found)
     assert not all(found)
 
 
 def test_suites_are_refused_or_fine(tmp_path: Path) -> None:
-    found = outcomes(tmp_path / mutated.FILE, list(mutated.suites(200, seed=SEED)), Suite.load)
+    found = outcomes(tmp_path / mutated.FILE, list(mutated.suites(100, seed=SEED)), Suite.load)
     assert any(found)
     assert not all(found)
 
@@ -40,5 +40,5 @@ def test_tables_are_refused_or_shown(tmp_path: Path) -> None:
     for name in TABLES:
         folder = shutil.copytree(command.folder, tmp_path / f"copy of {name}")
         (folder / SUMS).unlink()  # which would tell that anything was changed
-        files = list(mutated.edited((folder / name).read_bytes(), 100, seed=SEED))
+        files = list(mutated.edited((folder / name).read_bytes(), 50, seed=SEED))
         outcomes(folder / name, files, lambda path: write_report(path.parent, figures=False))

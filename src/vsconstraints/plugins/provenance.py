@@ -9,6 +9,7 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.util import resolve_name, source_from_cache
 from itertools import pairwise
 from pathlib import Path
@@ -165,8 +166,14 @@ def _loaded() -> dict[str, str]:
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__dict__", {}).get("__file__")
         if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
-            found[name] = os.path.realpath(file)
+            found[name] = _resolved(file)
     return found
+
+
+@cache
+def _resolved(file: str) -> str:
+    """Return the path of a module's file without symbolic links, found once for each file."""
+    return os.path.realpath(file)
 
 
 def _imported_by(module: ModuleType) -> set[str]:
