@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, format_value, one_line, unknown_name
 from ..simulation.programs import COMMANDS, Answer, Observation, program_name
@@ -124,12 +122,9 @@ class ExternalStack(MeasuredProgram):
     def respond(self, now: Observation) -> Answer:
         """Ask the process for the command of a period; see :class:`.RobotProgram`."""
         assert self._process is not None
-        message = {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in self._measured(now).items()
-        }
+        message = self._setup + encode(self._measured(now))
         limit = self._start_limit if self._setup else REPLY_LIMIT
-        line = self._process.ask(self._setup + encode(message), limit)
+        line = self._process.ask(message, limit)
         self._setup = b""
         try:
             return self.counted(read_reply(line, self.output, self._n, now.t))
