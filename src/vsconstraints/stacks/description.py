@@ -18,7 +18,7 @@ from .urdf import TIP, urdf_text
 #: Names of the lens models in OpenCV and ROS.
 LENSES = {"brown-conrady": "plumb_bob", "fisheye": "equidistant"}
 #: Types of the parameters of a constraint that a stack gets.
-PLAIN = bool | int | float | str | list | tuple | np.ndarray | np.generic
+PLAIN = (bool, int, float, str, list, tuple, np.ndarray, np.generic)
 
 
 def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
@@ -44,13 +44,16 @@ def joint_limits(setup: Setup) -> tuple[Array, Array, Array]:
     """
     lower, upper, speed = setup.scene.robot.ranges
     for constraint in setup.constraints.constraints:
+        if not isinstance(constraint, JointRange | JointSpeed):
+            continue
+        at = np.array(constraint.joints) - 1
         if isinstance(constraint, JointRange):
-            at = np.array(constraint.joints) - 1
             inwards = 0.5 * constraint.margin * (constraint.upper - constraint.lower)
-            lower[at] = np.maximum(lower[at], constraint.lower + inwards)
-            upper[at] = np.minimum(upper[at], constraint.upper - inwards)
-        elif isinstance(constraint, JointSpeed):
-            at = np.array(constraint.joints) - 1
+            from_below = constraint.lower + inwards
+            from_above = constraint.upper - inwards
+            lower[at] = np.maximum(lower[at], from_below)
+            upper[at] = np.minimum(upper[at], from_above)
+        else:
             slower = np.minimum(constraint.upper, -constraint.lower)
             speed[at] = np.minimum(speed[at], (1.0 - constraint.margin) * slower)
     return lower, upper, speed
@@ -125,7 +128,11 @@ def _constraints(setup: Setup, scene: Scene) -> dict[str, Any]:
 def _constraint(constraint: Constraint, scene: Scene) -> dict[str, Any]:
     """Return kind, labels, unit and all public numbers, texts, arrays and lists of a constraint."""
     labels = constraint.labels(scene)
-    described = {"kind": constraint.kind, "labels": labels, "unit": constraint.unit}
+    described: dict[str, Any] = {
+        "kind": constraint.kind,
+        "labels": labels,
+        "unit": constraint.unit,
+    }
     for name, value in vars(constraint).items():
         if isinstance(value, PLAIN) and not name.startswith("_"):
             described[name] = value

@@ -48,7 +48,7 @@ class Measured:
         # pixels of the image centre, from which those of an observation are counted
         self._centre = self._scene.camera.to_corner(np.zeros(2), "centres")
         self._uses = uses
-        self._pose = np.empty((4, 4))  # of the camera in the last image
+        self._pose: Array = np.empty((4, 4))  # of the camera in the last image
         self._pose_taken = np.nan  # time of that image [s]
 
     def __call__(self, now: Observation) -> dict[str, Any]:
