@@ -118,7 +118,8 @@ def _csv(path: Path) -> Table:
             f"{path} has semicolons between its columns: write commas, and decimal points"
         )
     # spreadsheets end lines with separators, of the header or of every line
-    needed = max((i for i, name in enumerate(header, start=1) if name), default=0)
+    named = [i for i, name in enumerate(header, start=1) if name]
+    needed = max(named, default=0)
     rows = []
     for number, line in enumerate(lines[1:], start=2):
         if not line:
@@ -207,11 +208,13 @@ def _npz(path: Path) -> Table:
         raise ConfigurationError(f"{path} has no array {missing}; it has {', '.join(arrays)}")
     samples = arrays[time].size
     columns = {time: _numbers_of(path, arrays, time, 1, samples)}
+    q = _numbers_of(path, arrays, "q", 2, samples)
+    numbers = np.arange(1, q.shape[1] + 1)
+    joints = arrays.get("names", numbers)
     for name, prefix in ARRAYS.items():
         if name not in arrays:
             continue
         values = _numbers_of(path, arrays, name, 2, samples)
-        joints = arrays.get("names", np.arange(1, arrays["q"].shape[1] + 1))
         if values.shape[1] != len(joints):
             raise ConfigurationError(
                 f"{path}: {name} has {values.shape[1]} columns for {len(joints)} joints"
@@ -220,9 +223,9 @@ def _npz(path: Path) -> Table:
             columns[f"{prefix}[{joint}]"] = column
     if "pixels" in arrays:
         pixels = _numbers_of(path, arrays, "pixels", 3, samples)
-        for i in range(pixels.shape[1]):
-            columns[f"u[{i + 1}]"] = pixels[:, i, 0]
-            columns[f"v[{i + 1}]"] = pixels[:, i, 1]
+        for number, (u, v) in enumerate(pixels.transpose(1, 2, 0), start=1):
+            columns[f"u[{number}]"] = u
+            columns[f"v[{number}]"] = v
     return Table(columns)
 
 

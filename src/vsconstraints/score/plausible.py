@@ -135,8 +135,9 @@ def moves_steadily(q: Array) -> BoolArray:
     first = steps[:-1]
     second = steps[1:]
     product = (first * second).sum(axis=0)
-    sizes = (first * first + second * second).sum(axis=0)
-    alike = 2.0 * product > STEADY * sizes
+    squares = first * first + second * second
+    size = squares.sum(axis=0)
+    alike = 2.0 * product > STEADY * size
     far = np.ptp(q, axis=0) > AT_REST
     return np.asarray(far & alike)
 

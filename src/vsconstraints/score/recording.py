@@ -107,10 +107,7 @@ def read_recording(
     which names place and remedy: for missing joints, for values that seem to be degrees, and for
     times that run backwards or seem to be in another unit.
     """
-    raw = read_columns(path, clock, topic)
-    part = _part(raw.t, start, end)
-    scored = {name: values[part] for name, values in raw.columns.items()}
-    columns = raw._replace(t=raw.t[part], columns=scored)
+    columns = _part(read_columns(path, clock, topic), start, end)
     motion, remarks = _motion(path, robot, columns)
     pixels = _markers(path, columns, markers)
     if pixels is not None:
@@ -188,11 +185,18 @@ def _usable(path: Path, motion: Mapping[str, Array]) -> tuple[dict[str, Array], 
     return usable, remarks
 
 
-def _part(t: Array, start: float, end: float) -> slice:
+def _part(recorded: Columns, start: float, end: float) -> Columns:
     """Return the samples from the first at or after ``start`` to before the next at ``end``."""
-    begin = int(np.argmax(t >= start)) if (t >= start).any() else len(t)
-    after = np.flatnonzero(t[begin:] >= end)
-    return slice(begin, begin + int(after[0]) if len(after) else None)
+    t = recorded.t
+    begin = _first(t >= start)
+    part = slice(begin, begin + _first(t[begin:] >= end))
+    columns = {name: values[part] for name, values in recorded.columns.items()}
+    return recorded._replace(t=t[part], columns=columns)
+
+
+def _first(flags: BoolArray) -> int:
+    """Return the index of the first flag that is set; the number of flags if none is."""
+    return int(flags.argmax()) if flags.any() else len(flags)
 
 
 def _of_joints(robot: Robot, columns: Columns, name: str, what: str) -> dict[str, Array]:

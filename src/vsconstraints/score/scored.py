@@ -131,15 +131,18 @@ def _remarks_on_custom_rows(setup: Setup, run: Trajectory, late: float, samples:
 def _rows_that_differ(setup: Setup, run: Trajectory, later: Array) -> list[str]:
     """Return the labels of the rows that differ at the states of a run at other times (N,)."""
     motion = run.q, run.qd, run.features_px, run.points
-    first = setup.clearance(run.t, *motion)
-    second = setup.clearance(later, *motion)
-    changed = _differ(first, second).any(axis=0)
+    clearance = setup.clearance(run.t, *motion)
+    clearance_later = setup.clearance(later, *motion)
+    changed = _differ(clearance, clearance_later).any(axis=0)
     step = setup.world()
-    for k, (q, qd) in enumerate(zip(run.q, run.qd, strict=True)):
-        here = _rows_at(step, run.t[k], q, qd)
-        there = _rows_at(step, later[k], q, qd)
-        changed = changed | _differ(here, there).any(axis=1)
-    return [setup.constraints.labels[i] for i in np.flatnonzero(changed)]
+    for k in range(len(run.t)):
+        q = run.q[k]
+        qd = run.qd[k]
+        rows = _rows_at(step, run.t[k], q, qd)
+        rows_later = _rows_at(step, later[k], q, qd)
+        changed = changed | _differ(rows, rows_later).any(axis=1)
+    labels = setup.constraints.labels
+    return [labels[i] for i in np.flatnonzero(changed)]
 
 
 def _rows_at(step: ControlStep, t: float, q: Array, qd: Array) -> Array:
@@ -202,9 +205,11 @@ def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajecto
     clearance = setup.clearance(run.t, run.q, run.qd, seen, run.points)
     of_image = np.array([unit == "px" for unit in setup.constraints.units], dtype=np.bool_)
     error = run.feature_error_px
-    if setup.task.feature.reached_by != "feature":
-        wanted = np.array([setup.task.goals[setup.task.goal_at(t)].pixels for t in run.t])
-        error = np.linalg.norm(seen - wanted, axis=2).max(axis=1)
+    task = setup.task
+    if task.feature.reached_by != "feature":
+        wanted = np.array([task.goals[task.goal_at(t)].pixels for t in run.t])
+        distances = np.linalg.norm(seen - wanted, axis=2)
+        error = distances.max(axis=1)
     measured = replace(
         run,
         features_px=seen,
@@ -214,8 +219,9 @@ def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajecto
     )
     largest = np.nan if hidden.all() else np.nanmax(deviation)
     remark = f"measured pixels deviate by up to {largest:.3g} px from those of the model"
-    if hidden.any():
-        remark += f", which replace {np.count_nonzero(hidden)} of a marker that is not seen"
+    replaced = np.count_nonzero(hidden)
+    if replaced:
+        remark += f", which replace {replaced} of a marker that is not seen"
     return measured, remark
 
 

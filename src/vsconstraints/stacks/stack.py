@@ -95,6 +95,14 @@ class MeasuredProgram(RobotProgram):
         self._unanswered = Counter()
         self._periods = 0
 
+    def prepare(
+        self, setup: Setup, uses: tuple[str, ...], settings: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the setup message of a run for the data that are declared as used."""
+        self._n = setup.scene.robot.n
+        self._measured = Measured(setup, uses)
+        return setup_message(describe(setup, uses), settings)
+
     def counted(self, answer: Answer) -> Answer:
         """Return the answer, after counting it."""
         self._periods += 1
@@ -140,9 +148,8 @@ class Stack(MeasuredProgram):
         """Begin a run; see :class:`.RobotProgram`."""
         super().begin(setup)
         uses, _ = checked_declaration(self.uses, self.output)
-        self._n = setup.scene.robot.n
-        self._measured = Measured(setup, uses)
-        self.start(Declared(setup_message(describe(setup, uses), self.settings)))
+        message = self.prepare(setup, uses, self.settings)
+        self.start(Declared(message))
 
     def respond(self, now: Observation) -> Answer:
         """Compute the command for a period; see :class:`.RobotProgram`."""
@@ -151,7 +158,7 @@ class Stack(MeasuredProgram):
         try:
             command = self.step(data)
         except NoAnswer as error:
-            return self.counted(
-                Answer(None, perf_counter() - begun, str(error) or described(error))
-            )
-        return self.counted(checked_answer(command, self.output, self._n, perf_counter() - begun))
+            reason = str(error) or described(error)
+            return self.counted(Answer(None, perf_counter() - begun, reason))
+        compute_time = perf_counter() - begun
+        return self.counted(checked_answer(command, self.output, self._n, compute_time))
