@@ -27,8 +27,8 @@ A period of a stack that does nothing, on the UR5, back to back: measurements be
 an answer is checked. A stack in another process is one in Python that reads and writes JSON by \
 the standard library; the time that it reports to have computed is subtracted. All get coordinates \
 and speeds of the joints, and those of an image its pixels. The pose is estimated from noisy \
-pixels. Each time is a median of successive periods, and the least of several such medians, since \
-other programs only add to it.
+pixels. Each time is the least of the medians of 20 successive periods, since other programs only \
+add to it.
 """
 
 JOINTS = ("q", "qd")
@@ -42,7 +42,7 @@ DECLARED = {
 #: Most that a period may cost [µs].
 BUDGETS = {"in this process": 50.0, "in another process": 100.0}
 WARM = 20  #: Number of first periods that are left out.
-BLOCKS = 10  #: Number of medians.
+BLOCK = 20  #: Number of successive periods of a median.
 
 #: A stack that stands still, by the protocol of the adapters.
 STILL = f"""
@@ -93,7 +93,7 @@ def overhead(stack: MeasuredProgram, setup: Setup, turns: int) -> float:
             times.append(perf_counter() - begun - answer.compute_time)
     finally:
         stack.end()
-    blocks = np.array_split(times[WARM:], BLOCKS)
+    blocks = np.array_split(times[WARM:], max(turns // BLOCK, 1))
     return min(float(np.median(block)) for block in blocks)
 
 
