@@ -9,6 +9,7 @@ from .growth import LINEAR
 from .measured import GIVEN
 from .own import CURVED
 from .part import CASE_STUDY, Part, Table, digits, microseconds
+from .stacks import BUDGETS, DECLARED
 
 ALL = list(GIVEN)[-1]
 
@@ -44,9 +45,6 @@ class Target:
 
 COMMAND_ALONE = 0.15
 """Upper bound for laws in closed form, for rows and task that are given."""
-
-IN_PROCESS = "joints, in this process: µs"
-IN_ANOTHER = "joints, in another process: µs"
 
 TARGETS = (
     Target(
@@ -134,8 +132,17 @@ TARGETS = (
         for law in ("SlidingMode", "PotentialField", "Tracking")
     ),
     Target("HierarchicalQP, the same", "forms", "HierarchicalQP.command: ratio", 0.35),
-    Target("a stack in this process, beside its own time", "stacks", IN_PROCESS, 50.0, "µs"),
-    Target("a stack in another process, the same", "stacks", IN_ANOTHER, 100.0, "µs"),
+    *(
+        Target(
+            f"a stack {place}, beside its own time: {measurements}",
+            "stacks",
+            f"{measurements}, {place}: µs",
+            budget,
+            "µs",
+        )
+        for measurements in DECLARED
+        for place, budget in BUDGETS.items()
+    ),
     Target(
         "one step of the closed loop, scores only, sliding mode",
         "loop",

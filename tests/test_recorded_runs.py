@@ -636,6 +636,24 @@ class Reported(Band):
 
     def clearance(self, trace, points):
         return super().clearance(trace, points) - trace.t[:, None]
+
+class Broken(Band):
+    \"\"\"Its rows cannot be evaluated.\"\"\"
+
+    kind = "broken"
+
+    def rows(self, state, points):
+        raise ValueError("no rows")
+
+class Breaking(Band):
+    \"\"\"Its rows cannot be evaluated from the eleventh sample on.\"\"\"
+
+    kind = "breaking"
+
+    def rows(self, state, points):
+        if state.t % 0.8 > 0.019:
+            raise ValueError("no rows")
+        return super().rows(state, points)
 """
 
 
@@ -645,14 +663,28 @@ def resting(setup: Setup, **settings: Any) -> Recording:
     return Recording(setup.Ts * np.arange(20), q, np.zeros_like(q), **settings)
 
 
+def with_custom_constraint(name: str, folder: Path) -> Setup:
+    (folder / "band.py").write_text(CUSTOM)
+    tables = dict(Scenario.load("ur5-fov").tables)
+    tables["constraints"] = [*tables["constraints"], {"type": f"band:{name}"}]
+    return Scenario("own", tables, folder, trusted=True).setup()
+
+
+@pytest.mark.parametrize(("name", "evaluated"), [("Broken", 0), ("Breaking", 10)])
+def test_rows_that_cannot_be_evaluated_are_not_said_to_be_independent_of_time(
+    name: str, evaluated: int, tmp_path: Path
+) -> None:
+    setup = with_custom_constraint(name, tmp_path)
+    found = recorded_trajectory(setup, resting(setup, begin=0.8), "it")
+    assert f"could be evaluated at {evaluated} of 20 samples" in found.reason
+    assert "found not to depend on time" not in found.reason
+
+
 @pytest.mark.parametrize("name", ["Band", "Closing", "Reported"])
 def test_a_custom_constraint_that_depends_on_time_is_noticed_by_its_values(
     name: str, tmp_path: Path
 ) -> None:
-    (tmp_path / "band.py").write_text(CUSTOM)
-    tables = dict(Scenario.load("ur5-fov").tables)
-    tables["constraints"] = [*tables["constraints"], {"type": f"band:{name}"}]
-    setup = Scenario("own", tables, tmp_path, trusted=True).setup()
+    setup = with_custom_constraint(name, tmp_path)
     late = resting(setup, begin=0.8)
     if name == "Band":
         found = recorded_trajectory(setup, late, "it")

@@ -3,8 +3,10 @@
 The environments take some 7 GB: they are made in the folder that VSCONSTRAINTS_STACKS names.
 """
 
+import ast
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -107,6 +109,29 @@ def test_an_adapter_answers_what_a_direct_call_gives(adapter, tmp_path):
 def test_an_adapter_states_its_packages(adapter):
     assert "numpy" in requirements(adapter)
     assert any("==" in package for package in requirements(adapter))
+
+
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_describes_its_settings(adapter):
+    tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
+    (table,) = (
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "DEFAULTS"
+    )
+    named = re.findall(r"^(\w+(?:, \w+)*)$", ast.get_docstring(tree), re.MULTILINE)
+    described = ", ".join(named).split(", ")
+    assert set(ast.literal_eval(table)) == set(described) - {"Settings"}
+
+
+def test_a_setting_that_an_adapter_does_not_have_is_named(monkeypatch):
+    monkeypatch.syspath_prepend(ADAPTERS)
+    from servoing import settings_of
+
+    defaults = {"gain": 2.0, "view_gain": 5.0}
+    assert settings_of({"settings": {"gain": 1.0}}, defaults) == {"gain": 1.0, "view_gain": 5.0}
+    with pytest.raises(SystemExit, match="unknown setting 'gian': there are gain, view_gain"):
+        settings_of({"settings": {"gian": 1.0}}, defaults)
 
 
 @pytest.fixture(scope="module")

@@ -645,6 +645,23 @@ def test_camera_target_and_goals_are_in_the_frames_that_are_named(setup):
     assert np.abs(f * in_camera[:, :2] / in_camera[:, 2:] + c - goal["pixels"]).max() < 1e-9
 
 
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_every_scenario_can_be_described(name):
+    """Parameters of regions are arrays of several shapes, and objects that JSON does not have."""
+    setup = Scenario.load(name).setup()
+    data = describe(setup, USES)
+    assert json.loads(json.dumps(data)) == data
+    constraints = setup.constraints.constraints
+    assert [each["kind"] for each in data["constraints"]] == [each.kind for each in constraints]
+    for given, constraint in zip(data["constraints"], constraints, strict=True):
+        if constraint.kind == "sphere":
+            assert given["centre"] == list(constraint.centre)
+            assert given["radius"] == constraint.radius
+            assert [point["link"] for point in given["points"]] == [
+                point.link for point in constraint.points
+            ]
+
+
 def test_later_goals_a_fixed_camera_and_what_controllers_believe():
     scenario = Scenario.load("ur5-fov")
     goals = [{"camera_at_q": scenario.tables["q0"], "from_time": at} for at in (0.0, 1.5)]

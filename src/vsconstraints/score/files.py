@@ -21,14 +21,15 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 NANO = 1e-9
 #: Names of columns of times that state no unit, and are in seconds.
 WITHOUT_UNIT = ("t", "time", "timestamp", "stamp")
+#: Units of times [s] that a name of a column may state: ``t_ms``.
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": NANO}
 #: Names of columns of times, and their unit [s].
 TIMES: Mapping[str, float] = {
-    **dict.fromkeys(WITHOUT_UNIT, 1.0),
-    **dict.fromkeys(("t_s", "time_s", "timestamp_s"), 1.0),
-    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms"), 1e-3),
-    **dict.fromkeys(("t_us", "time_us", "timestamp_us"), 1e-6),
-    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns"), NANO),
+    **dict.fromkeys(WITHOUT_UNIT, UNITS["s"]),
+    **{f"{name}_{unit}": UNITS[unit] for unit in UNITS for name in ("t", "time", "timestamp")},
 }
+#: Names of arrays (N, n) of joints in npz files, and of their columns.
+ARRAYS = {"q": "q", "qd": "qd", "qdd_command": "qdd"}
 
 
 class Table(NamedTuple):
@@ -50,6 +51,19 @@ class Columns(NamedTuple):
     columns: Mapping[str, Array]
     others: Mapping[str, str] = {}
     unit_stated: bool = False
+
+    def find(self, names: Sequence[str]) -> Array | None:
+        """Return the column (N,) of the first of some names that there is; None without one.
+
+        Raises ConfigurationError if that column is not of numbers, or if two have its name.
+        """
+        for name in names:
+            if name in self.columns:
+                return self.columns[name]
+        for name in names:
+            if name in self.others:
+                raise ConfigurationError(self.others[name])
+        return None
 
 
 def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Columns:
@@ -97,34 +111,47 @@ def _timed(path: Path, table: Table) -> Columns:
 
 def _csv(path: Path) -> Table:
     with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = csv.reader(file)
-        header = [name.strip() for name in next(lines, [])]
-        if len(header) == 1 and ";" in header[0]:
-            raise ConfigurationError(
-                f"{path} has semicolons between its columns: write commas, and decimal points"
-            )
-        # spreadsheets end lines with separators, of the header or of every line
-        needed = max((i for i, name in enumerate(header, start=1) if name), default=0)
-        rows = []
-        for number, line in enumerate(lines, start=2):
-            if not line:
-                continue
-            if len(line) < needed or any(value.strip() for value in line[len(header) :]):
-                raise ConfigurationError(
-                    f"{path}, line {number}: {len(line)} values for {len(header)} columns"
-                )
-            rows.append((number, line))
-    numbers: dict[str, Array] = {}
-    others = _repeated_names(path, header)
-    for i, name in enumerate(header):
-        if not name or name in others:
+        lines = list(csv.reader(file))
+    header = [name.strip() for name in lines[0]] if lines else []
+    if len(header) == 1 and ";" in header[0]:
+        raise ConfigurationError(
+            f"{path} has semicolons between its columns: write commas, and decimal points"
+        )
+    # spreadsheets end lines with separators, of the header or of every line
+    named = [i for i, name in enumerate(header, start=1) if name]
+    needed = max(named, default=0)
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        if not line:
             continue
-        try:
-            values = [_number(line[i], f"{path}, line {number}") for number, line in rows]
-        except ConfigurationError as error:
-            others[name] = f"{error}, in column {name}"
-        else:
-            numbers[name] = np.array(values, dtype=np.float64)
+        too_long = any(value.strip() for value in line[len(header) :])
+        if len(line) < needed or too_long:
+            raise ConfigurationError(
+                f"{path}, line {number}: {len(line)} values for {len(header)} columns"
+            )
+        rows.append((number, line))
+
+    def read(column: int) -> Array:
+        values = [_number(line[column], f"{path}, line {number}") for number, line in rows]
+        return np.array(values, dtype=np.float64)
+
+    return _table(path, header, read)
+
+
+def _table(path: Path, names: Sequence[str], read: Callable[[int], Array]) -> Table:
+    """Return the table of the columns that have a name.
+
+    ``read`` returns the numbers (N,) of a column by its index, and raises ConfigurationError if
+    some of its values are no numbers.
+    """
+    numbers = {}
+    others = _repeated_names(path, names)
+    for i, name in enumerate(names):
+        if name and name not in others:
+            try:
+                numbers[name] = read(i)
+            except ConfigurationError as error:
+                others[name] = f"{error}, in column {name}"
     return Table(numbers, others)
 
 
@@ -154,18 +181,17 @@ def _parquet(path: Path) -> Table:
 
     with ParquetFile(path) as file:  # read_table refuses columns of one name
         stored = file.read()
-    numbers: dict[str, Array] = {}
-    others = _repeated_names(path, stored.column_names)
-    for i, name in enumerate(stored.column_names):
-        if name in others:
-            continue
-        column = stored.column(i)
-        values = column.to_numpy(zero_copy_only=False)
+
+    def read(column: int) -> Array:
+        values = stored.column(column)
         try:
-            numbers[name] = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError):
-            others[name] = f"{path}: values of type {column.type} are no numbers, in column {name}"
-    return Table(numbers, others)
+            return np.asarray(values.to_numpy(zero_copy_only=False), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ConfigurationError(
+                f"{path}: values of type {values.type} are no numbers"
+            ) from error
+
+    return _table(path, stored.column_names, read)
 
 
 def _npz(path: Path) -> Table:
@@ -180,40 +206,41 @@ def _npz(path: Path) -> Table:
     if time is None or "q" not in arrays:
         missing = "'q'" if time is not None else f"of times: one of {', '.join(TIMES)}"
         raise ConfigurationError(f"{path} has no array {missing}; it has {', '.join(arrays)}")
-    t = np.asarray(arrays[time], dtype=np.float64)
-    _require_axes(path, time, t, 1, len(t) if t.ndim else 0)
-    names = arrays.get("names")
-    for name, axes in (("q", 2), ("qd", 2), ("qdd_command", 2), ("pixels", 3)):
-        if name in arrays:
-            _require_axes(path, name, arrays[name], axes, len(t))
-    n = arrays["q"].shape[1]
-    if names is None:
-        names = np.arange(1, n + 1)
-    columns: dict[str, Array] = {time: t}
-    for name, prefix in (("q", "q"), ("qd", "qd"), ("qdd_command", "qdd")):
+    samples = arrays[time].size
+    columns = {time: _numbers_of(path, arrays, time, 1, samples)}
+    q = _numbers_of(path, arrays, "q", 2, samples)
+    numbers = np.arange(1, q.shape[1] + 1)
+    joints = arrays.get("names", numbers)
+    for name, prefix in ARRAYS.items():
         if name not in arrays:
             continue
-        values = np.asarray(arrays[name], dtype=np.float64)
-        if values.shape[1] != len(names):
+        values = _numbers_of(path, arrays, name, 2, samples)
+        if values.shape[1] != len(joints):
             raise ConfigurationError(
-                f"{path}: {name} has {values.shape[1]} columns for {len(names)} joints"
+                f"{path}: {name} has {values.shape[1]} columns for {len(joints)} joints"
             )
-        for joint, column in zip(names, values.T, strict=True):
+        for joint, column in zip(joints, values.T, strict=True):
             columns[f"{prefix}[{joint}]"] = column
-    pixels = np.asarray(arrays.get("pixels", np.empty((len(t), 0, 2))), dtype=np.float64)
-    for i in range(pixels.shape[1]):
-        columns[f"u[{i + 1}]"] = pixels[:, i, 0]
-        columns[f"v[{i + 1}]"] = pixels[:, i, 1]
+    if "pixels" in arrays:
+        pixels = _numbers_of(path, arrays, "pixels", 3, samples)
+        for number, (u, v) in enumerate(pixels.transpose(1, 2, 0), start=1):
+            columns[f"u[{number}]"] = u
+            columns[f"v[{number}]"] = v
     return Table(columns)
 
 
-def _require_axes(path: Path, name: str, values: Array, axes: int, samples: int) -> None:
-    """Raise ConfigurationError unless an array has so many axes, the first of them time."""
+def _numbers_of(path: Path, arrays: Mapping[str, Any], name: str, axes: int, samples: int) -> Array:
+    """Return an array of numbers.
+
+    Raises ConfigurationError unless it has so many axes, the first of them time.
+    """
+    values = np.asarray(arrays[name], dtype=np.float64)
     if values.ndim != axes or len(values) != samples:
         raise ConfigurationError(
             f"{path}: {name} has the shape {values.shape} for {samples} times; its first axis is "
             f"time, and it has {axes} axes"
         )
+    return values
 
 
 READERS: Mapping[str, Callable[[Path], Table]] = {
@@ -231,17 +258,16 @@ def _bag(path: Path, clock: Clock, topic: str) -> Columns:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.LATEST)
-    stamps = []
+    stamps: list[int] = []
     samples: list[dict[str, float]] = []
     try:
         with AnyReader([path], default_typestore=store) as reader:
             chosen = _topic(path, reader.connections, topic)
             for connection, logged, raw in reader.messages(connections=chosen):
                 message: Any = reader.deserialize(raw, connection.msgtype)
-                stamp = message.header.stamp
-                stamps.append(
-                    logged if clock == "log" else stamp.sec * 1_000_000_000 + stamp.nanosec
-                )
+                header = message.header.stamp
+                stamp = logged if clock == "log" else header.sec * 1_000_000_000 + header.nanosec
+                stamps.append(stamp)
                 samples.append(dict(_joint_values(message)))
     except ConfigurationError:
         raise
@@ -250,7 +276,10 @@ def _bag(path: Path, clock: Clock, topic: str) -> Columns:
     if not stamps:
         raise ConfigurationError(f"{path} has no joint states")
     names = list(dict.fromkeys(name for sample in samples for name in sample))
-    columns = {name: np.array([sample.get(name, math.nan) for sample in samples]) for name in names}
+    columns = {}
+    for name in names:
+        values = [sample.get(name, math.nan) for sample in samples]
+        columns[name] = np.array(values)
     since = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.float64)
     return Columns(NANO * since, columns, unit_stated=True)
 

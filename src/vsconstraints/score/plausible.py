@@ -10,8 +10,11 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
-from ..simulation.units import IMPLAUSIBLE, degrees_question
+from ..simulation.units import degrees_question
 
+#: Sustained speed of a recorded motion, as a multiple of the robot's own limit, and distance of a
+#: position from the middle of its range, in half ranges, beyond which another unit is suspected.
+IMPLAUSIBLE = 3.0
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
 #: The same, if in addition no joint is faster than the second number [rad/s or m/s].
 SLOW_AND_STILL = 0.05, 5e-3
@@ -68,16 +71,19 @@ def seconds(path: Path, t: Array, unit_stated: bool = False) -> Array:
 def require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> None:
     """Raise ConfigurationError if speeds contradict the positions in size or in sign."""
     moved = np.diff(q, axis=0)
-    told = 0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None]
-    size = float(np.abs(moved).sum())
-    ratio = float(np.abs(told).sum()) / size if size > 0.0 else 1.0
-    if not 1.0 / CONTRADICTION < ratio < CONTRADICTION and size > MOVED:
+    mean_speed = 0.5 * (qd[1:] + qd[:-1])
+    told = mean_speed * np.diff(t)[:, None]
+    way = np.abs(moved).sum(axis=0)
+    total = float(way.sum())
+    ratio = float(np.abs(told).sum()) / total if total > MOVED else 1.0
+    if not 1.0 / CONTRADICTION < ratio < CONTRADICTION:
         raise ConfigurationError(
             f"{path}: speeds are {ratio:.3g} times what the positions change: are they in degrees "
             "per second or in revolutions per minute, or the times in another unit?"
         )
+    product = (told * moved).sum(axis=0)
     sizes = np.linalg.norm(told, axis=0) * np.linalg.norm(moved, axis=0)
-    turned = ((told * moved).sum(axis=0) < OPPOSITE * sizes) & (np.abs(moved).sum(axis=0) > MOVED)
+    turned = (product < OPPOSITE * sizes) & (way > MOVED)
     if turned.any():
         joints = ", ".join(robot.joint_names[j] for j in np.flatnonzero(turned))
         raise ConfigurationError(
@@ -128,7 +134,37 @@ def moves_steadily(q: Array) -> BoolArray:
     steps = np.diff(q, axis=0)
     first = steps[:-1]
     second = steps[1:]
-    alike = 2.0 * (first * second).sum(axis=0)
-    sizes = (first * first + second * second).sum(axis=0)
+    product = (first * second).sum(axis=0)
+    squares = first * first + second * second
+    size = squares.sum(axis=0)
+    alike = 2.0 * product > STEADY * size
     far = np.ptp(q, axis=0) > AT_REST
-    return np.asarray(far & (alike > STEADY * sizes))
+    return np.asarray(far & alike)
+
+
+def motion_questions(robot: Robot, q: Array, speeds: Array) -> Iterator[str]:
+    """Yield the question whether a recorded motion is in another unit, by its speed or range.
+
+    ``q`` (N, n) are its positions and ``speeds`` (n,) its sustained speeds. Unlike positions
+    that seem to be degrees, these may also occur in a simulation, so that they are not refused.
+    """
+    unit = "are positions in degrees, which --degrees converts, or times in another unit?"
+    fast = np.isfinite(robot.qd_max) & (speeds > IMPLAUSIBLE * robot.qd_max)
+    if fast.any():
+        j = int(np.argmax(np.where(fast, speeds, 0.0)))
+        times = speeds[j] / robot.qd_max[j]
+        yield (
+            f"{robot.joint_names[j]} moves at {speeds[j]:.3g} rad/s or m/s, {times:.2g} times the "
+            f"limit of {robot.name}: {unit}"
+        )
+        return
+    for j, joint in enumerate(robot.joint_names):
+        lower = robot.q_min[j]
+        upper = robot.q_max[j]
+        if not -np.inf < lower < upper < np.inf:
+            continue
+        away = np.abs(q[:, j] - 0.5 * (lower + upper))
+        farthest = int(away.argmax())
+        if away[farthest] > 0.5 * IMPLAUSIBLE * (upper - lower):
+            yield f"{joint} is far beyond its range, at {q[farthest, j]:.4g}: {unit}"
+            return

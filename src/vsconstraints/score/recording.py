@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 from ..errors import ConfigurationError, listed
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
-from ..simulation.units import motion_questions
 from .files import Clock, Columns, read_columns
 from .plausible import (
+    motion_questions,
     require_radians,
     require_speeds,
     seconds,
@@ -26,6 +26,12 @@ from .plausible import (
 #: Two samples have a gap between them if they are farther apart than this factor times the median
 #: period, and than this time [s].
 GAP = 5.0, 0.02
+#: Recorded quantities of joints: the words for each in names of columns, and its plural.
+QUANTITIES = {
+    "q": ("position", "positions"),
+    "qd": ("velocity", "speeds"),
+    "qdd": ("command", "commanded accelerations"),
+}
 ON_GRID = 1e-6  #: Largest distance of a time from the grid, as a share of the sampling time.
 
 
@@ -101,117 +107,116 @@ def read_recording(
     which names place and remedy: for missing joints, for values that seem to be degrees, and for
     times that run backwards or seem to be in another unit.
     """
-    raw = read_columns(path, clock, topic)
-    part = _part(raw.t, start, end)
-    columns = raw._replace(
-        t=raw.t[part], columns={name: values[part] for name, values in raw.columns.items()}
-    )
-    found = {
-        "t": columns.t,
-        "q": _joints(robot, columns, "position"),
-        "qd": _joints(robot, columns, "velocity"),
-        "qdd": _joints(robot, columns, "command"),
-        "pixels": _markers(path, columns, markers),
-    }
-    motion = {name: values for name, values in found.items() if values is not None}
-    if "q" not in motion:
-        raise _missing_joints(path, robot, columns)
-    remarks = [*_left_out(robot, columns)]
-    known = np.isfinite(motion["t"]) & np.isfinite(motion["q"]).all(axis=1)
-    if not known.all():
-        remarks.append(f"{np.count_nonzero(~known)} samples without all joints are left out")
-    if known.sum() < 2:
-        raise ConfigurationError(f"{path} has less than two samples with all joints")
-    motion = {name: values[known] for name, values in motion.items()}
-    again = _repeated(path, motion["t"])
-    if again.any():
-        remarks.append(f"{np.count_nonzero(again)} samples repeat a time and are left out")
-    motion = {name: values[~again] for name, values in motion.items()}
+    columns = _part(read_columns(path, clock, topic), start, end)
+    motion, remarks = _motion(path, robot, columns)
+    pixels = _markers(path, columns, markers)
+    if pixels is not None:
+        motion["pixels"] = pixels
+    motion, left_out = _usable(path, motion)
     begin = float(motion["t"][0])
-    motion["t"] = seconds(path, motion["t"], columns.unit_stated)
-    for name in ("qd", "qdd"):
-        if name in motion and not np.isfinite(motion[name]).all():
-            remarks.append(f"incomplete columns of {name} are left out")
-            del motion[name]
-    if degrees:
-        factor = np.where(robot.prismatic, 1.0, np.pi / 180.0)
-        motion |= {name: factor * motion[name] for name in ("q", "qd", "qdd") if name in motion}
-    require_radians(path, robot, motion["q"])
-    # a continuous joint may be reported within a turn
-    motion["q"] = np.where(robot.continuous, np.unwrap(motion["q"], axis=0), motion["q"])
-    if "qd" in motion:
-        require_speeds(path, robot, motion["t"], motion["q"], motion["qd"])
-    speeds = sustained_speeds(motion["t"], motion["q"])
-    if not columns.unit_stated:
-        remarks += time_questions(path, robot, motion["t"], motion["q"], speeds)
-    remarks += [*motion_questions(robot, motion["q"], speeds), *_gaps(motion["t"])]
+    questions = _convert(path, robot, motion, degrees, columns.unit_stated)
+    remarks += [*left_out, *questions, *_gaps(motion["t"])]
     return Recording(**motion, remarks=tuple(remarks), begin=begin)
 
 
-def _part(t: Array, start: float, end: float) -> slice:
-    """Return the samples from the first at or after ``start`` to before the next at ``end``."""
-    begin = int(np.argmax(t >= start)) if (t >= start).any() else len(t)
-    after = np.flatnonzero(t[begin:] >= end)
-    return slice(begin, begin + int(after[0]) if len(after) else None)
+def _convert(
+    path: Path, robot: Robot, motion: dict[str, Array], degrees: bool, unit_stated: bool
+) -> list[str]:
+    """Convert the times of a motion to seconds from its first sample, and angles to radians.
 
-
-def _names(joint: str, number: int, what: str) -> Iterable[str]:
-    """Return the names that a column of a joint may have."""
-    short = {"position": "q", "velocity": "qd", "command": "qdd"}[what]
-    bare = (joint,) if what == "position" else ()
-    given = (f"{joint}.{what}", f"{what}.{joint}", f"{short}[{joint}]")
-    return (*given, *bare, f"{short}[{number}]", f"{short}{number}")
-
-
-def _column_name(columns: Columns, joint: str, number: int, what: str) -> str:
-    """Return the name of the column of a joint; empty if there is none.
-
-    Raises ConfigurationError if that column is not of numbers, or if two have its name.
+    Return questions about its units. Raises as :func:`read_recording`.
     """
-    names = list(_names(joint, number, what))
-    for name in names:
-        if name in columns.columns:
-            return name
-    for name in names:
-        if name in columns.others:
-            raise ConfigurationError(columns.others[name])
-    return ""
+    t = seconds(path, motion["t"], unit_stated)
+    if degrees:
+        factor = np.where(robot.prismatic, 1.0, np.pi / 180.0)
+        for name in QUANTITIES:
+            if name in motion:
+                motion[name] = factor * motion[name]
+    q = motion["q"]
+    require_radians(path, robot, q)
+    # a continuous joint may be reported within a turn
+    q = np.where(robot.continuous, np.unwrap(q, axis=0), q)
+    if "qd" in motion:
+        require_speeds(path, robot, t, q, motion["qd"])
+    motion["t"] = t
+    motion["q"] = q
+    speeds = sustained_speeds(t, q)
+    questions = [] if unit_stated else list(time_questions(path, robot, t, q, speeds))
+    return [*questions, *motion_questions(robot, q, speeds)]
 
 
-def _joints(robot: Robot, columns: Columns, what: str) -> Array | None:
-    """Return the columns (N, n) of all joints; None if one is missing."""
-    found = []
-    for number, joint in enumerate(robot.joint_names, start=1):
-        name = _column_name(columns, joint, number, what)
-        if not name:
-            return None
-        found.append(columns.columns[name])
-    return np.column_stack(found)
-
-
-def _without(robot: Robot, columns: Columns, what: str) -> list[str]:
-    """Return the names of the joints without a column."""
-    return [
-        joint
-        for number, joint in enumerate(robot.joint_names, start=1)
-        if not _column_name(columns, joint, number, what)
-    ]
-
-
-def _left_out(robot: Robot, columns: Columns) -> Iterable[str]:
-    """Yield a sentence for speeds and for commands that only some joints have."""
-    for what, plural in (("velocity", "speeds"), ("command", "commanded accelerations")):
-        missing = _without(robot, columns, what)
-        if 0 < len(missing) < robot.n:
-            yield (
+def _motion(path: Path, robot: Robot, columns: Columns) -> tuple[dict[str, Array], list[str]]:
+    """Return t (N,), q (N, n) and, if recorded, qd and qdd, with remarks on incomplete ones."""
+    motion = {"t": columns.t}
+    remarks = []
+    for name, (what, plural) in QUANTITIES.items():
+        found = _of_joints(robot, columns, name, what)
+        missing = [joint for joint in robot.joint_names if joint not in found]
+        if not missing:
+            motion[name] = np.column_stack([found[joint] for joint in robot.joint_names])
+        elif name == "q":
+            raise _missing_joints(path, robot, columns, missing)
+        elif found:
+            remarks.append(
                 f"{plural} of {', '.join(missing)} are missing: those of the other joints are "
                 "left out"
             )
+    return motion, remarks
 
 
-def _missing_joints(path: Path, robot: Robot, columns: Columns) -> ConfigurationError:
-    """Return the error for a recording without the positions of all joints."""
-    missing = _without(robot, columns, "position")
+def _usable(path: Path, motion: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
+    """Return the complete samples of a motion, each time once, with remarks on the others."""
+    remarks = []
+    known = np.isfinite(motion["t"]) & np.isfinite(motion["q"]).all(axis=1)
+    unknown = np.count_nonzero(~known)
+    if unknown:
+        remarks.append(f"{unknown} samples without all joints are left out")
+    if known.sum() < 2:
+        raise ConfigurationError(f"{path} has less than two samples with all joints")
+    again = _repeated(path, motion["t"][known])
+    repeated = np.count_nonzero(again)
+    if repeated:
+        remarks.append(f"{repeated} samples repeat a time and are left out")
+    usable = {name: values[known][~again] for name, values in motion.items()}
+    for name in ("qd", "qdd"):
+        if name in usable and not np.isfinite(usable[name]).all():
+            remarks.append(f"incomplete columns of {name} are left out")
+            del usable[name]
+    return usable, remarks
+
+
+def _part(recorded: Columns, start: float, end: float) -> Columns:
+    """Return the samples from the first at or after ``start`` to before the next at ``end``."""
+    t = recorded.t
+    begin = _first(t >= start)
+    part = slice(begin, begin + _first(t[begin:] >= end))
+    columns = {name: values[part] for name, values in recorded.columns.items()}
+    return recorded._replace(t=t[part], columns=columns)
+
+
+def _first(flags: BoolArray) -> int:
+    """Return the index of the first flag that is set; the number of flags if none is."""
+    return int(flags.argmax()) if flags.any() else len(flags)
+
+
+def _of_joints(robot: Robot, columns: Columns, name: str, what: str) -> dict[str, Array]:
+    """Return the columns (N,) of a quantity by joint, of the joints that have one."""
+    found = {}
+    for number, joint in enumerate(robot.joint_names, start=1):
+        names = [f"{joint}.{what}", f"{what}.{joint}", f"{name}[{joint}]"]
+        if name == "q":
+            names.append(joint)
+        names += [f"{name}[{number}]", f"{name}{number}"]
+        values = columns.find(names)
+        if values is not None:
+            found[joint] = values
+    return found
+
+
+def _missing_joints(
+    path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
+) -> ConfigurationError:
+    """Return the error for a recording without the positions of some joints."""
     names = [*columns.columns, *columns.others]
     there = ", ".join(listed(names, "columns")) or "none"
     return ConfigurationError(
@@ -222,28 +227,24 @@ def _missing_joints(path: Path, robot: Robot, columns: Columns) -> Configuration
 
 def _markers(path: Path, columns: Columns, count: int) -> Array | None:
     """Return pixels (N, count, 2) of the columns u1, v1, …, or u[1], v[1], …; None if none is."""
-    pairs = []
+    found = []
     missing = []
-    unreadable = []
     for number in range(1, count + 1):
         for axis in "uv":
-            names = (f"{axis}{number}", f"{axis}[{number}]")
-            name = next((name for name in names if name in columns.columns), None)
-            if name is None:
-                missing.append(names[0])
-                unreadable += [columns.others[name] for name in names if name in columns.others]
+            name = f"{axis}{number}"
+            values = columns.find([name, f"{axis}[{number}]"])
+            if values is None:
+                missing.append(name)
             else:
-                pairs.append(columns.columns[name])
-    if unreadable:
-        raise ConfigurationError(unreadable[0])
-    if not pairs:
+                found.append(values)
+    if not found:
         return None
     if missing:
         raise ConfigurationError(
             f"{path} has pixels, but no columns {', '.join(missing)}: give those of all {count} "
             "markers, empty where one is not seen"
         )
-    return np.stack(pairs, axis=1).reshape(-1, count, 2)
+    return np.stack(found, axis=1).reshape(-1, count, 2)
 
 
 def _repeated(path: Path, t: Array) -> BoolArray:

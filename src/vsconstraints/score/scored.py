@@ -54,30 +54,27 @@ def recorded_trajectory(
     """
     late = recording.begin - zero
     elsewhere = abs(late) > setup.Ts
-    if elsewhere and (what := _dependence_on_time(setup)):
-        raise _at_another_time(late, what)
+    if elsewhere:
+        change = _dependence_on_time(setup)
+        if change:
+            raise _at_another_time(late, change)
     _require_start_in_radians(setup, recording.q[0])
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
-    states = np.stack([motion.q, motion.qd], axis=1)
     remarks = [f"recorded in {where}", *motion.remarks]
     apart = float(np.abs(motion.q[0] - setup.q0).max())
     if apart > SAME_START:
         remarks.append(f"the recording starts {apart:.3g} rad or m from that of the baseline, q0")
     qdd = motion.qdd
+    commanded = qdd is not None
     if qdd is None:
         remarks.append("accelerations are differences of the speeds")
-        change = np.diff(motion.qd, axis=0) / setup.Ts
-        qdd = np.concatenate((change, change[-1:]))
-    commanded = motion.qdd is not None
+        differences = np.diff(motion.qd, axis=0) / setup.Ts
+        qdd = np.concatenate((differences, differences[-1:]))
+    states = np.stack([motion.q, motion.qd], axis=1)
     run = follow_measured(setup, states, qdd, commanded=commanded, limited=commanded)
-    custom = own_constraints(setup.constraints) if elsewhere and len(run.t) else []
-    if custom:
-        changed = rows_that_change(setup, run, late)
-        if changed:
-            raise _at_another_time(late, f"rows {', '.join(listed(changed, 'rows'))} have changed")
-        kinds = ", ".join(dict.fromkeys(constraint.kind for constraint in custom))
-        remarks.append(f"custom rows, {kinds}, were found not to depend on time in this motion")
+    if elsewhere:
+        remarks += _remarks_on_custom_rows(setup, run, late, len(motion.t))
     if motion.pixels is not None:
         run, remark = _with_pixels(setup, run, motion.pixels[: len(run.t)])
         remarks.append(remark)
@@ -95,35 +92,61 @@ def _at_another_time(late: float, what: str) -> ConfigurationError:
 
     Runs, and the baseline among them, begin at the scenario's t = 0. ``what`` has changed by then.
     """
+    side = "after"
     remedy = (
         f"score from there on. If the scenario begins with this sample, add {late:.9g} to --zero"
     )
     if late < 0.0:
+        side = "before"
         remedy = "score from there on with --start"
     return ConfigurationError(
-        f"the first scored sample is {abs(late):.6g} s {'after' if late > 0.0 else 'before'} t = 0 "
-        f"of the scenario, whose {what} by then, and results begin at t = 0: {remedy}"
+        f"the first scored sample is {abs(late):.6g} s {side} t = 0 of the scenario, whose {what} "
+        f"by then, and results begin at t = 0: {remedy}"
     )
 
 
-def rows_that_change(setup: Setup, run: Trajectory, later: float) -> list[str]:
-    """Return the labels of rows that differ at the same states of a run, ``later`` [s] later.
+def _remarks_on_custom_rows(setup: Setup, run: Trajectory, late: float, samples: int) -> list[str]:
+    """Return remarks on custom rows of a run that begins ``late`` [s] after the scenario.
 
     Any constraint may depend on time, a custom one in a way that only its values show. They are
-    compared at all samples: where none differs, neither do the scores.
+    compared at all samples of the run, at both times: where none differs, neither do the scores.
+    The run ends before one of the recorded ``samples`` at which rows cannot be evaluated. Raises
+    ConfigurationError if rows differ.
     """
+    custom = own_constraints(setup.constraints)
+    if not custom:
+        return []
+    changed = _rows_that_differ(setup, run, run.t + late) if len(run.t) else []
+    if changed:
+        raise _at_another_time(late, f"rows {', '.join(listed(changed, 'rows'))} have changed")
+    kinds = ", ".join(dict.fromkeys(constraint.kind for constraint in custom))
+    if len(run.t) == samples:
+        return [f"custom rows, {kinds}, were found not to depend on time in this motion"]
+    return [
+        f"custom rows, {kinds}, could be evaluated at {len(run.t)} of {samples} samples: if they "
+        "depend on time at the others is not known"
+    ]
+
+
+def _rows_that_differ(setup: Setup, run: Trajectory, later: Array) -> list[str]:
+    """Return the labels of the rows that differ at the states of a run at other times (N,)."""
     motion = run.q, run.qd, run.features_px, run.points
-    first = setup.clearance(run.t, *motion)
-    second = setup.clearance(run.t + later, *motion)
-    changed = _differ(first, second).any(axis=0)
+    clearance = setup.clearance(run.t, *motion)
+    clearance_later = setup.clearance(later, *motion)
+    changed = _differ(clearance, clearance_later).any(axis=0)
     step = setup.world()
-    for t, q, qd in zip(run.t, run.q, run.qd, strict=True):
-        changed |= _differ(_rows_at(step, t, q, qd), _rows_at(step, t + later, q, qd)).any(axis=1)
-    return [setup.constraints.labels[i] for i in np.flatnonzero(changed)]
+    for k in range(len(run.t)):
+        q = run.q[k]
+        qd = run.qd[k]
+        rows = _rows_at(step, run.t[k], q, qd)
+        rows_later = _rows_at(step, later[k], q, qd)
+        changed = changed | _differ(rows, rows_later).any(axis=1)
+    labels = setup.constraints.labels
+    return [labels[i] for i in np.flatnonzero(changed)]
 
 
 def _rows_at(step: ControlStep, t: float, q: Array, qd: Array) -> Array:
-    """Return σ, φ, L_fφ and L_gφ of each row (m, 3 + n); NaN where they cannot be evaluated."""
+    """Return σ, φ, L_fφ and L_gφ of each row (m, 3 + n); NaN if they cannot be evaluated."""
     try:
         evaluation = step.evaluate(t, q, qd)
         rows = evaluation.rows
@@ -134,7 +157,8 @@ def _rows_at(step: ControlStep, t: float, q: Array, qd: Array) -> Array:
 
 def _differ(first: Array, second: Array) -> BoolArray:
     """Return flags of numbers that differ; NaN differs from every number, but not from NaN."""
-    return np.asarray((first != second) & ~(np.isnan(first) & np.isnan(second)))
+    both_unknown = np.isnan(first) & np.isnan(second)
+    return np.asarray((first != second) & ~both_unknown)
 
 
 def _dependence_on_time(setup: Setup) -> str:
@@ -158,11 +182,13 @@ def _require_start_in_radians(setup: Setup, q: Array) -> None:
     wanted = setup.q0[turning]
     given = q[turning]
     apart = np.abs(given - wanted).max(initial=0.0)
+    if apart <= 2.0 * NEAR_START:
+        return
     for converted, remedy in (
         (np.deg2rad(given), "are these degrees, not rad? --degrees converts them"),
         (np.rad2deg(given), "were these rad before --degrees converted them? Leave it out"),
     ):
-        if apart > 2.0 * NEAR_START and np.abs(converted - wanted).max() < NEAR_START:
+        if np.abs(converted - wanted).max() < NEAR_START:
             raise ConfigurationError(
                 f"the recording starts {apart:.3g} rad from q0, and would start there if "
                 f"{given[0]:.4g} of its first joint were {converted[0]:.4g}: {remedy}"
@@ -178,21 +204,24 @@ def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajecto
     seen = np.where(hidden[:, :, None], run.features_px, ideal)
     clearance = setup.clearance(run.t, run.q, run.qd, seen, run.points)
     of_image = np.array([unit == "px" for unit in setup.constraints.units], dtype=np.bool_)
-    goals = np.array([setup.task.goal_at(t) for t in run.t])
-    wanted = np.array([goal.pixels for goal in setup.task.goals])[goals]
-    error = np.linalg.norm(seen - wanted, axis=2).max(axis=1)
-    of_feature = setup.task.feature.reached_by == "feature"
+    error = run.feature_error_px
+    task = setup.task
+    if task.feature.reached_by != "feature":
+        wanted = np.array([task.goals[task.goal_at(t)].pixels for t in run.t])
+        distances = np.linalg.norm(seen - wanted, axis=2)
+        error = distances.max(axis=1)
     measured = replace(
         run,
         features_px=seen,
-        feature_error_px=run.feature_error_px if of_feature else error,
+        feature_error_px=error,
         clearance=np.where(of_image, clearance, run.clearance),
         between_clearance=np.where(of_image, np.inf, run.between_clearance),
     )
-    most = float(np.nanmax(deviation)) if np.isfinite(deviation).any() else np.nan
-    remark = f"measured pixels deviate by up to {most:.3g} px from those of the model"
-    if hidden.any():
-        remark += f", which replace {np.count_nonzero(hidden)} of a marker that is not seen"
+    largest = np.nan if hidden.all() else np.nanmax(deviation)
+    remark = f"measured pixels deviate by up to {largest:.3g} px from those of the model"
+    replaced = np.count_nonzero(hidden)
+    if replaced:
+        remark += f", which replace {replaced} of a marker that is not seen"
     return measured, remark
 
 

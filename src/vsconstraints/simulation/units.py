@@ -36,9 +36,6 @@ FAST = 60.0
 FASTEST_CHANGE = 600.0
 #: Largest plausible speed of a row, as a multiple of the robot's own limit.
 BEYOND_ROBOT = 2.0
-#: Sustained speed of a recorded motion, as a multiple of the robot's own limit, and distance of a
-#: position from the middle of its range, in half ranges, beyond which another unit is suspected.
-IMPLAUSIBLE = 3.0
 #: Sampling times above which another unit, and from which a rate in Hz, is suspected [s].
 SLOW = 0.1
 RATE = 20.0
@@ -103,33 +100,6 @@ def degrees_question(what: str, robot: Robot, q: Array) -> str:
         return ""
     named = ", ".join(f"{q[j]:.4g} of joint {j + 1}" for j in numbers)
     return f"{what} has {named}: are these degrees, not rad?"
-
-
-def motion_questions(robot: Robot, q: Array, speeds: Array) -> Iterator[str]:
-    """Yield the question whether a recorded motion is in another unit, by its speed or range.
-
-    ``q`` (N, n) are its positions and ``speeds`` (n,) its sustained speeds. Unlike positions that
-    :func:`in_degrees` finds, these may also occur in a simulation, so that they are not refused.
-    """
-    unit = "are positions in degrees, which --degrees converts, or times in another unit?"
-    fast = np.isfinite(robot.qd_max) & (speeds > IMPLAUSIBLE * robot.qd_max)
-    bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max) & (robot.q_max > robot.q_min)
-    lower = np.where(bounded, robot.q_min, 0.0)
-    upper = np.where(bounded, robot.q_max, 0.0)
-    away = np.abs(q - 0.5 * (lower + upper))
-    far = bounded & (away.max(axis=0) > 0.5 * IMPLAUSIBLE * (upper - lower))
-    if fast.any():
-        j = int(np.argmax(np.where(fast, speeds, 0.0)))
-        yield (
-            f"{robot.joint_names[j]} moves at {speeds[j]:.3g} rad/s or m/s, "
-            f"{speeds[j] / robot.qd_max[j]:.2g} times the limit of {robot.name}: {unit}"
-        )
-    elif far.any():
-        j = int(np.argmax(far))
-        yield (
-            f"{robot.joint_names[j]} is far beyond its range, at "
-            f"{q[away[:, j].argmax(), j]:.4g}: {unit}"
-        )
 
 
 def _prismatic(robot: Robot) -> BoolArray:

@@ -11,26 +11,29 @@ from ..constraints import Constraint, JointRange, JointSpeed
 from ..robots.geometry import Pose
 from ..rows import Array
 from ..simulation.setup import Setup
-from ..vision.camera import Camera
 from ..vision.scene import Scene
+from .protocol import decode, encode
 from .urdf import TIP, urdf_text
 
 #: Names of the lens models in OpenCV and ROS.
 LENSES = {"brown-conrady": "plumb_bob", "fisheye": "equidistant"}
+#: Types of the parameters of a constraint that a stack gets.
+PLAIN = (bool, int, float, str, list, tuple, np.ndarray, np.generic)
 
 
 def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
-    """Return the data before a run that a stack has declared, as lists, numbers and texts.
+    """Return the data before a run that a stack has declared, as JSON has them.
 
     Camera and target are those that the controller believes in. Limits that do not exist, and
     actuator limits that the controller does not know, are None.
     """
     scene = setup.sensor().believed
-    data: dict[str, Any] = {"period": setup.Ts, "joints": list(scene.robot.joint_names)}
+    data: dict[str, Any] = {"period": setup.Ts, "joints": scene.robot.joint_names}
     for name in uses:
         if name in SECTIONS:
             data |= SECTIONS[name](setup, scene)
-    return data
+    plain: dict[str, Any] = decode(encode(data))
+    return plain
 
 
 def joint_limits(setup: Setup) -> tuple[Array, Array, Array]:
@@ -41,13 +44,16 @@ def joint_limits(setup: Setup) -> tuple[Array, Array, Array]:
     """
     lower, upper, speed = setup.scene.robot.ranges
     for constraint in setup.constraints.constraints:
+        if not isinstance(constraint, JointRange | JointSpeed):
+            continue
+        at = np.array(constraint.joints) - 1
         if isinstance(constraint, JointRange):
-            at = np.array(constraint.joints) - 1
             inwards = 0.5 * constraint.margin * (constraint.upper - constraint.lower)
-            lower[at] = np.maximum(lower[at], constraint.lower + inwards)
-            upper[at] = np.minimum(upper[at], constraint.upper - inwards)
-        elif isinstance(constraint, JointSpeed):
-            at = np.array(constraint.joints) - 1
+            from_below = constraint.lower + inwards
+            from_above = constraint.upper - inwards
+            lower[at] = np.maximum(lower[at], from_below)
+            upper[at] = np.minimum(upper[at], from_above)
+        else:
             slower = np.minimum(constraint.upper, -constraint.lower)
             speed[at] = np.minimum(speed[at], (1.0 - constraint.margin) * slower)
     return lower, upper, speed
@@ -59,54 +65,58 @@ def _urdf(setup: Setup, scene: Scene) -> dict[str, Any]:
 
 def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
     lower, upper, speed = joint_limits(setup)
-    known: dict[str, Any] = {"acceleration": None, "jerk": None}
-    if setup.limits.known:
-        for name in known:
-            limit = setup.limits.of_joint(name, len(speed))
-            known[name] = None if np.isinf(limit).all() else plain(limit)
-    return {
-        "limits": {
-            "lower": plain(lower),
-            "upper": plain(upper),
-            "velocity": plain(speed),
-            **known,
-        }
+    limits = {
+        "lower": lower,
+        "upper": upper,
+        "velocity": speed,
+        "acceleration": _known_limit(setup, "acceleration"),
+        "jerk": _known_limit(setup, "jerk"),
     }
+    return {"limits": limits}
+
+
+def _known_limit(setup: Setup, name: str) -> Array | None:
+    """Return an actuator limit (n,); None if the controller does not know it, or there is none."""
+    limit = setup.limits.of_joint(name, setup.scene.robot.n)
+    exists = np.isfinite(limit).any()
+    return limit if exists and setup.limits.known else None
 
 
 def _camera(setup: Setup, scene: Scene) -> dict[str, Any]:
     camera = scene.camera
     centre = camera.to_corner(camera.offset, "centres")
-    lens = camera.distortion
-    distortion = {
-        "model": "none" if lens is None else LENSES[lens.model],
-        "coefficients": [] if lens is None else list(map(float, lens.coefficients)),
+    described = {
+        "size": np.array(camera.size, dtype=np.float64),
+        "intrinsics": np.concatenate((camera.focal, centre)),
+        "distortion": {"model": "none", "coefficients": ()},
     }
-    place = (
-        {"camera_in_tip": matrix(camera.mount.inverse)}
-        if camera.fixed is None
-        else {"camera_in_base": matrix(camera.fixed)}
-    )
-    intrinsics = [*map(float, camera.focal), *map(float, centre)]
-    size = list(map(float, camera.size))
-    return {"camera": {"size": size, "intrinsics": intrinsics, "distortion": distortion, **place}}
+    lens = camera.distortion
+    if lens is not None:
+        coefficients = np.array(lens.coefficients, dtype=np.float64)
+        described["distortion"] = {"model": LENSES[lens.model], "coefficients": coefficients}
+    if camera.fixed is None:
+        described["camera_in_tip"] = matrix(camera.mount.inverse)
+    else:
+        described["camera_in_base"] = matrix(camera.fixed)
+    return {"camera": described}
 
 
 def _target(setup: Setup, scene: Scene) -> dict[str, Any]:
     frame = "base" if scene.camera.fixed is None else TIP
     moves = scene.motion is not None
-    return {"target": {"markers": scene.markers.tolist(), "frame": frame, "moves": moves}}
+    return {"target": {"markers": scene.markers, "frame": frame, "moves": moves}}
 
 
 def _goals(setup: Setup, scene: Scene) -> dict[str, Any]:
-    goals = [
-        {
+    camera = scene.camera
+    goals = []
+    for goal in setup.task.goals:
+        described = {
             "from": float(goal.from_time),
-            "pixels": sensor_pixels(scene.camera, goal.pixels).tolist(),
+            "pixels": camera.to_corner(camera.distort(goal.pixels), "centres"),
             "camera_in_target": None if goal.camera is None else matrix(goal.camera),
         }
-        for goal in setup.task.goals
-    ]
+        goals.append(described)
     return {"feature": setup.task.feature.name, "goals": goals}
 
 
@@ -116,11 +126,17 @@ def _constraints(setup: Setup, scene: Scene) -> dict[str, Any]:
 
 
 def _constraint(constraint: Constraint, scene: Scene) -> dict[str, Any]:
-    """Return kind, labels, unit and all public numbers, texts and arrays of a constraint."""
-    data = {name: plain(value) for name, value in vars(constraint).items() if name[0] != "_"}
-    known = {name: value for name, value in data.items() if value is not None}
-    labels = list(constraint.labels(scene))
-    return {"kind": constraint.kind, "labels": labels, "unit": constraint.unit, **known}
+    """Return kind, labels, unit and all public numbers, texts, arrays and lists of a constraint."""
+    labels = constraint.labels(scene)
+    described: dict[str, Any] = {
+        "kind": constraint.kind,
+        "labels": labels,
+        "unit": constraint.unit,
+    }
+    for name, value in vars(constraint).items():
+        if isinstance(value, PLAIN) and not name.startswith("_"):
+            described[name] = value
+    return described
 
 
 SECTIONS: dict[str, Callable[[Setup, Scene], dict[str, Any]]] = {
@@ -133,26 +149,9 @@ SECTIONS: dict[str, Callable[[Setup, Scene], dict[str, Any]]] = {
 }
 
 
-def sensor_pixels(camera: Camera, ideal: Array) -> Array:
-    """Return pixels as OpenCV counts them of ideal pixels from the image centre, (M, 2) each."""
-    return camera.to_corner(camera.distort(ideal), "centres")
-
-
-def matrix(pose: Pose) -> list[list[float]]:
-    """Return the homogeneous matrix (4, 4) of a pose as nested lists."""
+def matrix(pose: Pose) -> Array:
+    """Return the homogeneous matrix (4, 4) of a pose."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3] = pose.R
     homogeneous[:3, 3] = pose.t
-    listed: list[list[float]] = homogeneous.tolist()
-    return listed
-
-
-def plain(value: object) -> Any:
-    """Return a number, text, array or sequence as plain data; None for others and infinity."""
-    if isinstance(value, np.ndarray | tuple | list):
-        return [plain(each) for each in np.asarray(value, dtype=object).tolist()]
-    if isinstance(value, bool | str | int):
-        return value
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return None
+    return homogeneous

@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, format_value, one_line, unknown_name
 from ..simulation.programs import COMMANDS, Answer, Observation, program_name
 from ..simulation.setup import Setup
 from .child import StackProcess
-from .description import describe
 from .protocol import (
     MAX_TEXT,
     StackFailedError,
@@ -25,9 +22,8 @@ from .protocol import (
     read_declaration,
     read_reply,
     require_finite_settings,
-    setup_message,
 )
-from .stack import Measured, MeasuredProgram
+from .stack import MeasuredProgram
 
 START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s].
 REPLY_LIMIT = 1.0  #: Time until every other answer [s].
@@ -115,21 +111,15 @@ class ExternalStack(MeasuredProgram):
         self._declared = (
             f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
         )
-        self._n = setup.scene.robot.n
-        self._measured = Measured(setup, uses)
         # the setup is sent with the first period, whose answer may take as long as a start
-        message = setup_message(describe(setup, uses), self.settings)
-        self._setup = encode(message) + b"\n"
+        self._setup = encode(self.prepare(setup, uses, self.settings)) + b"\n"
 
     def respond(self, now: Observation) -> Answer:
         """Ask the process for the command of a period; see :class:`.RobotProgram`."""
         assert self._process is not None
-        message = {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in self._measured(now).items()
-        }
+        message = self._setup + encode(self._measured(now))
         limit = self._start_limit if self._setup else REPLY_LIMIT
-        line = self._process.ask(self._setup + encode(message), limit)
+        line = self._process.ask(message, limit)
         self._setup = b""
         try:
             return self.counted(read_reply(line, self.output, self._n, now.t))

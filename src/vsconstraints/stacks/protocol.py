@@ -70,7 +70,14 @@ class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     compute_s: float | None = None
 
 
-encode = msgspec.json.Encoder().encode
+def _listed(value: object) -> object:
+    """Return an array as a list, and None instead of an object that JSON does not have."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else None
+
+
+#: Encode data as JSON, with arrays as lists, and null for numbers that are not finite.
+encode = msgspec.json.Encoder(enc_hook=_listed).encode
+decode = msgspec.json.decode
 _decode_reply = msgspec.json.Decoder(_Reply).decode
 _decode_declaration = msgspec.json.Decoder(Declaration).decode
 
@@ -143,13 +150,14 @@ def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:
 
 #: Rounding of a repeated time [s], if it is not that of single precision, which grows with time.
 SAME_TIME = 1e-6
+SINGLE_PRECISION = float(np.finfo(np.float32).eps)  #: Relative resolution of single precision.
 #: Largest number in an answer; the differences of larger ones may be infinite.
 LARGEST = 1e12
 
 
 def rounding_of_time(t: float) -> float:
     """Return the largest error [s] of a time that a stack repeats in single precision or better."""
-    return max(SAME_TIME, float(np.spacing(np.float32(t))))
+    return max(SAME_TIME, SINGLE_PRECISION * t)
 
 
 def checked_answer(command: Any, output: Output, n: int, compute_time: float) -> Answer:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import described, format_value
+from ..rows import Array
 from ..simulation.programs import Answer, Observation, Output, RobotProgram
 from ..simulation.setup import Setup
 from ..vision.measurement import estimated_pose
@@ -43,10 +44,12 @@ class Measured:
     """Measurements of a run as data, only those that a stack has declared."""
 
     def __init__(self, setup: Setup, uses: tuple[str, ...]) -> None:
-        sensor = setup.sensor()
-        self._scene = sensor.believed
+        self._scene = setup.sensor().believed
+        # pixels of the image centre, from which those of an observation are counted
+        self._centre = self._scene.camera.to_corner(np.zeros(2), "centres")
         self._uses = uses
-        self._pose: tuple[float, Any] = np.nan, None  # of the last image, and its time
+        self._pose: Array = np.empty((4, 4))  # of the camera in the last image
+        self._pose_taken = np.nan  # time of that image [s]
 
     def __call__(self, now: Observation) -> dict[str, Any]:
         """Return the measurements of a period, with arrays."""
@@ -59,7 +62,7 @@ class Measured:
         if "qd" in uses:
             data["qd"] = now.qd
         if "pixels" in uses:
-            data["pixels"] = self._scene.camera.to_corner(now.pixels, "centres")
+            data["pixels"] = now.pixels + self._centre
         if "pixels" in uses or "pose" in uses:
             data["taken"] = now.taken
         if "pose" in uses:
@@ -68,18 +71,17 @@ class Measured:
             data["jacobian"] = self._scene.camera_jacobian(now.q)
         return data
 
-    def _camera_in_target(self, now: Observation) -> Any:
+    def _camera_in_target(self, now: Observation) -> Array:
         """Return the homogeneous matrix (4, 4) of the camera's pose in the newest image."""
         if now.exact:
-            return np.array(matrix(now.near))
-        last, pose = self._pose
-        if last == now.taken and pose is not None and now.taken < now.t:
-            return pose
+            return matrix(now.near)
+        if now.taken == self._pose_taken and now.taken < now.t:
+            return self._pose
         scene = self._scene
         seen = scene.camera.normalised(scene.camera.undistort(now.pixels))
-        pose = np.array(matrix(estimated_pose(scene.markers, seen, now.near)))
-        self._pose = now.taken, pose
-        return pose
+        self._pose = matrix(estimated_pose(scene.markers, seen, now.near))
+        self._pose_taken = now.taken
+        return self._pose
 
 
 class MeasuredProgram(RobotProgram):
@@ -92,6 +94,14 @@ class MeasuredProgram(RobotProgram):
         """Begin a run; see :class:`.RobotProgram`."""
         self._unanswered = Counter()
         self._periods = 0
+
+    def prepare(
+        self, setup: Setup, uses: tuple[str, ...], settings: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the setup message of a run for the data that are declared as used."""
+        self._n = setup.scene.robot.n
+        self._measured = Measured(setup, uses)
+        return setup_message(describe(setup, uses), settings)
 
     def counted(self, answer: Answer) -> Answer:
         """Return the answer, after counting it."""
@@ -138,9 +148,8 @@ class Stack(MeasuredProgram):
         """Begin a run; see :class:`.RobotProgram`."""
         super().begin(setup)
         uses, _ = checked_declaration(self.uses, self.output)
-        self._n = setup.scene.robot.n
-        self._measured = Measured(setup, uses)
-        self.start(Declared(setup_message(describe(setup, uses), self.settings)))
+        message = self.prepare(setup, uses, self.settings)
+        self.start(Declared(message))
 
     def respond(self, now: Observation) -> Answer:
         """Compute the command for a period; see :class:`.RobotProgram`."""
@@ -149,7 +158,7 @@ class Stack(MeasuredProgram):
         try:
             command = self.step(data)
         except NoAnswer as error:
-            return self.counted(
-                Answer(None, perf_counter() - begun, str(error) or described(error))
-            )
-        return self.counted(checked_answer(command, self.output, self._n, perf_counter() - begun))
+            reason = str(error) or described(error)
+            return self.counted(Answer(None, perf_counter() - begun, reason))
+        compute_time = perf_counter() - begun
+        return self.counted(checked_answer(command, self.output, self._n, compute_time))

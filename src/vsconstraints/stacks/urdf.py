@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -18,6 +19,7 @@ UNLIMITED = 1e6
 #: refuse bodies without mass, and kinematics do not depend on it.
 UNKNOWN_MASS = 1.0
 UNKNOWN_INERTIA = 0.01
+AXES = "xyz"
 
 
 def urdf_text(robot: Robot, limits: tuple[Array, Array, Array] | None = None) -> str:
@@ -31,16 +33,18 @@ def urdf_text(robot: Robot, limits: tuple[Array, Array, Array] | None = None) ->
     revolute joints with a range that never ends, so that every library gives each one coordinate.
     """
     model = robot.model
+    ranges = robot.ranges if limits is None else limits
     root = Element("robot", name=robot.name)
     SubElement(root, "link", name=BASE)
     parent = BASE
     for i, name in enumerate(robot.joint_names):
-        link = f"link {i + 1}"
+        number = i + 1  # in the model, whose joint 0 is the universe
+        link = f"link {number}"
         kind = "prismatic" if robot.prismatic[i] else "revolute"
-        joint = _joint(root, name, kind, parent, link, model.jointPlacements[i + 1])
+        joint = _joint(root, name, kind, parent, link, model.jointPlacements[number])
         SubElement(joint, "axis", xyz=_numbers(robot.axes[i]))
-        SubElement(joint, "limit", _limits(robot, i, limits or robot.ranges))
-        _body(root, link, model.inertias[i + 1])
+        SubElement(joint, "limit", _limits(robot, i, ranges))
+        _body(root, link, model.inertias[number])
         parent = link
     frame = model.frames[robot.frame_id("tip")]
     _joint(root, "tip joint", "fixed", parent, TIP, frame.placement)
@@ -59,27 +63,34 @@ def _joint(root: Element, name: str, kind: str, parent: str, child: str, at: pin
 
 
 def _limits(robot: Robot, joint: int, ranges: tuple[Array, Array, Array]) -> dict[str, str]:
-    effort = robot.limits.of_joint("effort", robot.n)[joint]
-    lower, upper, speed = (float(each[joint]) for each in ranges)
+    lower, upper, speed = ranges
+    effort = robot.limits.of_joint("effort", robot.n)
     limits = {"velocity": speed, "effort": effort, "lower": lower, "upper": upper}
-    return {key: repr(float(np.clip(each, -UNLIMITED, UNLIMITED))) for key, each in limits.items()}
+    texts = {}
+    for name, values in limits.items():
+        value = np.clip(values[joint], -UNLIMITED, UNLIMITED)
+        texts[name] = _number(value)
+    return texts
 
 
 def _body(root: Element, name: str, inertia: pin.Inertia) -> None:
-    link = SubElement(SubElement(root, "link", name=name), "inertial")
-    known = inertia.mass > 0.0
-    centre = inertia.lever if known else np.zeros(3)
-    moments = inertia.inertia if known else UNKNOWN_INERTIA * np.eye(3)
-    SubElement(link, "origin", xyz=_numbers(np.asarray(centre)), rpy="0 0 0")
-    SubElement(link, "mass", value=repr(float(inertia.mass if known else UNKNOWN_MASS)))
-    axes = "xyz"
-    upper = {
-        f"i{axes[row]}{axes[column]}": repr(float(moments[row, column]))
-        for row in range(3)
-        for column in range(row, 3)
-    }
-    SubElement(link, "inertia", upper)
+    if inertia.mass <= 0.0:
+        inertia = pin.Inertia(UNKNOWN_MASS, np.zeros(3), UNKNOWN_INERTIA * np.eye(3))
+    centre = np.asarray(inertia.lever)
+    moments = inertia.inertia
+    link = SubElement(root, "link", name=name)
+    body = SubElement(link, "inertial")
+    SubElement(body, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    SubElement(body, "mass", value=_number(inertia.mass))
+    element = SubElement(body, "inertia")
+    for row, column in combinations_with_replacement(range(3), 2):
+        axes = AXES[row] + AXES[column]
+        element.set(f"i{axes}", _number(moments[row, column]))
 
 
 def _numbers(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    return " ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    return repr(float(value))

@@ -24,8 +24,14 @@ from importlib.metadata import version
 
 import numpy as np
 from cbfpy import CBF, CBFConfig
-from servoing import Scene, axis_and_angle, from_limits, inverse
+from servoing import Scene, axis_and_angle, from_limits, inverse, settings_of
 from stack_io import serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "gain": 2.0,
+    "barrier_gain": 5.0,
+}
 
 
 class Joints(CBFConfig):
@@ -63,21 +69,22 @@ class CbfpyStack:
 
     name = f"cbfpy {version('cbfpy')}"
     output = "velocity"
-    uses = (
-        "limits", "camera", "target", "goals", "constraints", "q", "pixels", "pose", "jacobian",
-    )  # fmt: skip
+    uses = (*Scene.uses, "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build and compile the filter."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
-        self.gain = own.get("gain", 2.0)
+        self.gain = own["gain"]
+        barrier_gain = own["barrier_gain"]
         limits = setup["limits"]
         lower = from_limits(limits["lower"], -1e6)
         upper = from_limits(limits["upper"], 1e6)
         speed = from_limits(limits["velocity"], 1e3)
-        rows = 0 if self.scene.half_size is None else 4 * len(self.scene.markers)
-        config = Joints(lower, upper, speed, rows, own.get("barrier_gain", 5.0))
+        rows = 0
+        if self.scene.half_size is not None:
+            rows = 4 * len(self.scene.markers)
+        config = Joints(lower, upper, speed, rows, barrier_gain)
         self.filter = CBF.from_config(config)
 
     def step(self, now):
@@ -86,20 +93,28 @@ class CbfpyStack:
         q = np.array(now["q"])
         if self.scene.feature == "image-points":
             error, L = self.scene.image_error(now)
-            wanted = np.linalg.pinv(L @ J) @ (-self.gain * error)
+            J_s = L @ J
+            rate = -self.gain * error
         else:
-            wanted = np.linalg.pinv(J) @ (self.gain * self.twist(now))
+            J_s = J
+            rate = self.gain * self.twist(now)
+        wanted = np.linalg.pinv(J_s) @ rate
         sigma, A = self.scene.view_rows(now)
-        return np.asarray(self.filter.safety_filter(q, wanted, -sigma, -A @ J, q))
+        barrier = -sigma
+        barrier_J = -A @ J
+        return np.asarray(self.filter.safety_filter(q, wanted, barrier, barrier_J, q))
 
     def twist(self, now):
         """Return the twist (6,) along which the camera moves straight to the goal in 1 s."""
-        goal = np.array(self.scene.goals[now["goal"]]["camera_in_target"])
-        away = inverse(np.array(now["camera_in_target"])) @ goal
+        goal = self.scene.goals[now["goal"]]
+        wanted = np.array(goal["camera_in_target"])
+        camera = np.array(now["camera_in_target"])
+        away = inverse(camera) @ wanted
         axis, angle = axis_and_angle(away[:3, :3])
         size = np.linalg.norm(axis)
-        turn = axis * (angle / size) if size > 1e-12 else 0.5 * axis
-        return np.concatenate((away[:3, 3], turn))
+        # the axis has the length 2 sin θ
+        factor = angle / size if size > 1e-12 else 0.5
+        return np.concatenate((away[:3, 3], factor * axis))
 
 
 if __name__ == "__main__":

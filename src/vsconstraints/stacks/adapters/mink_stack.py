@@ -8,6 +8,8 @@ Settings
 --------
 gain
     Gain λ of the task [1/s]. mink's own ``gain`` is the fraction λ T_s per period.
+lm_damping
+    Weight of the Levenberg–Marquardt damping of the task.
 view_gain
     α of the rows dσ/dt ≤ −α σ of the field of view [1/s]; 0 leaves them out.
 velocity_limit
@@ -23,11 +25,22 @@ from importlib.metadata import version
 import mink
 import mujoco
 import numpy as np
-from servoing import Scene, from_limits
+from servoing import Scene, from_limits, settings_of
 from stack_io import NoAnswer, serve
 
 # keep the tip's frame, which MuJoCo would merge with the last link
 COMPILER = '<mujoco><compiler fusestatic="false"/></mujoco>'
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "solver": "daqp",
+    "damping": 1e-8,
+    "view_gain": 5.0,
+    "gain": 2.0,
+    "lm_damping": 1e-6,
+    "config_limit_gain": 0.95,
+    "velocity_limit": True,
+}
 
 
 class ViewLimit(mink.Limit):
@@ -64,32 +77,29 @@ class MinkStack:
 
     name = f"mink {version('mink')}"
     output = "velocity"
-    uses = (
-        "urdf", "limits", "camera", "target", "goals", "constraints",
-        "q", "pixels", "pose", "jacobian",
-    )  # fmt: skip
+    uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build model, task and limits."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.period = setup["period"]
-        self.solver = own.get("solver", "daqp")
-        self.damping = own.get("damping", 1e-8)
-        self.view_gain = own.get("view_gain", 5.0)
+        self.solver = own["solver"]
+        self.damping = own["damping"]
+        self.view_gain = own["view_gain"]
         urdf = setup["urdf"].replace("</robot>", f"{COMPILER}</robot>")
         self.model = mujoco.MjModel.from_xml_string(urdf)
         self.tip = setup["tip"]
-        gain = own.get("gain", 2.0) * self.period
-        lm_damping = own.get("lm_damping", 1e-6)
+        gain = own["gain"] * self.period
+        lm_damping = own["lm_damping"]
         self.image_task = None
         if self.scene.feature == "image-points":
             features = 2 * len(self.scene.markers)
             self.task = self.image_task = ImageTask(features, gain, lm_damping)
         else:
             self.task = mink.FrameTask(self.tip, "body", 1.0, 1.0, gain, lm_damping)
-        self.limits = [mink.ConfigurationLimit(self.model, own.get("config_limit_gain", 0.95))]
-        if own.get("velocity_limit", True):
+        self.limits = [mink.ConfigurationLimit(self.model, own["config_limit_gain"])]
+        if own["velocity_limit"]:
             speeds = from_limits(setup["limits"]["velocity"], 1e6)
             names = dict(zip(setup["joints"], speeds, strict=True))
             self.limits.append(mink.VelocityLimit(self.model, names))
@@ -103,8 +113,9 @@ class MinkStack:
             self.image_task.error, L = self.scene.image_error(now)
             self.image_task.J = L @ J
         else:
-            tip = configuration.get_transform_frame_to_world(self.tip, "body").as_matrix()
-            self.task.set_target(mink.SE3.from_matrix(self.scene.tip_goal(now, tip)))
+            tip = configuration.get_transform_frame_to_world(self.tip, "body")
+            goal = self.scene.tip_goal(now, tip.as_matrix())
+            self.task.set_target(mink.SE3.from_matrix(goal))
         limits = list(self.limits)
         sigma, A = self.scene.view_rows(now)
         if self.view_gain > 0.0 and len(sigma):

@@ -20,8 +20,14 @@ from importlib.metadata import version
 
 import numpy as np
 from machinevisiontoolbox import CentralCamera
-from servoing import Scene
+from servoing import Scene, settings_of
 from stack_io import serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "gain": 1.0,
+    "depth": "current",
+}
 
 
 class MachineVisionStack:
@@ -29,14 +35,16 @@ class MachineVisionStack:
 
     name = f"machinevision-toolbox {version('machinevision-toolbox-python')}"
     output = "velocity"
-    uses = ("camera", "target", "goals", "constraints", "q", "pixels", "pose", "jacobian")
+    uses = (*Scene.uses, "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build the camera."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
-        self.gain = own.get("gain", 1.0)
-        self.desired = own.get("depth", "current") == "desired"
+        self.gain = own["gain"]
+        if own["depth"] not in ("current", "desired"):
+            raise SystemExit(f"depth is current or desired, not {own['depth']!r}")
+        self.desired = own["depth"] == "desired"
         f_u, f_v, c_u, c_v = setup["camera"]["intrinsics"]
         size = [int(side) for side in setup["camera"]["size"]]
         # focal lengths in pixels: pixels of 1 m
@@ -46,12 +54,15 @@ class MachineVisionStack:
         """Return q̇ (n,)."""
         pixels = np.array(now["pixels"])
         goal = self.scene.goals[now["goal"]]
-        seen_from = {"camera_in_target": goal["camera_in_target"]} if self.desired else now
+        wanted = np.array(goal["pixels"])
+        # a goal has the camera's pose by the same name
+        seen_from = goal if self.desired else now
         depth = self.scene.depth(seen_from)
         L = self.camera.visjac_p(pixels.T, depth)
-        wanted = np.array(goal["pixels"])
-        velocity = self.gain * np.linalg.pinv(L) @ (wanted - pixels).ravel()
-        return np.linalg.pinv(np.array(now["jacobian"])) @ velocity
+        away = wanted - pixels
+        velocity = self.gain * np.linalg.pinv(L) @ away.ravel()
+        J = np.array(now["jacobian"])
+        return np.linalg.pinv(J) @ velocity
 
 
 if __name__ == "__main__":

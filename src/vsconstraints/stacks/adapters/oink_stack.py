@@ -10,6 +10,8 @@ Settings
 --------
 gain
     Gain λ of the task [1/s]. OInK's own ``task_gain`` is the fraction λ T_s per period.
+lm_damping
+    Weight of the Levenberg–Marquardt damping of the task.
 limit_gain
     Share of the distance to a range limit that a period may use.
 acceleration_limit
@@ -21,8 +23,16 @@ from importlib.metadata import version
 import numpy as np
 import roboplan.core as core
 import roboplan.optimal_ik as oink
-from servoing import Scene, acceleration_limits, from_limits
+from servoing import Scene, acceleration_limits, from_limits, settings_of
 from stack_io import NoAnswer, serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "gain": 2.0,
+    "lm_damping": 1e-6,
+    "limit_gain": 0.5,
+    "acceleration_limit": False,
+}
 
 
 class OinkStack:
@@ -30,11 +40,11 @@ class OinkStack:
 
     name = f"roboplan-oink {version('roboplan-oink')}"
     output = "velocity"
-    uses = ("urdf", "limits", "camera", "target", "goals", "constraints", "q", "qd", "pose")
+    uses = (*Scene.uses, "urdf", "limits", "q", "qd")
 
     def start(self, setup):
         """Build scene, solver, task and limits."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.scene.require_pose("OInK")
         self.period = period = setup["period"]
@@ -42,18 +52,19 @@ class OinkStack:
         description = core.loadUrdfSceneDescriptionFromXml(setup["urdf"])
         self.robot = core.Scene("scene", description)
         self.solver = oink.Oink(self.robot)
-        options = oink.FrameTaskOptions(
-            task_gain=own.get("gain", 2.0) * period, lm_damping=own.get("lm_damping", 1e-6)
-        )
-        goal = core.CartesianConfiguration("base", self.tip, np.asfortranarray(np.eye(4)))
+        gain = own["gain"]
+        damping = own["lm_damping"]
+        options = oink.FrameTaskOptions(task_gain=gain * period, lm_damping=damping)
+        anywhere = np.eye(4, order="F")
+        goal = core.CartesianConfiguration("base", self.tip, anywhere)
         self.task = oink.FrameTask(self.solver, self.robot, goal, options)
         speeds = from_limits(setup["limits"]["velocity"], 1e6)
         self.limits = [
-            oink.PositionLimit(self.solver, own.get("limit_gain", 0.5)),
+            oink.PositionLimit(self.solver, own["limit_gain"]),
             oink.VelocityLimit(self.solver, period, speeds),
         ]
         self.acceleration = None
-        if own.get("acceleration_limit", False):
+        if own["acceleration_limit"]:
             most = acceleration_limits(setup)
             self.acceleration = oink.AccelerationLimit(self.solver, period, most)
             self.limits.append(self.acceleration)
@@ -64,7 +75,8 @@ class OinkStack:
         q = np.array(now["q"])
         self.robot.setJointPositions(q)
         tip = np.array(self.robot.forwardKinematics(q, self.tip))
-        self.task.setTargetFrameTransform(np.asfortranarray(self.scene.tip_goal(now, tip)))
+        goal = self.scene.tip_goal(now, tip)
+        self.task.setTargetFrameTransform(np.asfortranarray(goal))
         if self.acceleration is not None:
             last = np.array(now["qd"]) if self.last is None else self.last
             self.acceleration.setLastVelocity(last)

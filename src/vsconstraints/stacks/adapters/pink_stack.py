@@ -8,6 +8,8 @@ Settings
 --------
 gain
     Gain λ of the task [1/s]. Pink's own ``gain`` is the fraction λ T_s per period.
+lm_damping
+    Weight of the Levenberg–Marquardt damping of the task.
 barrier_gain
     α of the barriers h = −σ of the field of view, dh/dt ≥ −α h [1/s]; 0 leaves them out.
 acceleration_limit
@@ -27,8 +29,19 @@ import pinocchio as pin
 from pink.barriers import Barrier
 from pink.limits import AccelerationLimit, ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, Task
-from servoing import Scene, acceleration_limits
+from servoing import Scene, acceleration_limits, settings_of
 from stack_io import NoAnswer, serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "solver": "daqp",
+    "damping": 1e-8,
+    "barrier_gain": 5.0,
+    "gain": 2.0,
+    "lm_damping": 1e-6,
+    "config_limit_gain": 0.5,
+    "acceleration_limit": False,
+}
 
 
 class ViewBarrier(Barrier):
@@ -74,36 +87,32 @@ class PinkStack:
 
     name = f"pink {pink.__version__}"
     output = "velocity"
-
-    uses = (
-        "urdf", "limits", "camera", "target", "goals", "constraints",
-        "q", "qd", "pixels", "pose", "jacobian",
-    )  # fmt: skip
+    uses = (*Scene.uses, "urdf", "limits", "q", "qd", "pixels", "jacobian")
 
     def start(self, setup):
         """Build model, tasks, limits and barriers."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.period = setup["period"]
-        self.solver = own.get("solver", "daqp")
-        self.damping = own.get("damping", 1e-8)
-        self.barrier_gain = own.get("barrier_gain", 5.0)
+        self.solver = own["solver"]
+        self.damping = own["damping"]
+        self.barrier_gain = own["barrier_gain"]
         self.model = pin.buildModelFromXML(setup["urdf"])
         self.data = self.model.createData()
         self.tip = setup["tip"]
-        gain = own.get("gain", 2.0) * self.period
-        lm_damping = own.get("lm_damping", 1e-6)
+        gain = own["gain"] * self.period
+        lm_damping = own["lm_damping"]
         if self.scene.feature == "image-points":
             features = 2 * len(self.scene.markers)
             self.task = ImageTask(features, gain, lm_damping)
         else:
             self.task = FrameTask(self.tip, 1.0, 1.0, gain=gain, lm_damping=lm_damping)
         self.limits = [
-            ConfigurationLimit(self.model, own.get("config_limit_gain", 0.5)),
+            ConfigurationLimit(self.model, own["config_limit_gain"]),
             VelocityLimit(self.model),
         ]
         self.acceleration = None
-        if own.get("acceleration_limit", False):
+        if own["acceleration_limit"]:
             self.acceleration = AccelerationLimit(self.model, acceleration_limits(setup))
             self.limits.append(self.acceleration)
         self.last = None  # last velocity that was commanded, as Pink's examples take it
@@ -118,7 +127,8 @@ class PinkStack:
             self.task.J = L @ J
         else:
             tip = configuration.get_transform_frame_to_world(self.tip)
-            self.task.set_target(pin.SE3(self.scene.tip_goal(now, tip.homogeneous)))
+            goal = self.scene.tip_goal(now, tip.homogeneous)
+            self.task.set_target(pin.SE3(goal))
         if self.acceleration is not None:
             last = np.array(now["qd"]) if self.last is None else self.last
             self.acceleration.set_last_integration(last, self.period)

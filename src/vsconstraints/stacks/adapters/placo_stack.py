@@ -23,8 +23,17 @@ from importlib.metadata import version
 
 import numpy as np
 import placo
-from servoing import Scene, axis_and_angle, from_limits
+from servoing import Scene, axis_and_angle, from_limits, pose, settings_of
 from stack_io import NoAnswer, serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "gain": 2.0,
+    "view_gain": 5.0,
+    "joint_limits": True,
+    "velocity_limits": True,
+    "regularization": 1e-8,
+}
 
 
 def between(start, goal, share):
@@ -32,18 +41,31 @@ def between(start, goal, share):
 
     The origin moves on a line, and the axes turn about one axis.
     """
-    R = start[:3, :3].T @ goal[:3, :3]
-    axis, angle = axis_and_angle(R)
-    out = start.copy()
-    out[:3, 3] += share * (goal[:3, 3] - start[:3, 3])
-    if np.linalg.norm(axis) > 1e-12:
-        x, y, z = axis / np.linalg.norm(axis)
+    R_start = start[:3, :3]
+    R_goal = goal[:3, :3]
+    t_start = start[:3, 3]
+    t_goal = goal[:3, 3]
+    R = R_start
+    axis, angle = axis_and_angle(R_start.T @ R_goal)
+    size = np.linalg.norm(axis)
+    if size > 1e-12:
+        # formula of Rodrigues
+        x, y, z = axis / size
         K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         turned = share * angle
-        out[:3, :3] = start[:3, :3] @ (
-            np.eye(3) + np.sin(turned) * K + (1.0 - np.cos(turned)) * K @ K
-        )
-    return out
+        sine = np.sin(turned)
+        cosine = np.cos(turned)
+        R = R_start @ (np.eye(3) + sine * K + (1.0 - cosine) * K @ K)
+    return pose(R, t_start + share * (t_goal - t_start))
+
+
+def robot_of(setup):
+    """Return placo's robot of a setup message, with its limits of speed."""
+    robot = placo.RobotWrapper("", placo.Flags.ignore_collisions, setup["urdf"])
+    speeds = from_limits(setup["limits"]["velocity"], 1e6)
+    for joint, speed in zip(setup["joints"], speeds, strict=True):
+        robot.set_velocity_limit(joint, speed)
+    return robot
 
 
 class PlacoStack:
@@ -51,34 +73,27 @@ class PlacoStack:
 
     name = f"placo {version('placo')}"
     output = "velocity"
-    uses = (
-        "urdf", "limits", "camera", "target", "goals", "constraints",
-        "q", "pixels", "pose", "jacobian",
-    )  # fmt: skip
+    uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build robot, solver and task."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.scene.require_pose("placo")
         self.period = setup["period"]
-        self.gain = own.get("gain", 2.0)
-        self.view_gain = own.get("view_gain", 5.0)
+        self.gain = own["gain"]
+        self.view_gain = own["view_gain"]
         self.joints = setup["joints"]
-        flags = placo.Flags.ignore_collisions
-        self.robot = placo.RobotWrapper("", flags, setup["urdf"])
-        speeds = from_limits(setup["limits"]["velocity"], 1e6)
-        for joint, speed in zip(self.joints, speeds, strict=True):
-            self.robot.set_velocity_limit(joint, speed)
-        self.solver = placo.KinematicsSolver(self.robot)
-        self.solver.mask_fbase(True)
-        self.solver.dt = self.period
-        self.solver.enable_joint_limits(own.get("joint_limits", True))
-        self.solver.enable_velocity_limits(own.get("velocity_limits", True))
+        self.robot = robot_of(setup)
+        self.solver = solver = placo.KinematicsSolver(self.robot)
+        solver.mask_fbase(True)
+        solver.dt = self.period
+        solver.enable_joint_limits(own["joint_limits"])
+        solver.enable_velocity_limits(own["velocity_limits"])
         self.tip = setup["tip"]
-        self.task = self.solver.add_frame_task(self.tip, np.eye(4))
+        self.task = solver.add_frame_task(self.tip, np.eye(4))
         self.task.configure("tip", "soft", 1.0, 1.0)
-        self.solver.add_regularization_task(own.get("regularization", 1e-8))
+        solver.add_regularization_task(own["regularization"])
         # places of the joints in Δq, after the six of a floating base
         self.at = [self.robot.get_joint_v_offset(joint) for joint in self.joints]
         # places in half-spaces, which are of all coordinates, seven of them of the floating base
@@ -96,16 +111,7 @@ class PlacoStack:
         if self.gain > 0.0:
             goal = between(tip, goal, self.gain * self.period)
         self.task.T_world_frame = goal
-        sigma, A = self.scene.view_rows(now)
-        rows = None
-        if self.view_gain > 0.0 and len(sigma):
-            rates = A @ np.array(now["jacobian"])
-            G = np.zeros((len(sigma), self.coordinates))
-            G[:, self.columns] = rates
-            # placo's half-spaces are of the coordinates after the step
-            bound = rates @ q - self.view_gain * self.period * sigma
-            rows = self.solver.add_joint_space_half_spaces_constraint(G, bound)
-            rows.configure("view", "hard", 1.0)
+        rows = self.add_view(now, q)
         try:
             step = self.solver.solve(False)
         except RuntimeError as error:
@@ -114,6 +120,20 @@ class PlacoStack:
             if rows is not None:
                 self.solver.remove_constraint(rows)
         return np.asarray(step)[self.at] / self.period
+
+    def add_view(self, now, q):
+        """Add the half-spaces of the field of view, and return them; None without any."""
+        sigma, A = self.scene.view_rows(now)
+        if self.view_gain <= 0.0 or not len(sigma):
+            return None
+        rates = A @ np.array(now["jacobian"])
+        G = np.zeros((len(sigma), self.coordinates))
+        G[:, self.columns] = rates
+        # placo's half-spaces are of the coordinates after the step
+        bound = rates @ q - self.view_gain * self.period * sigma
+        rows = self.solver.add_joint_space_half_spaces_constraint(G, bound)
+        rows.configure("view", "hard", 1.0)
+        return rows
 
 
 if __name__ == "__main__":

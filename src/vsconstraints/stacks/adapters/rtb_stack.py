@@ -30,8 +30,19 @@ from pathlib import Path
 import numpy as np
 import qpsolvers
 import roboticstoolbox as rtb
-from servoing import Scene, from_limits
+from servoing import Scene, from_limits, settings_of
 from stack_io import NoAnswer, serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "gain": 2.0,
+    "view_gain": 5.0,
+    "manipulability": True,
+    "damper_stop": 0.05,
+    "damper_influence": 0.9,
+    "velocity_weight": 0.01,
+    "solver": "daqp",
+}
 
 
 class RoboticsToolboxStack:
@@ -39,23 +50,20 @@ class RoboticsToolboxStack:
 
     name = f"roboticstoolbox {rtb.__version__}"
     output = "velocity"
-    uses = (
-        "urdf", "limits", "camera", "target", "goals", "constraints",
-        "q", "pixels", "pose", "jacobian",
-    )  # fmt: skip
+    uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build the robot."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.scene.require_pose("robotics-toolbox-python")
-        self.gain = own.get("gain", 2.0)
-        self.view_gain = own.get("view_gain", 5.0)
-        self.manipulability = own.get("manipulability", True)
-        self.stop = own.get("damper_stop", 0.05)
-        self.influence = own.get("damper_influence", 0.9)
-        self.weight = own.get("velocity_weight", 0.01)
-        self.solver = own.get("solver", "daqp")
+        self.gain = own["gain"]
+        self.view_gain = own["view_gain"]
+        self.manipulability = own["manipulability"]
+        self.stop = own["damper_stop"]
+        self.influence = own["damper_influence"]
+        self.weight = own["velocity_weight"]
+        self.solver = own["solver"]
         self.most = from_limits(setup["limits"]["velocity"], 1e6)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
@@ -71,26 +79,30 @@ class RoboticsToolboxStack:
         tip = np.asarray(robot.fkine(q, end=self.tip))
         goal = self.scene.tip_goal(now, tip)
         twist, _ = rtb.p_servo(tip, goal, self.gain, 0.0, method="angle-axis")
-        error = np.sum(np.abs((np.linalg.inv(tip) @ goal)[:3, 3]))
+        twist = np.asarray(twist, dtype=float).ravel()
+        goal_in_tip = np.linalg.inv(tip) @ goal
+        distances = np.abs(goal_in_tip[:3, 3])
+        error = np.sum(distances)
         # as in neo.py: the slack costs more the nearer the goal is
-        Q = np.diag([self.weight] * n + [1.0 / max(error, 1e-3)] * 6)
-        equality = np.hstack((robot.jacob0(q, end=self.tip), np.eye(6)))
-        G, h = robot.joint_velocity_damper(q, self.stop, self.influence, n)
-        sigma, A = self.scene.view_rows(now)
-        if self.view_gain > 0.0 and len(sigma):
-            G = np.vstack((G, A @ np.array(now["jacobian"])))
-            h = np.concatenate((h, -self.view_gain * sigma))
+        slack_weight = 1.0 / max(error, 1e-3)
+        Q = np.diag([self.weight] * n + [slack_weight] * 6)
+        J = robot.jacob0(q, end=self.tip)
+        equality = np.hstack((J, np.eye(6)))
+        G, h = self.rows(q, now)
+        # none of them limits the slack
+        G = np.hstack((G, np.zeros((len(G), 6))))
         c = np.zeros(n + 6)
         if self.manipulability:
-            c[:n] = -robot.jacobm(q, end=self.tip).ravel()
+            slope = robot.jacobm(q, end=self.tip)
+            c[:n] = -slope.ravel()
         bounds = np.concatenate((self.most, np.full(6, 10.0)))
         answer = qpsolvers.solve_qp(
             Q,
             c,
-            np.hstack((G, np.zeros((len(G), 6)))),
+            G,
             h,
             equality,
-            np.asarray(twist, dtype=float).ravel(),
+            twist,
             lb=-bounds,
             ub=bounds,
             solver=self.solver,
@@ -98,6 +110,16 @@ class RoboticsToolboxStack:
         if answer is None:
             raise NoAnswer("the QP has no solution")
         return answer[:n]
+
+    def rows(self, q, now):
+        """Return the rows G q̇ ≤ h of ranges and field of view."""
+        G, h = self.robot.joint_velocity_damper(q, self.stop, self.influence, len(q))
+        sigma, A = self.scene.view_rows(now)
+        if self.view_gain <= 0.0 or not len(sigma):
+            return G, h
+        camera_J = np.array(now["jacobian"])
+        view_bound = -self.view_gain * sigma
+        return np.vstack((G, A @ camera_J)), np.concatenate((h, view_bound))
 
 
 if __name__ == "__main__":

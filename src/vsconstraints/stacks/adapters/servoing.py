@@ -10,21 +10,31 @@ import numpy as np
 def inverse(M):
     """Return the inverse of a pose (4, 4)."""
     R = M[:3, :3].T
-    out = np.eye(4)
-    out[:3, :3] = R
-    out[:3, 3] = -R @ M[:3, 3]
-    return out
+    t = M[:3, 3]
+    return pose(R, -R @ t)
+
+
+def pose(R, t):
+    """Return the pose (4, 4) with a rotation (3, 3) and a translation (3,)."""
+    M = np.eye(4)
+    M[:3, :3] = R
+    M[:3, 3] = t
+    return M
 
 
 class Scene:
     """Camera, target and goals of a setup message, for a camera that the arm carries."""
 
+    #: What stacks with a scene declare as used.
+    uses = ("camera", "target", "goals", "constraints", "pose")
+
     def __init__(self, setup):
         camera = setup["camera"]
+        lens = camera["distortion"]["model"]
         if "camera_in_tip" not in camera:
             raise SystemExit("this adapter is for cameras that the arm carries")
-        if camera["distortion"]["model"] != "none":
-            raise SystemExit("this adapter is for cameras without distortion")
+        if lens != "none":
+            raise SystemExit(f"this adapter is for cameras without distortion, not {lens}")
         self.camera_in_tip = np.array(camera["camera_in_tip"])
         self.tip_in_camera = inverse(self.camera_in_tip)
         f_u, f_v, c_u, c_v = camera["intrinsics"]
@@ -33,9 +43,12 @@ class Scene:
         self.markers = np.array(setup["target"]["markers"])
         self.goals = setup["goals"]
         self.feature = setup["feature"]
-        views = [each for each in setup["constraints"] if each["kind"] == "fov"]
         #: Half sizes (2,) of the part of the image in which markers must stay [px]; None if free.
-        self.half_size = np.array(views[0]["half_size"]) if views else None
+        self.half_size = None
+        for constraint in setup["constraints"]:
+            if constraint["kind"] == "fov":
+                self.half_size = np.array(constraint["half_size"])
+                break
         # the image's centre, with the first pixel's centre at (0, 0)
         self.middle = 0.5 * np.array(camera["size"]) - 0.5
 
@@ -49,7 +62,8 @@ class Scene:
 
         The target is where the image shows it.
         """
-        target = tip @ self.camera_in_tip @ inverse(np.array(now["camera_in_target"]))
+        camera_in_target = np.array(now["camera_in_target"])
+        target = tip @ self.camera_in_tip @ inverse(camera_in_target)
         goal = self.goals[now["goal"]]["camera_in_target"]
         if goal is None:
             raise SystemExit("this adapter needs goals with a pose of the camera")
@@ -58,7 +72,10 @@ class Scene:
     def depth(self, now):
         """Return the depth Z (m,) of each marker [m]."""
         M = np.array(now["camera_in_target"])
-        return ((self.markers - M[:3, 3]) @ M[:3, :3])[:, 2]
+        R = M[:3, :3]
+        t = M[:3, 3]
+        in_camera = (self.markers - t) @ R
+        return in_camera[:, 2]
 
     def normalised(self, pixels):
         """Return normalised coordinates (m, 2) of pixels (m, 2)."""
@@ -66,9 +83,11 @@ class Scene:
 
     def image_error(self, now):
         """Return x − x* (2m,) in normalised coordinates, and its interaction matrix (2m, 6)."""
+        goal = self.goals[now["goal"]]
         x = self.normalised(now["pixels"])
-        wanted = self.normalised(self.goals[now["goal"]]["pixels"])
-        return (x - wanted).ravel(), interaction_matrix(x, self.depth(now))
+        wanted = self.normalised(goal["pixels"])
+        error = x - wanted
+        return error.ravel(), interaction_matrix(x, self.depth(now))
 
     def view_rows(self, now):
         """Return σ (4m,) ≤ 0 of the markers in the image [px], and dσ/dt = A v_camera, A (4m, 6).
@@ -79,11 +98,16 @@ class Scene:
         if self.half_size is None:
             return np.zeros(0), np.zeros((0, 6))
         pixels = np.asarray(now["pixels"])
-        L = interaction_matrix(self.normalised(pixels), self.depth(now)).reshape(-1, 2, 6)
-        rate = L * self.focal[:, None]
+        x = self.normalised(pixels)
+        L = interaction_matrix(x, self.depth(now))
+        # of pixels, by marker and axis
+        rate = L.reshape(-1, 2, 6) * self.focal[:, None]
         away = pixels - self.middle
-        sigma = np.concatenate((away - self.half_size, -away - self.half_size))
-        return sigma.ravel(), np.concatenate((rate, -rate)).reshape(-1, 6)
+        beyond_upper = away - self.half_size
+        beyond_lower = -away - self.half_size
+        sigma = np.concatenate((beyond_upper, beyond_lower))
+        A = np.concatenate((rate, -rate))
+        return sigma.ravel(), A.reshape(-1, 6)
 
 
 def interaction_matrix(x, Z):
@@ -97,8 +121,21 @@ def interaction_matrix(x, Z):
 
 def axis_and_angle(R):
     """Return an axis (3,) of the length 2 sin θ, and the angle θ from 0 to π, of a rotation."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return axis, np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0)
+    # the skew-symmetric part
+    S = R - R.T
+    axis = np.array([S[2, 1], S[0, 2], S[1, 0]])
+    sine = np.linalg.norm(axis)
+    cosine = np.trace(R) - 1.0
+    return axis, np.arctan2(sine, cosine)
+
+
+def settings_of(setup, defaults):
+    """Return the settings of a setup message with their defaults; end an adapter without one."""
+    given = setup["settings"]
+    for name in given:
+        if name not in defaults:
+            raise SystemExit(f"unknown setting {name!r}: there are {', '.join(defaults)}")
+    return {**defaults, **given}
 
 
 def from_limits(values, none):

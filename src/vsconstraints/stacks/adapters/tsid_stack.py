@@ -7,7 +7,7 @@
 Settings
 --------
 stiffness, damping
-    Kp [1/s²] and Kd [1/s] of the task; by default Kp = 30 and Kd = 2 √Kp.
+    Kp [1/s²] and Kd [1/s] of the task; by default Kd = 2 √Kp.
 bounds
     ``"velocity"``: ``TaskJointBounds``; ``"viability"``: ``TaskJointPosVelAccBounds``, which also
     keeps ranges; ``"none"``.
@@ -18,8 +18,15 @@ from importlib.metadata import version
 import numpy as np
 import pinocchio as pin
 import tsid.tsid_pywrap as tsid
-from servoing import Scene, from_limits
+from servoing import Scene, from_limits, settings_of
 from stack_io import NoAnswer, serve
+
+#: Defaults of the settings.
+DEFAULTS = {
+    "stiffness": 30.0,
+    "damping": None,
+    "bounds": "velocity",
+}
 
 
 class TsidStack:
@@ -27,61 +34,73 @@ class TsidStack:
 
     name = f"tsid {version('tsid')}"
     output = "acceleration"
-    uses = ("urdf", "limits", "camera", "target", "goals", "constraints", "q", "qd", "pose")
+    uses = (*Scene.uses, "urdf", "limits", "q", "qd")
 
     def start(self, setup):
         """Build robot, task, bounds and solver."""
-        own = setup["settings"]
+        own = settings_of(setup, DEFAULTS)
         self.scene = Scene(setup)
         self.scene.require_pose("TSID")
         model = pin.buildModelFromXML(setup["urdf"])
         self.robot = robot = tsid.RobotWrapper(model, tsid.RootJointType.FIXED_BASE_SYSTEM, False)
         self.frame = model.getFrameId(setup["tip"])
+        self.problem = problem = tsid.InverseDynamicsFormulationAccForce("tsid", robot, False)
         q = pin.neutral(model)
-        self.problem = tsid.InverseDynamicsFormulationAccForce("tsid", robot, False)
-        self.problem.computeProblemData(0.0, q, np.zeros(model.nv))
-        stiffness = own.get("stiffness", 30.0)
-        damping = own.get("damping", 2.0 * np.sqrt(stiffness))
-        self.task = tsid.TaskSE3Equality("tip", robot, setup["tip"])
-        self.task.setKp(np.full(6, stiffness))
-        self.task.setKd(np.full(6, damping))
-        self.task.useLocalFrame(True)
-        self.problem.addMotionTask(self.task, 1.0, 1, 0.0)
-        limits = setup["limits"]
-        speed = from_limits(limits["velocity"], 1e3)
-        if limits["acceleration"] is None:
-            most = np.full(model.nv, 1e3)
-        else:
-            most = from_limits(limits["acceleration"], 1e3)
-        kind = own.get("bounds", "velocity")
-        self.bounds = None
-        if kind == "velocity":
-            self.bounds = tsid.TaskJointBounds("bounds", robot, setup["period"])
-            self.bounds.setVelocityBounds(-speed, speed)
-            self.bounds.setAccelerationBounds(-most, most)
-        elif kind == "viability":
-            self.bounds = tsid.TaskJointPosVelAccBounds("bounds", robot, setup["period"], False)
-            lower = from_limits(limits["lower"], -1e3)
-            upper = from_limits(limits["upper"], 1e3)
-            self.bounds.setPositionBounds(lower, upper)
-            self.bounds.setVelocityBounds(speed)
-            self.bounds.setAccelerationBounds(most)
+        qd = np.zeros(model.nv)
+        problem.computeProblemData(0.0, q, qd)
+        stiffness = own["stiffness"]
+        damping = own["damping"]
+        if damping is None:
+            damping = 2.0 * np.sqrt(stiffness)
+        self.task = task = tsid.TaskSE3Equality("tip", robot, setup["tip"])
+        task.setKp(np.full(6, stiffness))
+        task.setKd(np.full(6, damping))
+        task.useLocalFrame(True)
+        weight = 1.0
+        problem.addMotionTask(task, weight, 1, 0.0)
+        self.bounds = self.joint_bounds(own["bounds"], setup)
         if self.bounds is not None:
-            self.problem.addMotionTask(self.bounds, 1.0, 0, 0.0)
+            problem.addMotionTask(self.bounds, weight, 0, 0.0)
         self.solver = tsid.SolverHQuadProgFast("solver")
-        self.solver.resize(self.problem.nVar, self.problem.nEq, self.problem.nIn)
+        self.solver.resize(problem.nVar, problem.nEq, problem.nIn)
+
+    def joint_bounds(self, kind, setup):
+        """Return TSID's task of a kind of bounds; None without one."""
+        limits = setup["limits"]
+        period = setup["period"]
+        lower = from_limits(limits["lower"], -1e3)
+        upper = from_limits(limits["upper"], 1e3)
+        speed = from_limits(limits["velocity"], 1e3)
+        most = np.full(len(speed), 1e3)
+        if limits["acceleration"] is not None:
+            most = from_limits(limits["acceleration"], 1e3)
+        bounds = None
+        if kind == "velocity":
+            bounds = tsid.TaskJointBounds("bounds", self.robot, period)
+            bounds.setVelocityBounds(-speed, speed)
+            bounds.setAccelerationBounds(-most, most)
+        elif kind == "viability":
+            bounds = tsid.TaskJointPosVelAccBounds("bounds", self.robot, period, False)
+            bounds.setPositionBounds(lower, upper)
+            bounds.setVelocityBounds(speed)
+            bounds.setAccelerationBounds(most)
+        elif kind != "none":
+            raise SystemExit(f"bounds are velocity, viability or none, not {kind!r}")
+        return bounds
 
     def step(self, now):
         """Return q̈ (n,)."""
+        t = now["t"]
         q = np.array(now["q"])
         qd = np.array(now["qd"])
-        self.problem.computeProblemData(now["t"], q, qd)
-        tip = self.robot.framePosition(self.problem.data(), self.frame).homogeneous
-        goal = pin.SE3(self.scene.tip_goal(now, tip))
+        self.problem.computeProblemData(t, q, qd)
+        tip = self.robot.framePosition(self.problem.data(), self.frame)
+        goal = pin.SE3(self.scene.tip_goal(now, tip.homogeneous))
+        rotation = goal.rotation.ravel(order="F")
         sample = tsid.TrajectorySample(12, 6)
-        sample.value(np.concatenate((goal.translation, goal.rotation.ravel(order="F"))))
+        sample.value(np.concatenate((goal.translation, rotation)))
         self.task.setReference(sample)
-        data = self.problem.computeProblemData(now["t"], q, qd)
+        data = self.problem.computeProblemData(t, q, qd)
         answer = self.solver.solve(data)
         if answer.status != 0:
             raise NoAnswer(f"the solver's status is {answer.status}")
