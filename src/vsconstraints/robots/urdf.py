@@ -118,7 +118,7 @@ def _stated_limits(limits: Array) -> Array:
 
 
 def _require_driven(model: pin.Model, mimics: Mapping[str, Mimic], file: str) -> None:
-    """Raise ConfigurationError unless every joint has one coordinate and is driven by itself."""
+    """Raise ConfigurationError unless every joint has one coordinate and follows no other joint."""
     for joint, name in zip(model.joints[1:], model.names[1:], strict=True):
         if joint.nq != 1 or joint.nv != 1:
             raise ConfigurationError(
