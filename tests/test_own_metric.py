@@ -119,7 +119,7 @@ def test_a_command_ends_with_the_error_of_a_bad_metric(tmp_path: Path) -> None:
 )
 def test_a_metric_must_fit_into_the_tables(metric: Metric, told: str) -> None:
     with pytest.raises(ConfigurationError, match=told):
-        metrics._require_addable([metric])
+        metrics.require_addable([metric])
 
 
 @pytest.mark.parametrize(

@@ -281,7 +281,7 @@ _ROW_METRICS = (
 )
 
 
-def _require_addable(metrics: Sequence[Metric]) -> None:
+def require_addable(metrics: Sequence[Metric]) -> None:
     """Raise ConfigurationError if metrics of other packages do not fit into the tables.
 
     A column must be new, also in the other table: one name has one meaning. An empty cell must not
@@ -306,7 +306,7 @@ def _require_addable(metrics: Sequence[Metric]) -> None:
 
 _ADDED = added_metrics("metrics")
 _ADDED_TO_ROWS = added_metrics("row_metrics")
-_require_addable((*_ADDED, *_ADDED_TO_ROWS))
+require_addable((*_ADDED, *_ADDED_TO_ROWS))
 #: Metrics of a run, in the order in which a scenario's tables show them.
 METRICS = (*_with_definitions("run", _METRICS), *_ADDED)
 #: Metrics of each row of a run.
