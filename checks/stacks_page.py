@@ -113,6 +113,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
     "laws that command accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
 }
 BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
+FAR_OUTSIDE = 1000  #: Distance outside the image beyond which no number is written [px].
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
 HEIGHT, PANEL = 1.9, 1.26  #: Of a panel [in].
 GAP, ABOVE = 0.2, 0.5  #: Between the panels of an arm, and above them [in].
@@ -351,9 +352,19 @@ def table_of(runs: Any, family: str) -> Iterator[str]:
         mine = own[own["controller"] == entry]
         cells = [cell_of(mine[mine["limit"] == limit]) for limit in limits]
         silent = 100.0 * mine["unanswered"].mean()
-        worst = f"{mine['margin_px'].min():.0f}".replace("-", "−")
+        worst = margin_text(float(mine["margin_px"].min()))
         share = "0" if silent == 0.0 else f"{silent:.1f} %"
         yield f"| `{entry}` | {' | '.join(cells)} | {worst} | {share} |"
+
+
+def margin_text(margin: float) -> str:
+    """Return a margin [px] in whole pixels.
+
+    Beyond ``FAR_OUTSIDE`` its size says nothing: the marker comes near the plane of the camera.
+    """
+    if margin < -FAR_OUTSIDE:
+        return f"< −{FAR_OUTSIDE}"
+    return f"{margin:.0f}".replace("-", "−")
 
 
 def without(family: str) -> Iterator[str]:
