@@ -276,6 +276,15 @@ def test_images_of_a_run_are_those_that_its_control_has_seen(
         next(frames(made(scene="ur5-fov"), run))
 
 
+def test_a_setup_without_images_deletes_none(tmp_path: Path) -> None:
+    run = simulate(made(0.1), SlidingMode())
+    kept = tmp_path / "00001.png"
+    kept.touch()
+    with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):
+        write_frames(made(scene="ur5-fov"), run, tmp_path)
+    assert kept.exists()
+
+
 def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     there = made(0.1, sensor__printed=[0, 1, 2, 9])
     run = simulate(there, SlidingMode())

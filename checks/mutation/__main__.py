@@ -7,8 +7,9 @@ is improbable), or if a named one is not. Compiled functions run as Python here.
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
 With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the
 tests of each take a minute at most. The test of a sample is about the mutants that were judged, 30
-at least. Where test files were not watched in time, mutants that no other test notices are
-undecided; the next run continues.
+at least. Where test files were not watched in time, mutants in functions that no other test enters
+are undecided, and mutants that only tests in these files would notice survive: the share of those
+that are noticed is then too small, never too large. The next run continues to watch.
 
 Named mistakes are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test
 that notices it. ``--named`` runs only these, each against its test; ``--renew N`` chooses N new

@@ -50,8 +50,9 @@ class Verdict:
     mutant
         Mutant.
     state
-        ``not reached`` if no test enters the function; ``undecided`` if no test that is known to
-        enter it has failed, and there are test files that were not watched.
+        ``not reached`` if no test enters the function; ``undecided`` if no test is known to enter
+        it, and there are test files that were not watched; ``survived`` if no test that is known
+        to enter it has failed, whether or not all files were watched.
     by
         Name of the test that failed.
     """
@@ -311,7 +312,7 @@ class Runner:
                     named = ", ".join(self.tests_for(mutant))
                     raise RuntimeError(f"no test was run for {mutant}: there is no {named}")
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
-                state: State = "undecided" if self.unwatched else "survived"
+                state: State = "survived"
                 if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
                     state = "timed out"
                 elif status:

@@ -132,8 +132,8 @@ class ImageConstraint(PositionConstraint):
             extremes = tuple(low.tolist()), tuple(high.tolist())
         frame: tuple[float, ...] = ()
         if self.frame is not None:
-            R, t = self.frame
-            frame = (*R.ravel().tolist(), *t.tolist())
+            R, origin = self.frame
+            frame = (*R.ravel().tolist(), *origin.tolist())
         dependencies = self.formula, self.parameters, self.margin, frame
         key = Keyed((tuple(image_size), extremes, *dependencies), self)
         return _cached_curve(key)

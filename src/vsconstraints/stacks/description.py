@@ -9,6 +9,7 @@ import numpy as np
 
 from ..constraints import Constraint, JointRange, JointSpeed
 from ..robots.geometry import Pose
+from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..simulation.setup import Setup
 from ..vision.scene import Scene
@@ -18,7 +19,7 @@ from .urdf import TIP, urdf_text
 #: Names of the lens models in OpenCV and ROS.
 LENSES = {"brown-conrady": "plumb_bob", "fisheye": "equidistant"}
 #: Types of the parameters of a constraint that a stack gets.
-PLAIN = (bool, int, float, str, list, tuple, np.ndarray, np.generic)
+PLAIN = (bool, int, float, str, np.ndarray, np.generic, RobotPoint)
 
 
 def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
@@ -134,9 +135,16 @@ def _constraint(constraint: Constraint, scene: Scene) -> dict[str, Any]:
         "unit": constraint.unit,
     }
     for name, value in vars(constraint).items():
-        if isinstance(value, PLAIN) and not name.startswith("_"):
+        if not name.startswith("_") and _is_plain(value):
             described[name] = value
     return described
+
+
+def _is_plain(value: Any) -> bool:
+    """Return True if a value is a number, text, array or point, or a list of these and None."""
+    if isinstance(value, list | tuple):
+        return all(entry is None or _is_plain(entry) for entry in value)
+    return isinstance(value, PLAIN)
 
 
 SECTIONS: dict[str, Callable[[Setup, Scene], dict[str, Any]]] = {

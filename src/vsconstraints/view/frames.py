@@ -71,9 +71,10 @@ def write_frames(
     ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if writing fails.
     """
     kind = kind_of(path)
+    # A setup without images is refused here, before files of an earlier run are deleted.
+    settings = setup.photographer().settings
     if not kind:
         return _write_folder(frames(setup, run), path, on_frame)
-    settings = setup.photographer().settings
     expected = {*settings.expected_tags(len(setup.scene.markers))}
     pictures = []
     for frame in frames(setup, run):
