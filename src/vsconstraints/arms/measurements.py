@@ -18,9 +18,10 @@ MAX_LEAD = 1e-3
 
 
 class Measurements:
-    """Arguments of the control step from the newest image, None as source for predicted images.
+    """Arguments of the control step from the newest image.
 
-    Raises RunEnded if no image has shown a marker for longer than ``patience`` [s].
+    The source of predicted images is None. :meth:`newest` raises RunEnded if no image has shown a
+    marker for longer than ``patience`` [s].
     """
 
     def __init__(self, source: ImageSource | None, stream: Stream, patience: float) -> None:

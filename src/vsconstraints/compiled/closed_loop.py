@@ -56,8 +56,7 @@ def now(clock: IntArray) -> float:
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     """Run a law. Return False if Python has to run it.
 
-    Of a law that commands joint speeds, the answer becomes the q̈ by which the arm carries them
-    out.
+    If the law commands joint speeds, the answer is replaced by the q̈ that reaches them.
     """
     code = apply_law(law_address, loop.rows, loop.task, answer)
     if not is_answer(code):

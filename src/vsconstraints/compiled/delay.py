@@ -107,7 +107,7 @@ def foresee(own: DelayArrays) -> None:
 
 @in_place
 def pending_command(own: DelayArrays, rows: RowArrays, j: int, command: float) -> float:
-    """Return what a command, q̈ or q̇, means for joint j when it acts: an entry of ``own.sent``.
+    """Return the entry of ``own.sent`` for a command q̈ or q̇ of joint j.
 
     An arm that takes accelerations goes to a commanded q̇ from the one that it has then, which is
     that of ``own.now``.

@@ -54,13 +54,13 @@ def zeros(
         elif declared in (int, float):
             values[name] = declared(0)
         elif declared is JointLimits:
-            values[name] = _no_limits(lengths.get("limits", 1))
+            values[name] = _zero_limits(lengths.get("limits", 1))
         else:
             values[name] = zeros(declared, lengths, known)
     return kind(**{name: values[name] for name in kind._fields})
 
 
-def _no_limits(joints: int) -> JointLimits:
+def _zero_limits(joints: int) -> JointLimits:
     """Return joint limits whose arrays (n,) are zero."""
     none = np.zeros(joints)
     return JointLimits(none, none, none, none, none, ranges=0, period=1.0)

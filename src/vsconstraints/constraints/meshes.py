@@ -185,8 +185,9 @@ def _ball() -> Mesh:
     """Return points evenly on the unit sphere: along a spiral, by the golden angle."""
     k = np.arange(BALL_POINTS) + 0.5
     z = 1.0 - 2.0 * k / BALL_POINTS
-    golden_angle = np.pi * (1.0 + np.sqrt(5.0))
-    turn = golden_angle * k
+    # the golden angle, turning backwards
+    turn_per_point = np.pi * (1.0 + np.sqrt(5.0))
+    turn = turn_per_point * k
     radius = np.sqrt(1.0 - z * z)
     x = radius * np.cos(turn)
     y = radius * np.sin(turn)

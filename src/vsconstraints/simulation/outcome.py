@@ -27,9 +27,9 @@ def judge(
     the last goal must have been held [s]; None stands for that of the tolerances.
 
     The first that applies is returned: the status of an early end; ``converged`` if all goals were
-    held; ``unfinished`` if the last one is held, but an earlier one was missed; ``slow`` if the arm
-    approaches at a pace that would arrive in time, ``trapped`` if it is at rest, both if the goal
-    has not changed for the setup's ``rest_time``; ``unfinished``.
+    held; ``unfinished`` if the last one is held, but an earlier one was missed; if the goal has not
+    changed for the setup's ``rest_time``, ``slow`` if the arm approaches at a pace that would
+    arrive in time, or ``trapped`` if it is at rest; ``unfinished`` otherwise.
     """
     if ended:
         return ended, reason
