@@ -78,7 +78,8 @@ def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -
         families = {}
         for name, entry in configuration["families"].items():
             families[name] = {**entry, "folder": ""}
-        settings.append((folder, {**configuration, "families": families}))
+        version = manifest.get("version")
+        settings.append((folder, {**configuration, "families": families, "version": version}))
     _require_equal(settings)
     require_same_files(stored)
 
