@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -123,6 +124,23 @@ def test_a_missing_column_is_not_repeated_which_the_result_says(
     assert repeat(Study.load(), families, 1e-9, 0, workers=here).not_compared == ()
 
 
+def test_a_column_that_only_runs_of_moved_laws_have_is_not_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = Study.load()
+    moved = "sliding-mode"
+    monkeypatch.setattr(
+        "vsconstraints.bench.repetition.moved_laws", lambda study: {moved: "moved.py:Moved"}
+    )
+    monkeypatch.setattr("vsconstraints.bench.repetition.repeat_run", lambda *run: ([], False))
+    runs = whole.runs.copy()
+    runs.loc[runs["controller"] != moved, "utilization"] = float("nan")
+    assert runs["utilization"].notna().any()
+    families = {family.name: family for family in TestSet.load().families}
+    found = repeat(replace(whole, runs=runs), families, 1e-9, 0, workers=here)
+    assert found.not_compared == ("utilization",)
+
+
 def test_the_command_names_columns_that_are_not_compared(
     study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,7 +153,8 @@ def test_the_command_names_columns_that_are_not_compared(
     assert done.exit_code == 0, done.output
     words = " ".join(done.stderr.split())
     assert (
-        "warning: mine: not compared, since the table has no values of them: utilization" in words
+        "warning: mine: not compared, since no run that can be repeated has a value of them: "
+        "utilization" in words
     )
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from campaigns import campaign
-from vsconstraints.bench.evidence.runner import GRACE, results
-from vsconstraints.bench.evidence.work import Batch, Part, failed, make_batch
+from vsconstraints.bench.evidence import work
+from vsconstraints.bench.evidence.runner import GRACE, Plan, collect, results
+from vsconstraints.bench.evidence.work import Batch, Part, failed, make_batch, scored
 from vsconstraints.comparisons.runs.pool import Failure
 
 
@@ -57,3 +62,28 @@ def test_pieces_of_all_tasks_stand_in_one_queue(tmp_path: Path) -> None:
     died = (lines["scene"] == 3) & (lines["controller"] == "sliding-mode")
     assert died.sum() == len(tasks[0].conditions)
     assert (lines["reason"] == died.map({True: "it died", False: "as asked"})).all()
+
+
+def test_only_workers_end_at_a_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A batch has none by default, since its limit ends the process that runs it."""
+    small = campaign(tmp_path)
+    limits: list[float | None] = []
+    monkeypatch.setattr(work, "deadline", lambda limit: (limits.append(limit), nullcontext())[1])
+    batch = make_batch(small, small.families[0], (0,))
+    batch = replace(batch, conditions=batch.conditions[:1])
+    assert scored(batch).runs.num_rows == len(batch.controllers)
+    assert limits == [None] * (1 + len(batch.controllers))
+    workers = Mortal(0, "sliding-mode")
+    (_, part), *_ = results([replace(batch, scenes=(0, 1))], workers)
+    assert "it died" in part.runs["reason"].to_pylist()
+    assert workers.asked[1][1] == {}
+
+
+def test_the_batches_of_a_campaign_have_the_limits_of_its_laws(tmp_path: Path) -> None:
+    small = campaign(tmp_path)
+    workers = Mortal(0, "sliding-mode")
+    collect(small, tmp_path / "out", Plan(workers=lambda function: nullcontext(workers)))
+    tables = small.families[0].tables
+    for batch in workers.asked[0][0]:
+        for entry in small.controllers:
+            assert batch.run_limit(entry) == entry.run_limit(tables)

@@ -15,8 +15,9 @@ from typer.testing import CliRunner, Result
 from campaigns import assert_same
 from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
 from vsconstraints.bench.evidence.folder import stored_batches, stored_files, write_batch
+from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
-from vsconstraints.comparisons.runs.files import seal
+from vsconstraints.comparisons.runs.files import SUMS, seal
 from vsconstraints.errors import ConfigurationError
 
 KEPT = Path(__file__).parents[1] / "reports" / "real-world"
@@ -125,6 +126,54 @@ def test_different_settings_are_named(tmp_path: Path) -> None:
         Evidence.load(folders)
 
 
+def of_version(folder: Path, version: str, family: str) -> Path:
+    """Copy the scenes of a family, with another version in the manifest."""
+    copied(folder, (family,))
+    path = folder / "manifest.json"
+    manifest = {**json.loads(path.read_text("utf-8")), "version": version}
+    path.write_text(json.dumps(manifest), "utf-8")
+    (folder / SUMS).unlink()
+    seal(folder, stored_files(folder))
+    return folder
+
+
+def test_several_folders_keep_their_version(tmp_path: Path) -> None:
+    """A study of another version is refused, whether its folders are read together or merged."""
+    old = [of_version(tmp_path / family, "0.0.1", family) for family in FAMILIES]
+    merge(tmp_path / "merged", old)
+    for folders in (old, tmp_path / "merged"):
+        with pytest.raises(ConfigurationError, match=r"is of version 0\.0\.1"):
+            Study.load(folders)
+    other = of_version(tmp_path / "other", "0.0.2", FAMILIES[1])
+    with pytest.raises(ConfigurationError, match="the package's version differs"):
+        Evidence.load([old[0], other])
+
+
+def test_a_column_that_would_be_lost_is_not_merged(tmp_path: Path) -> None:
+    """The table holds a metric of a package that is not installed."""
+    folder = with_scenes(tmp_path / "theirs", "panda", list(range(SCENES)))
+    ur5 = copied(tmp_path / "ur5", ("ur5",))
+    (batch,) = stored_batches(folder)
+    tables = {name: batch.table(name) for name in TABLES}
+    runs = tables["runs"]
+    tables["runs"] = runs.append_column("camera_path_m", [[0.5] * runs.num_rows])
+    identity = {**batch.facts.identity, "metrics": {"theirs": "1.0"}}
+    write_batch(folder, batch.name, tables, replace(batch.facts, identity=identity))
+    seal(folder, stored_files(folder))
+    with pytest.raises(ConfigurationError, match="metrics"):
+        Evidence.load([folder, ur5])
+    (other,) = stored_batches(ur5)
+    tables = {name: other.table(name) for name in TABLES}
+    identity = {**other.facts.identity, "metrics": {"theirs": "1.0"}}
+    write_batch(ur5, other.name, tables, replace(other.facts, identity=identity))
+    seal(ur5, stored_files(ur5))
+    with pytest.raises(
+        ConfigurationError, match=r"camera_path_m; install theirs 1\.0, and merge again"
+    ):
+        merge(tmp_path / "merged", [folder, ur5])
+    assert not (tmp_path / "merged").exists()
+
+
 def say(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
@@ -147,5 +196,10 @@ def test_commands_take_several_folders(tmp_path: Path) -> None:
     kept = [path for path in sorted(tmp_path.rglob("*")) if tmp_path / "page" not in path.parents]
     assert kept == sorted([*before, tmp_path / "page"])
     assert say("report", copied(tmp_path / "whole"), "--no-figures").exit_code == 0
+    page = (tmp_path / "page" / "report.html").read_text("utf-8")
+    for family in FAMILIES:  # from the folder of the report
+        assert f"vsconstraints replay ../{family}:{family}:" in page
+    assert "replay ../" not in (tmp_path / "whole" / "report.html").read_text("utf-8")
+    assert "vsconstraints replay ../" in (tmp_path / "page" / "details.md").read_text("utf-8")
     claims = [(tmp_path / name / "claims.json").read_text("utf-8") for name in ("page", "whole")]
     assert claims[0] == claims[1]

@@ -200,8 +200,8 @@ def test_a_pool_waits_as_long_as_a_stack_may_take_to_start_and_for_it_alone():
     scene = SimpleNamespace(tables={"nominal": tables}, number=0)
     family = SimpleNamespace(name="family", tables={})
     batches = [
-        Batch(family, (0,), ("nominal",), laws, "training", 0),
-        Batch(family, (0,), ("nominal",), laws, "training", 0, drawn=scene),
+        Batch(family, (0,), ("nominal",), laws, "training", 0, "own"),
+        Batch(family, (0,), ("nominal",), laws, "training", 0, "own", drawn=scene),
     ]
     for batch, described in zip(batches, ({}, tables), strict=True):
         own = [law.run_limit(described) for law in laws]

@@ -36,7 +36,8 @@ class Repetition:
     differ only because rounding decides them. ``changed_files`` are the names of files that custom
     laws have loaded or read and whose content on this machine differs from that in the study.
     ``moved`` are laws that are no longer part of the package, with their files: their runs are not
-    repeated. ``not_compared`` are columns of results that have no value in the study.
+    repeated. ``not_compared`` are columns of results that have no value in the runs that can be
+    repeated.
     """
 
     runs: int
@@ -60,16 +61,20 @@ def secret_seed() -> int:
 def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
     """Draw a share of a study's runs; the order of the study's lines has no influence.
 
-    Runs of laws that are no longer part of the package are not drawn. Lines have no entry for a
-    column that is empty in all runs, which an earlier version may not have written.
+    Only repeatable runs are drawn. Lines have no entry for a column that is empty in all of them,
+    which an earlier version may not have written.
     """
-    is_moved = study.runs["controller"].isin(list(moved_laws(study)))
-    repeatable = study.runs[~is_moved]
-    repeatable = repeatable.dropna(axis="columns", how="all")
+    repeatable = repeatable_runs(study).dropna(axis="columns", how="all")
     ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
     lines: list[dict[str, Any]] = ordered.to_dict("records")
     count = math.ceil(share * len(lines))
     return Random(seed).sample(lines, count)
+
+
+def repeatable_runs(study: Study) -> Any:
+    """Return the runs of the laws that are still part of the package."""
+    is_moved = study.runs["controller"].isin(list(moved_laws(study)))
+    return study.runs[~is_moved]
 
 
 def repeat(
@@ -115,14 +120,14 @@ def repeat(
                 if found:
                     by_kind[number] = f"{where}: {'; '.join(found)}"
             on_progress(done, len(lines))
-    missing = study.missing_results
+    is_empty = repeatable_runs(study).isna().all()
     return Repetition(
         runs=len(lines),
         differences=_in_order(differences),
         by_rounding=_in_order(by_rounding),
         changed_files=changed_files(study),
         moved=moved_laws(study),
-        not_compared=tuple(column.name for column in OUTCOME if column.name in missing),
+        not_compared=tuple(column.name for column in OUTCOME if is_empty[column.name]),
     )
 
 

@@ -190,7 +190,8 @@ def leaderboard(
         if repetition.not_compared:
             columns = ", ".join(repetition.not_compared)
             errors.print(
-                f"warning: {name}: not compared, since the table has no values of them: {columns}"
+                f"warning: {name}: not compared, since no run that can be repeated has a value of "
+                f"them: {columns}"
             )
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
         counts += f", {len(repetition.by_rounding)} are decided by rounding"

@@ -139,7 +139,8 @@ def _measured(
 ) -> CallTimes:
     prepare_laws(campaign.controllers)
     training = campaign.changed(half="training", scenes=SCENES, scenes_in={})
-    calls = {i: (batch,) for i, batch in enumerate(plan_batches(training))}
+    batches = plan_batches(training, limit="own")
+    calls = {i: (batch,) for i, batch in enumerate(batches)}
     measured = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:
         for done, (_, answer) in enumerate(opened.run(calls), start=1):

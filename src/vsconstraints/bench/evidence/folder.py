@@ -22,7 +22,7 @@ from . import parquet
 from .campaign import Campaign
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
-from .work import Batch, batch_name, benches, make_batch
+from .work import Batch, Limit, batch_name, benches, make_batch
 
 MARK = "runs"  # the table that is written last: a batch is complete if it has this file
 
@@ -275,7 +275,7 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(
-    folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers
+    folder: Path, keep: Keep, campaign: Campaign, limit: Limit, workers: OpenWorkers
 ) -> int:
     """Repeat runs whose trajectories are to be kept but missing, and remove all other trajectories.
 

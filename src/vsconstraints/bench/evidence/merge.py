@@ -12,8 +12,17 @@ from ...comparisons.runs.files import TRAJECTORIES, replaced, require_unchanged
 from ...comparisons.runs.folder import locked, manifest_of
 from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
-from .folder import MARK, chosen, clear, stored_files, trajectory_file, write_batch
-from .parquet import TABLES
+from .folder import (  # fmt: skip
+    MARK,
+    StoredBatch,
+    batch_file,
+    chosen,
+    clear,
+    stored_files,
+    trajectory_file,
+    write_batch,
+)
+from .parquet import TABLES, column_names
 from .stored import Evidence
 from .together import combined_manifest
 
@@ -35,7 +44,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
 
     ``out`` is a new or empty folder, or that of an earlier merge, which is replaced. Raises
     ConfigurationError, before anything is written, if the folders cannot be read as one campaign,
-    see :meth:`.Evidence.load`, or if scenes are missing. Raises StorageError if a file cannot be
+    see :meth:`.Evidence.load`, if scenes are missing, or if tables have columns of metrics that are
+    not installed. Raises StorageError if a file cannot be
     written.
     """
     if not folders:
@@ -47,6 +57,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         trajectories = (folder / TRAJECTORIES).glob("*.npz")
         require_unchanged(folder, trajectories, "finished" in manifest, all_there=True)
     _require_all(evidence)
+    for batch in evidence.batches:
+        _require_known_columns(batch)
     if manifest_of(out) and "merged" not in manifest_of(out):
         raise ConfigurationError(f"{out} already holds results: give an empty or new folder")
     if out.resolve() in {folder.resolve() for folder in folders}:
@@ -93,6 +105,25 @@ def _require_all(evidence: Evidence) -> None:
         problem = f"{', '.join(missing)} {verb} missing"
     unfinished = "to continue an interrupted command, give it again"
     raise ConfigurationError(f"{problem}: scenes {lost} are missing; {unfinished}")
+
+
+def _require_known_columns(batch: StoredBatch) -> None:
+    """Raise ConfigurationError if a table has columns that would be lost, with the remedy."""
+    for name, columns in TABLES.items():
+        path = batch_file(batch.folder, name, batch.name)
+        known = {column.name for column in columns}
+        unknown = [column for column in column_names(path) if column not in known]
+        if not unknown:
+            continue
+        versions = batch.facts.identity.get("metrics", {})
+        packages = [f"{package} {version}" for package, version in versions.items()]
+        remedy = "merge with the version that wrote it"
+        if packages:
+            remedy = f"install {', '.join(packages)}, and merge again"
+        raise ConfigurationError(
+            f"{path} has columns that are unknown here and would be lost: {', '.join(unknown)}; "
+            f"{remedy}"
+        )
 
 
 def _copy_trajectories(evidence: Evidence, out: Path) -> int:

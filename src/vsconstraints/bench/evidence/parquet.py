@@ -174,6 +174,12 @@ def facts_of(path: Path) -> dict[str, Any]:
     return facts
 
 
+def column_names(path: Path) -> list[str]:
+    """Return the names of all columns of a file; raises ConfigurationError if it is unreadable."""
+    with _reading(path):
+        return list(pq.read_schema(path).names)
+
+
 def line_count(path: Path) -> int:
     """Return the number of lines that the footer of a file states.
 

@@ -24,7 +24,7 @@ from .folder import (
     write_batch,
 )
 from .own_files import contents, own_folders, require_unchanged_files
-from .work import Batch, Part, Shard, failed, plan_batches, scored
+from .work import Batch, Limit, Part, Shard, failed, plan_batches, scored
 
 # manifest entries of the last command that made runs; a command without runs keeps them
 OF_WORK = ("wall_time_s", "runs_per_s")
@@ -137,7 +137,8 @@ def collect(
             clear(folder)
         before = finished_batches(folder, campaign)
         finished_scenes = {(facts.family, scene) for facts in before for scene in facts.scenes}
-        batches = plan_batches(campaign, plan.shard, plan.limit, finished_scenes)
+        limit: Limit = "own" if plan.limit is None else plan.limit
+        batches = plan_batches(campaign, plan.shard, limit, finished_scenes)
         families = {batch.family.name: batch.family for batch in batches}
         for family in families.values():
             family.require_scenes(campaign.half, campaign.seed)
@@ -161,7 +162,7 @@ def collect(
                         progress.add(batch, part)
                         on_progress(progress)
             with store.storing():
-                kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
+                kept = keep_trajectories(folder, plan.keep, campaign, limit, plan.workers)
         finished = Finished(folder, progress, store.seconds, kept, store.interrupted)
         rates: dict[str, float] = {}
         if progress.runs:
@@ -223,8 +224,10 @@ def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, P
     for i, answer in workers.run(batch_calls, again=False):
         if isinstance(answer, Failure):
             for j, (piece, limit) in enumerate(batches[i].pieces()):
-                pieces[i, j] = replace(piece, limit=limit + GRACE)
-                limits[i, j] = limit
+                pieces[i, j] = piece
+                if limit is not None:
+                    pieces[i, j] = replace(piece, limit=limit + GRACE)
+                    limits[i, j] = limit
         else:
             yield i, answer
     count = Counter(i for i, _ in pieces)

@@ -114,6 +114,19 @@ class Evidence(StoredResults):
             return combined_batches(self.manifests, stored)
         return in_order(stored_batches(self.folder))
 
+    @cached_property
+    def _folders(self) -> Mapping[tuple[str, int], Path]:
+        """Folder of each scene of several folders, by family and number."""
+        folders = {}
+        for batch in self.batches:
+            for number in batch.scenes:
+                folders[batch.facts.family, number] = batch.folder
+        return folders
+
+    def folder_of(self, family: str, scene: int) -> Path:
+        """Return the folder that holds a scene."""
+        return self._folders[family, scene] if self.parts else self.folder
+
     def missing_scenes(self, wanted: range) -> str:
         """List the wanted scenes that are not stored, by family; empty if none is missing."""
         missing = {name: set(wanted) for name in self.manifest["configuration"]["families"]}

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ...comparisons.runs.identity import differences, in_words
-from ...comparisons.runs.machine import VERSION
 from ...errors import ConfigurationError
 from .folder import MARK, StoredBatch, require_same_files
 from .parquet import TABLES, TIMING
@@ -28,7 +27,7 @@ OWN = (
     "machine",
 )
 #: Entries of an identity that all families share.
-COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
+COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers", "metrics")
 
 Manifests = Mapping[Path, Mapping[str, Any]]  #: Manifests by folder.
 FolderTable = tuple[Path, Mapping[str, Any]]  #: Folder and a table of what it states.
@@ -58,7 +57,7 @@ def in_order(stored: Iterable[StoredBatch]) -> tuple[StoredBatch, ...]:
 
 
 def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -> None:
-    """Raise ConfigurationError if code, settings, packages or files of the folders differ.
+    """Raise ConfigurationError if version, code, settings, packages or files of the folders differ.
 
     Machines and the folders of families may differ.
     """
@@ -79,7 +78,8 @@ def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -
         families = {}
         for name, entry in configuration["families"].items():
             families[name] = {**entry, "folder": ""}
-        settings.append((folder, {**configuration, "families": families}))
+        version = manifest.get("version")
+        settings.append((folder, {**configuration, "families": families, "version": version}))
     _require_equal(settings)
     require_same_files(stored)
 
@@ -155,7 +155,6 @@ def combined_manifest(manifests: Manifests, stored: Sequence[StoredBatch]) -> di
     finished = sum(len(batch.scenes) for batch in stored)
     return {
         **common,
-        "version": VERSION,
         "merged": own,
         "machine": first.get("machine", {}),
         "process_time_s": sum(manifest.get("process_time_s", 0.0) for manifest in every),

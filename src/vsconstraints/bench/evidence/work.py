@@ -12,7 +12,7 @@ from contextlib import chdir, nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
 from math import ceil
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ...comparisons.experiment import Entries
 from ...comparisons.metrics import score
@@ -41,6 +41,8 @@ MIN_BATCHES = 16  # minimum number of batches of a family; results do not depend
 NO_FILES: Files = {}
 
 Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
+#: Time limit [s]; "own" is that of each law, see :meth:`.ControllerSpec.run_limit`; None is none.
+Limit = float | Literal["own"] | None
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,10 @@ class Batch:
     """Scenes of one family with all data that a worker needs to run them.
 
     Each of the ``scenes`` is run in every condition with every controller, the unconstrained
-    baseline first. ``limit`` is the time limit for drawing one scene and for making one run [s],
-    after which the process of the worker is ended; None gives each law its own limit, see
-    :meth:`run_limit`. ``single`` is the only controller whose runs are requested; None requests the
-    runs of all controllers and the line of each scene. ``drawn`` is the only scene, if it is
-    already drawn.
+    baseline first. ``limit`` is the time limit for drawing one scene and for making one run. The
+    process that exceeds it ends, so only batches for workers have one. ``single`` is the only
+    controller whose runs are requested; None requests the runs of all controllers and the line of
+    each scene. ``drawn`` is the only scene, if it is already drawn.
     """
 
     family: Family
@@ -92,7 +93,7 @@ class Batch:
     controllers: Entries
     half: str
     seed: int
-    limit: float | None = None
+    limit: Limit = None
     single: str | None = None
     drawn: Drawn | None = None
 
@@ -102,16 +103,13 @@ class Batch:
         return batch_name(self.family.name, self.scenes)
 
     @property
-    def drawing_limit(self) -> float:
-        """Time limit for drawing one scene [s]."""
-        return self.limit or run_limit(self._tables)
+    def drawing_limit(self) -> float | None:
+        """Time limit for drawing one scene [s]; None means no limit."""
+        return run_limit(self._tables) if self.limit == "own" else self.limit
 
-    def run_limit(self, entry: ControllerSpec) -> float:
-        """Return the time limit of one run of a controller [s].
-
-        A stack that may start slowly has a longer one, see :meth:`.ControllerSpec.run_limit`.
-        """
-        return self.limit or entry.run_limit(self._tables)
+    def run_limit(self, entry: ControllerSpec) -> float | None:
+        """Return the time limit of one run of a controller [s]; None means no limit."""
+        return entry.run_limit(self._tables) if self.limit == "own" else self.limit
 
     @property
     def _tables(self) -> Table:
@@ -120,13 +118,13 @@ class Batch:
             return self.family.tables
         return self.drawn.tables[self.conditions[0]]
 
-    def pieces(self) -> list[tuple[Batch, float]]:
+    def pieces(self) -> list[tuple[Batch, float | None]]:
         """Split the batch into one batch for each run; return each with its time limit [s].
 
         For each scene, a further batch without runs returns the line of the scene.
         """
         scenes = [replace(self, scenes=(number,)) for number in self.scenes]
-        pieces = []
+        pieces: list[tuple[Batch, float | None]] = []
         for scene in scenes:
             pieces.append((replace(scene, conditions=()), self.drawing_limit))
         for scene, condition, entry in product(scenes, self.conditions, self.controllers):
@@ -144,12 +142,9 @@ WHOLE_CAMPAIGN = Shard()
 
 
 def make_batch(
-    campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None
+    campaign: Campaign, family: Family, scenes: Sequence[int], limit: Limit = None
 ) -> Batch:
-    """Return the batch of scenes that are run in the same conditions.
-
-    Without ``limit``, each law has its own time limit.
-    """
+    """Return the batch of scenes that are run in the same conditions."""
     return Batch(
         family,
         tuple(scenes),
@@ -164,7 +159,7 @@ def make_batch(
 def plan_batches(
     campaign: Campaign,
     shard: Shard = WHOLE_CAMPAIGN,
-    limit: float | None = None,
+    limit: Limit = None,
     finished: Collection[tuple[str, int]] = (),
 ) -> list[Batch]:
     """Split the scenes of a campaign, except the ``finished`` ones, into batches.

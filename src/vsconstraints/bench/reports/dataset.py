@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import shlex
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import product
@@ -153,6 +155,18 @@ class Dataset:
             tuned = law + TUNED
             if tuned in self.laws:
                 self.tuned[law] = tuned
+
+    def replayed_from(self, family: str, scene: int) -> str:
+        """Return the campaign's folder for a command that is given in the report's folder.
+
+        It is relative, and quoted for a shell if necessary.
+        """
+        folder = self.evidence.folder_of(family, scene).resolve()
+        try:
+            shown = os.path.relpath(folder, self.folder.resolve())
+        except ValueError:  # on another drive of Windows
+            shown = str(folder)
+        return shlex.quote(shown)
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
         """Return a value that several parts need; compute it once and cache it by its key."""

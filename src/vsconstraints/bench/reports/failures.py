@@ -259,6 +259,7 @@ def heat_map(dataset: Dataset) -> str:
             custom.add(law)
     return render_html(
         Path(__file__).with_name("heat-map.html"),
+        dataset=dataset,
         situations=situations(dataset),
         custom=custom,
         laws=dataset.laws,

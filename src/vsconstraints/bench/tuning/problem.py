@@ -311,6 +311,7 @@ class Problem:
                     controllers=(self.baseline,),
                     half=TRAINING,
                     seed=campaign.seed,
+                    limit="own",
                     drawn=scene,
                 )
                 batches.append(batch)
