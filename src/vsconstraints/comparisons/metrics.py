@@ -337,7 +337,7 @@ def _result_columns() -> tuple[str, ...]:
 
 def _definitions() -> dict[str, str]:
     defined = [metric for metric in (*METRICS, *ROW_METRICS) if metric.definition]
-    return _TEXTS["term"] | {metric.column: metric.definition for metric in defined}
+    return {**_TEXTS["term"], **{metric.column: metric.definition for metric in defined}}
 
 
 #: Metrics of a run, in the order in which a scenario's tables show them.
