@@ -46,6 +46,10 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "structure.md",
         '[project.entry-points."vsconstraints.parts"]',
     ): "lines of another package's pyproject.toml",
+    (
+        "results.md",
+        '[project.entry-points."vsconstraints.parts"]',
+    ): "lines of another package's pyproject.toml",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they
 cannot.

@@ -120,8 +120,8 @@ def test_the_same_as_the_command_line(
 
 def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None:
     results = comparison.results
-    assert tuple(results.columns) == RESULT_COLUMNS
-    assert tuple(comparison.constraints.columns) == CONSTRAINT_COLUMNS
+    assert tuple(results.columns) == tuple(RESULT_COLUMNS)
+    assert tuple(comparison.constraints.columns) == tuple(CONSTRAINT_COLUMNS)
     assert list(results["controller"]) == [
         "tracking",
         "sliding-mode",

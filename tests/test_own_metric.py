@@ -14,7 +14,7 @@ import pytest
 from documents import DOCS, ROOT, blocks
 from test_metrics import SMALL
 from test_registry import command, installed, python
-from vsconstraints.comparisons import RunRecord, Suite, metrics
+from vsconstraints.comparisons import RunRecord, Suite, compare, metrics
 from vsconstraints.comparisons.metrics import METRICS, Metric, score
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runner import run_stored
@@ -69,6 +69,38 @@ def test_one_file_and_an_entry_point_are_a_metric(tmp_path: Path) -> None:
     # its own tests import the file before anything else
     alone = python(environment, "import theirs; from vsconstraints.comparisons import score")
     assert alone.returncode == 0, alone.stderr
+
+
+def test_a_part_imports_what_compares_controllers(tmp_path: Path) -> None:
+    """Its metrics are loaded when they are used, and the package is imported without them."""
+    code = "from vsconstraints.comparisons import Suite\n" + example() + OF_ROWS
+    uses = "from vsconstraints.comparisons import DEFINITIONS, Suite; DEFINITIONS['camera_path_m']"
+    done = python(installed(tmp_path, code), uses)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_broken_part_fails_where_metrics_are_used(tmp_path: Path) -> None:
+    environment = installed(tmp_path, "raise RuntimeError('no licence')")
+    done = python(environment, "from vsconstraints.comparisons import RunSpec, Suite, compare")
+    assert done.returncode == 0, done.stderr
+    used = python(
+        environment, "from vsconstraints.comparisons import DEFINITIONS; len(DEFINITIONS)"
+    )
+    assert (
+        "ConfigurationError: part my-part of theirs, theirs:PART, cannot be imported" in used.stderr
+    )
+    assert "no licence" in used.stderr
+
+
+def test_no_run_starts_if_a_metric_cannot_be_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    theirs = InstalledPart(Part(metrics=("not_there:METRIC",)), "theirs", "1.0")
+    monkeypatch.setattr(registry, "parts_of_other_packages", lambda: (theirs,))
+    metrics.load_metrics.cache_clear()
+    with pytest.raises(ConfigurationError, match="not_there:METRIC, a metric of theirs"):
+        compare(Suite.load().select(["example-2d-fov"], ["tracking"]), tmp_path, workers=0)
+    assert not (tmp_path / "results.csv").exists()
 
 
 @pytest.mark.parametrize(

@@ -257,6 +257,20 @@ def test_another_start_than_that_of_the_baseline_is_named(setup: Setup, run: Tra
     )
 
 
+@pytest.mark.parametrize("degrees", [False, True])
+def test_only_converted_positions_may_have_been_radians(
+    setup: Setup, run: Trajectory, degrees: bool
+) -> None:
+    q = np.deg2rad(run.q[:10])
+    recording = Recording(run.t[:10], q, np.deg2rad(run.qd[:10]))
+    if degrees:
+        with pytest.raises(ConfigurationError, match="rad before --degrees converted them"):
+            recorded_trajectory(setup, recording, "it", degrees=True)
+    else:
+        reason = recorded_trajectory(setup, recording, "it").reason
+        assert "rad or m from that of the baseline" in reason
+
+
 # --- files that cannot be meant ---
 
 

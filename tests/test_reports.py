@@ -1107,6 +1107,8 @@ def test_numbers_as_printed(text: str, expected: str) -> None:
 
 
 def test_tables_are_aligned_and_their_cells_safe() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        Table(["name", "q̈ [rad/s²]"], [["a", "1"], ["b"]])
     text = Table(["name", "q̈ [rad/s²]"], [["a|b", "1"], [code("x`y"), "10"]])
     lines = text.splitlines()
     # the accent of q̈ is a character of its own that takes no space

@@ -200,6 +200,13 @@ def test_time_is_part_of_what_results_depend_on(timed: tuple[Campaign, Path]) ->
     assert len({spec.fingerprint for spec in specs}) == len(set(specs)) == 3
 
 
+def test_equal_runs_have_equal_fingerprints_whatever_their_controller_is_called() -> None:
+    spec = RunSpec("example-2d-fov", ControllerSpec("tracking"))
+    renamed = RunSpec("example-2d-fov", ControllerSpec("baseline", "tracking"))
+    assert spec == renamed
+    assert spec.fingerprint == renamed.fingerprint
+
+
 @pytest.mark.parametrize(
     ("table", "words"),
     [

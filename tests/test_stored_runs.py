@@ -410,10 +410,11 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
     }
     line |= {"violated": "", "within_band": "", "violated_tolerant": "", "compiled": True}
     path = tmp_path / "results.csv"
-    for missing in ("acceleration_max", "duration_s", "reason", "violated_tolerant"):
+    required = ("duration_s", "violated_tolerant", "violation_depth")
+    for missing in ("acceleration_max", "reason", *required):
         columns = [name for name in RESULT_COLUMNS if name != missing]
         write_table(path, columns, [line])
-        if missing in ("duration_s", "violated_tolerant"):
+        if missing in required:
             with pytest.raises(ConfigurationError, match=f"it has no column '{missing}'"):
                 read_table(path, RESULT_COLUMNS)
         else:
@@ -421,6 +422,21 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
             value = read.pop(missing)
             assert value == "" if missing == "reason" else np.isnan(value)
             assert read["jerk_rms"] == 1.0
+
+
+def test_a_damaged_name_of_a_column_is_no_missing_column(tmp_path: Path) -> None:
+    """Columns of metrics that are not installed are read where no other column is missing."""
+    path = tmp_path / "constraints.csv"
+    line: dict[str, object] = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
+    line |= {"suite": "s", "scenario": "a", "controller": "b", "trial": 0, "challenged": True}
+    columns = [*CONSTRAINT_COLUMNS, "path_m"]
+    write_table(path, columns, [line | {"path_m": 2.0}])
+    (read,) = read_table(path, CONSTRAINT_COLUMNS)
+    assert (read["usage_max"], read["path_m"]) == (1.0, 2.0)
+    path.write_text(path.read_text().replace("usage_max", "usage_mbx").replace(",path_m", ",usage"))
+    told = "it has no column 'usage_max', but 'usage_mbx', which is a damaged name"
+    with pytest.raises(ConfigurationError, match=told):
+        read_table(path, CONSTRAINT_COLUMNS)
 
 
 # --- one bad thing costs one run ---

@@ -82,7 +82,7 @@ class MetricInputs:
 
     @cached_property
     def _is_unknown(self) -> BoolArray:
-        """(m,) True if the clearance of a row is not known in any period.
+        """(m,) True if the clearance of a row is unknown in at least one period.
 
         Such a row is not known to be satisfied: its depths are NaN.
         """

@@ -9,13 +9,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..plugins.lazy import LazyMapping, LazySequence
 from ..plugins.metric import Metric
 from ..plugins.registry import added_metrics
 from ..rows.readable import in_one_line
@@ -125,6 +126,7 @@ _METRICS = (
     Metric(
         "violation_depth",
         MetricInputs.deepest_violation,
+        required=True,
         header="worst depth [% of L]",
         group="outcome",
         judged="any",
@@ -304,31 +306,57 @@ def require_addable(metrics: Sequence[Metric]) -> None:
         known.add(metric.column)
 
 
-_ADDED = added_metrics("metrics")
-_ADDED_TO_ROWS = added_metrics("row_metrics")
-require_addable((*_ADDED, *_ADDED_TO_ROWS))
-#: Metrics of a run, in the order in which a scenario's tables show them.
-METRICS = (*_with_definitions("run", _METRICS), *_ADDED)
-#: Metrics of each row of a run.
-ROW_METRICS = (*_with_definitions("row", _ROW_METRICS), *_ADDED_TO_ROWS)
+@cache
+def load_metrics() -> tuple[tuple[Metric, ...], tuple[Metric, ...]]:
+    """Load the metrics of runs and of their rows that other packages add.
 
-_IN_COLUMN_ORDER = (*sorted(_METRICS, key=lambda metric: metric.column_order), *_ADDED)
-RESULT_COLUMNS = (
-    *RUN,
-    *(metric.column for metric in _IN_COLUMN_ORDER if metric.value is not None),
-)
-CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
+    They are loaded at the first use of metrics: a package that adds one may import this package.
+    Raises ConfigurationError if one cannot be used.
+    """
+    of_runs = tuple(added_metrics("metrics"))
+    of_rows = tuple(added_metrics("row_metrics"))
+    require_addable((*of_runs, *of_rows))
+    return of_runs, of_rows
+
+
+def _all_metrics() -> tuple[Metric, ...]:
+    of_runs, _ = load_metrics()
+    return (*_with_definitions("run", _METRICS), *of_runs)
+
+
+def _all_row_metrics() -> tuple[Metric, ...]:
+    _, of_rows = load_metrics()
+    return (*_with_definitions("row", _ROW_METRICS), *of_rows)
+
+
+def _result_columns() -> tuple[str, ...]:
+    of_runs, _ = load_metrics()
+    in_order = (*sorted(_METRICS, key=lambda metric: metric.column_order), *of_runs)
+    return (*RUN, *(metric.column for metric in in_order if metric.value is not None))
+
+
+def _definitions() -> dict[str, str]:
+    defined = [metric for metric in (*METRICS, *ROW_METRICS) if metric.definition]
+    return {**_TEXTS["term"], **{metric.column: metric.definition for metric in defined}}
+
+
+#: Metrics of a run, in the order in which a scenario's tables show them.
+METRICS = LazySequence(_all_metrics)
+#: Metrics of each row of a run.
+ROW_METRICS = LazySequence(_all_row_metrics)
+RESULT_COLUMNS = LazySequence(_result_columns)
+CONSTRAINT_COLUMNS = LazySequence(lambda: (*RUN, *(metric.column for metric in ROW_METRICS)))
 #: Columns without which no stored table is read. All others may be missing, because an earlier
 #: version did not write them, and are then read as empty.
 REQUIRED_COLUMNS = frozenset(
-    (*RUN, *(metric.column for metric in (*METRICS, *ROW_METRICS) if metric.required))
+    (*RUN, *(metric.column for metric in (*_METRICS, *_ROW_METRICS) if metric.required))
 )
 #: The columns of results.csv that differ from run to run on the same machine.
-TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")
+TIMING_COLUMNS = LazySequence(
+    lambda: [metric.column for metric in METRICS if metric.kind == "time"]
+)
 #: Definitions of scores and of the terms in them: the single source of reports and documentation.
-DEFINITIONS: dict[str, str] = _TEXTS["term"] | {
-    metric.column: metric.definition for metric in (*METRICS, *ROW_METRICS) if metric.definition
-}
+DEFINITIONS = LazyMapping(_definitions)
 
 
 @dataclass(frozen=True)

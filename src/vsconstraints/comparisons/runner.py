@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import described
 from ..plugins.provenance import Files, digests, imported, noted
-from .metrics import RUN, Score, score
+from .metrics import RUN, Score, load_metrics, score
 from .record import RunRecord, run_file, stored_run
 from .run import failed_record, failed_score, perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed
@@ -84,6 +84,7 @@ def compare(
         # a law may change the working directory
         folder = folder.absolute()
         store = Store(folder, "results", stored_files)
+        load_metrics()  # a metric that cannot be used ends the command before any run
         prepare_laws(suite.controllers)
         warned = plain(suite.warnings() if warnings is None else warnings)
         suite = suite.with_baseline()

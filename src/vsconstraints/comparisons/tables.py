@@ -8,6 +8,7 @@ import math
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,20 +17,23 @@ import numpy as np
 from ..errors import ConfigurationError, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
-from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS
+from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS, Metric
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-#: Kinds of the columns of both tables; those of metrics that are not installed are not known.
-_KINDS: dict[str, str] = {
-    "suite": "text",
-    "scenario": "text",
-    "controller": "text",
-    "trial": "number",
-    **{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)},
-}
-_EMPTY = {metric.column: metric.empty for metric in (*METRICS, *ROW_METRICS)}
+
+@cache
+def _metrics() -> dict[str, Metric]:
+    """Return the metrics of both tables by column."""
+    return {metric.column: metric for metric in (*METRICS, *ROW_METRICS)}
+
+
+@cache
+def _kinds() -> dict[str, str]:
+    """Return the kinds of the columns of both tables, without metrics that are not installed."""
+    of_run = {"suite": "text", "scenario": "text", "controller": "text", "trial": "number"}
+    return {**of_run, **{name: metric.kind for name, metric in _metrics().items()}}
 
 
 def cell(value: object) -> str:
@@ -85,10 +89,10 @@ def append_lines(
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Return the lines of a table: text, flags and floats, NaN where empty.
 
-    A missing column is read as empty: a text as "", a flag as None. Cells of a
-    metric that is not installed are numbers or, where they are none, text. Raises
-    ConfigurationError, with file and line, if a required one is missing
-    (:data:`.metrics.REQUIRED_COLUMNS`).
+    A missing column is read as empty: a text as "", a flag as None. Cells of a metric that is not
+    installed are numbers or, where they are none, text. Raises ConfigurationError, with file and
+    line, if a required column is missing (:data:`.metrics.REQUIRED_COLUMNS`), or any column beside
+    an unknown one, which may be its damaged name.
     """
     lines = []
     try:
@@ -97,7 +101,7 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
             missing = _missing_columns(header, columns)
-            empty = {name: _EMPTY.get(name, math.nan) for name in missing}
+            empty = {name: _metrics()[name].empty for name in missing}
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
@@ -114,8 +118,10 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
 def _missing_columns(header: Sequence[str], columns: Iterable[str]) -> list[str]:
     """Return the columns that a header lacks.
 
-    Raises ValueError if a required one is missing or one appears more than once.
+    Raises ValueError if one appears more than once or if a required one is missing. Beside an
+    unknown column, no column may be missing.
     """
+    columns = tuple(columns)
     missing = []
     for name in columns:
         count = header.count(name)
@@ -124,12 +130,18 @@ def _missing_columns(header: Sequence[str], columns: Iterable[str]) -> list[str]
             raise ValueError(f"it has no column {format_value(name)}, {why}")
         if count == 0:
             missing.append(name)
+    unknown = [name for name in header if name not in columns]
+    if missing and unknown:
+        raise ValueError(
+            f"it has no column {format_value(missing[0])}, but {format_value(unknown[0])}, which "
+            "is a damaged name, a column of another version, or a metric that is not installed"
+        )
     return missing
 
 
 def _parsed(name: str, text: str, where: str) -> Any:
     """Return a cell as text, flag or float; raises ValueError that names its line and column."""
-    kind = _KINDS.get(name)
+    kind = _kinds().get(name)
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(
             f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "

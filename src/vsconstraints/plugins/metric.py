@@ -31,8 +31,8 @@ class Metric:
     """A column of results.csv or constraints.csv, and of the tables of reports.
 
     ``value`` computes the value of a run or, in constraints.csv, of each of its rows, from a
-    :class:`.MetricInputs`; it is None for the ratio ``column / over``. It is called for runs with
-    samples alone, unless ``without_samples``; for others the cell is empty. ``better`` is None for
+    :class:`.MetricInputs`; it is None for the ratio ``column / over``. It is called only for runs
+    with samples, unless ``without_samples``; for others the cell is empty. ``better`` is None for
     facts and noise. A ``kind`` of ``time`` is a number that differs between runs on the same
     machine. Columns are ordered by ``column_order``: a new column gets a greater number than all
     others. Stored tables without a column are read with it empty, unless it is ``required`` because

@@ -28,12 +28,15 @@ class Table(str):
     def __new__(
         cls, header: Sequence[str], lines: Iterable[Sequence[str]], text_columns: int = 1
     ) -> Table:
-        """Return the table of these cells in Markdown."""
+        """Return the table of these cells in Markdown.
+
+        Raises ValueError if a line has another number of cells than the header.
+        """
         lines = [list(line) for line in lines]
         blocks = []
         if lines:
             columns = []
-            for j, column in enumerate(zip(header, *lines, strict=False)):
+            for j, column in enumerate(zip(header, *lines, strict=True)):
                 columns.append(_aligned(column, left=j < text_columns))
             first, *others = columns
             for part in evenly_split(others, MAX_COLUMNS - 1):

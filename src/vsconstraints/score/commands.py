@@ -53,7 +53,7 @@ def score(
         clock=cast("Clock", clock),
         topic=topic,
     )
-    trajectory = recorded_trajectory(setup, found, recording.name, zero)
+    trajectory = recorded_trajectory(setup, found, recording.name, zero, degrees=degrees)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{chosen.name}--{law}--{stamp}"
     with locked(out, "a comparison"):

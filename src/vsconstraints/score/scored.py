@@ -42,15 +42,16 @@ class Recorded(Controller):
 
 
 def recorded_trajectory(
-    setup: Setup, recording: Recording, where: str, zero: float = 0.0
+    setup: Setup, recording: Recording, where: str, zero: float = 0.0, *, degrees: bool = False
 ) -> Trajectory:
     """Return the trajectory of a recording, scored as a simulation is.
 
     The robot takes its recorded positions; camera and rows are those of the model there. Where
     pixels are recorded, the clearances of rows in the image are those of the pixels. ``where``
     names the recording. The scenario begins, t = 0, at ``zero`` [s] after the first sample of the
-    file. Raises ConfigurationError if it is shorter than a sampling time, if it begins at another
-    time than the scenario and the scenario depends on time, or if its start is q0 in degrees.
+    file. ``degrees`` is True if positions in degrees were converted to rad. Raises
+    ConfigurationError if the recording is shorter than a sampling time, if it begins at another
+    time than the scenario and the scenario depends on time, or if it starts at q0 in another unit.
     """
     late = recording.begin - zero
     elsewhere = abs(late) > setup.Ts
@@ -58,7 +59,7 @@ def recorded_trajectory(
         change = _dependence_on_time(setup)
         if change:
             raise _at_another_time(late, change)
-    _require_start_in_radians(setup, recording.q[0])
+    _require_start_in_radians(setup, recording.q[0], degrees)
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
     remarks = [f"recorded in {where}", *motion.remarks]
@@ -176,23 +177,28 @@ def _dependence_on_time(setup: Setup) -> str:
     return ""
 
 
-def _require_start_in_radians(setup: Setup, q: Array) -> None:
-    """Raise ConfigurationError if the first positions (n,) are q0 in another unit."""
+def _require_start_in_radians(setup: Setup, q: Array, degrees: bool) -> None:
+    """Raise ConfigurationError if the first positions (n,) are q0 in another unit.
+
+    That is so if they are in degrees, or if rad were converted as if they were ``degrees``.
+    """
     turning = ~np.array(setup.scene.robot.prismatic, dtype=np.bool_)
     wanted = setup.q0[turning]
     given = q[turning]
     apart = np.abs(given - wanted).max(initial=0.0)
     if apart <= 2.0 * NEAR_START:
         return
-    for converted, remedy in (
-        (np.deg2rad(given), "are these degrees, not rad? --degrees converts them"),
-        (np.rad2deg(given), "were these rad before --degrees converted them? Leave it out"),
-    ):
-        if np.abs(converted - wanted).max() < NEAR_START:
-            raise ConfigurationError(
-                f"the recording starts {apart:.3g} rad from q0, and would start there if "
-                f"{given[0]:.4g} of its first joint were {converted[0]:.4g}: {remedy}"
-            )
+    if degrees:
+        converted = np.rad2deg(given)
+        remedy = "were these rad before --degrees converted them? Leave it out"
+    else:
+        converted = np.deg2rad(given)
+        remedy = "are these degrees, not rad? --degrees converts them"
+    if np.abs(converted - wanted).max() < NEAR_START:
+        raise ConfigurationError(
+            f"the recording starts {apart:.3g} rad from q0, and would start there if "
+            f"{given[0]:.4g} of its first joint were {converted[0]:.4g}: {remedy}"
+        )
 
 
 def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajectory, str]:

@@ -93,7 +93,9 @@ def reason_text(dataset: Dataset, run: Any) -> str:
         reasons.append(plain(run["reason"]))
     rows = _violated_rows(dataset, run)
     if len(rows):
-        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
+        # a table of an earlier version may lack the usage: then the first row is named
+        usage = rows["usage_max"].astype(float).fillna(-np.inf)
+        worst = rows.loc[usage.idxmax()]
         name = code(str(worst["constraint"]))
         unit, factor = finer_unit(str(worst["unit"]))
         depth = number(factor * float(worst["violation_depth"]))

@@ -357,8 +357,10 @@ class RunSpec:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of the run's identity."""
-        text = json.dumps(self.identity, sort_keys=True, default=str)
+        """Hash of the run's identity, without the controller's name: equal runs have equal ones."""
+        content = self.identity
+        content["controllers"] = list(content["controllers"].values())
+        text = json.dumps(content, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
