@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,9 +16,6 @@ from .compiled import COUNT, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
 from .resolver import Priority, row_weights
-
-if TYPE_CHECKING:
-    from .predictive import PredictiveControl
 
 #: Predicted quantities, in the order of the compiled law.
 QUANTITIES = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
@@ -33,6 +31,22 @@ class Plan(NamedTuple):
     made: float
 
 
+class PlanningLaw(Protocol):
+    """Options of a law that plans, as of :class:`~vsconstraints.controllers.PredictiveControl`."""
+
+    horizon: int
+    block: int
+    fading: float
+    approach: float
+    damping: float
+    margin: float
+    weights: Mapping[str, float] | None
+    max_acceleration: float | None
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """See :class:`.Controller`."""
+
+
 class Planner(Wrapped):
     """The compiled law for the rows of a model, see :mod:`vsconstraints.compiled.predictive`.
 
@@ -42,9 +56,7 @@ class Planner(Wrapped):
 
     answers = SOLVED, RELAXED_ROWS
 
-    def __init__(
-        self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]
-    ) -> None:
+    def __init__(self, law: PlanningLaw, model: Any, period: float, shape: tuple[int, int]) -> None:
         kernels = load("predictive")
         arrays = load("predictive_arrays")
         k, n = shape
