@@ -533,7 +533,7 @@ def test_the_start_of_the_scenario_in_another_unit_is_refused(
         recorded_trajectory(setup, degrees, "it")
     twice = Recording(run.t, np.deg2rad(run.q), np.deg2rad(run.qd))
     with pytest.raises(ConfigurationError, match="before --degrees converted them"):
-        recorded_trajectory(setup, twice, "it")
+        recorded_trajectory(setup, twice, "it", degrees=True)
 
 
 def test_milliseconds_of_a_fast_recording_are_named(robot: Robot, tmp_path: Path) -> None:
