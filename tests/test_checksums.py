@@ -163,17 +163,20 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
             return real(*arguments)
 
         with monkeypatch.context() as patch:
-            for name in (
-                "write_json",
-                "write_table",
-                "append_lines",
-                "add_sums",
-                "remove_changed",
-                "seal",
+            for place in (
+                "runner.write_table",
+                "runner.append_lines",
+                "runner.add_sums",
+                "runner.remove_changed",
+                "runs.store.write_json",
+                "runs.store.seal",
             ):
-                real = getattr(sys.modules["vsconstraints.comparisons.runner"], name)
+                path, _, name = f"vsconstraints.comparisons.{place}".rpartition(".")
+                module = sys.modules[path]
+                real = getattr(module, name)
                 patch.setattr(
-                    f"vsconstraints.comparisons.runner.{name}",
+                    module,
+                    name,
                     lambda *arguments, real=real: counted(*arguments, real=real),
                 )
             try:

@@ -139,7 +139,7 @@ def _measured(
 ) -> CallTimes:
     prepare_laws(campaign.controllers)
     training = campaign.changed(half="training", scenes=SCENES, scenes_in={})
-    batches = plan_batches(training, limit="own")
+    batches = plan_batches(training, limit=None)
     calls = {i: (batch,) for i, batch in enumerate(batches)}
     measured = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:

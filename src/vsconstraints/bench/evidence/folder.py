@@ -22,7 +22,7 @@ from . import parquet
 from .campaign import Campaign
 from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
-from .work import Batch, Limit, batch_name, benches, make_batch
+from .work import Batch, batch_name, benches, make_batch
 
 MARK = "runs"  # the table that is written last: a batch is complete if it has this file
 
@@ -275,12 +275,12 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(
-    folder: Path, keep: Keep, campaign: Campaign, limit: Limit, workers: OpenWorkers
+    folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers
 ) -> int:
     """Repeat runs whose trajectories are to be kept but missing, and remove all other trajectories.
 
     Returns the number of trajectories that are stored afterwards. If ``keep`` is "none", nothing is
-    repeated or removed.
+    repeated or removed. ``limit`` is the time limit of a run [s]; None is that of each law.
     """
     if keep == "none":
         return 0

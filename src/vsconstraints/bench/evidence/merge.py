@@ -12,6 +12,7 @@ from ...comparisons.runs.files import TRAJECTORIES, replaced, require_unchanged
 from ...comparisons.runs.folder import locked, manifest_of
 from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
+from ...plugins.registry import packages_with_metrics
 from .folder import (  # fmt: skip
     MARK,
     StoredBatch,
@@ -45,8 +46,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     ``out`` is a new or empty folder, or that of an earlier merge, which is replaced. Raises
     ConfigurationError, before anything is written, if the folders cannot be read as one campaign,
     see :meth:`.Evidence.load`, if scenes are missing, or if tables have columns of metrics that are
-    not installed. Raises StorageError if a file cannot be
-    written.
+    not installed. Raises StorageError if a file cannot be written.
     """
     if not folders:
         raise ConfigurationError(
@@ -115,8 +115,11 @@ def _require_known_columns(batch: StoredBatch) -> None:
         unknown = [column for column in column_names(path) if column not in known]
         if not unknown:
             continue
-        versions = batch.facts.identity.get("metrics", {})
-        packages = [f"{package} {version}" for package, version in versions.items()]
+        installed = packages_with_metrics()
+        packages = []
+        for package, version in batch.facts.identity.get("metrics", {}).items():
+            if installed.get(package) != version:
+                packages.append(f"{package} {version}")
         remedy = "merge with the version that wrote it"
         if packages:
             remedy = f"install {', '.join(packages)}, and merge again"

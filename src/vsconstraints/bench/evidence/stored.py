@@ -73,6 +73,7 @@ class Evidence(StoredResults):
     """
 
     parts: tuple[Evidence, ...] = ()
+    combined: tuple[StoredBatch, ...] = ()  #: Batches of all ``parts``, which have each scene once.
 
     with_code = ("families", "controllers")
 
@@ -97,9 +98,7 @@ class Evidence(StoredResults):
         manifests = {part.folder: part.manifest for part in parts}
         batches = combined_batches(manifests, stored)
         manifest = combined_manifest(manifests, batches)
-        evidence = cls(folders[0], manifest, trust, tuple(remarks), parts)
-        vars(evidence)["batches"] = batches  # the cached property, which would compare them again
-        return evidence
+        return cls(folders[0], manifest, trust, tuple(remarks), parts, batches)
 
     @property
     def manifests(self) -> Mapping[Path, Mapping[str, Any]]:
@@ -109,10 +108,7 @@ class Evidence(StoredResults):
     @cached_property
     def batches(self) -> tuple[StoredBatch, ...]:
         """Batches of all folders, which have each scene once."""
-        if self.parts:
-            stored = [batch for part in self.parts for batch in part.batches]
-            return combined_batches(self.manifests, stored)
-        return in_order(stored_batches(self.folder))
+        return self.combined or in_order(stored_batches(self.folder))
 
     @cached_property
     def _folders(self) -> Mapping[tuple[str, int], Path]:

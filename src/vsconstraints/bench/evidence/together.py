@@ -69,6 +69,8 @@ def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -
         of_family.append((batch.folder, batch_identity))
         of_all_families = {name: batch_identity.get(name) for name in COMMON}
         common.append((batch.folder, of_all_families))
+    # two folders may have no family in common, and families differ in their tables and conditions:
+    # whole identities are compared within a family, and what all families share across them
     for identities in by_family.values():
         _require_equal(identities)
     _require_equal(common)
@@ -89,8 +91,11 @@ def _require_equal(tables: Sequence[FolderTable]) -> None:
     for folder, table in tables[1:]:
         first_folder, first = tables[0]
         if table != first:
-            texts = [f"{text} ({first_folder} and {folder})" for text in differences(first, table)]
-            raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
+            found = differences(first, table, "in the first", "in the second")
+            raise ConfigurationError(
+                f"{first_folder} and {folder} are not parts of one campaign: "
+                f"{in_words(list(found))}"
+            )
 
 
 def _each_once(stored: Sequence[StoredBatch]) -> tuple[StoredBatch, ...]:
@@ -163,6 +168,5 @@ def combined_manifest(manifests: Manifests, stored: Sequence[StoredBatch]) -> di
         "finished": finished,
         "stored_before": finished,
         "runs": sum(map(_run_count, stored)),
-        "trajectories": sum(manifest.get("trajectories", 0) for manifest in every),
         "shard": [1, 1],
     }
