@@ -128,4 +128,6 @@ def plan_best(
             q, penalty = soften(cost, factor, limits, soft, weights, strength)
             code, q = search(cost, factor, limits, soft, q, penalty, MET_SOFT)
             code = RELAXED_ROWS if code == SOLVED else FAILED
+            # the next search without slacks has fewer unknowns, beyond which normals must be zero
+            space.qr.columns[:, hard.p :] = 0.0
     return code, q
