@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from campaigns import assert_same
-from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
+from vsconstraints.bench.evidence import Evidence, merge, parquet
 from vsconstraints.bench.evidence.folder import stored_batches, stored_files, write_batch
 from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
@@ -31,7 +31,7 @@ def copied(folder: Path, families: tuple[str, ...] = FAMILIES, **changes: Any) -
     manifest = json.loads((KEPT / "manifest.json").read_text("utf-8"))
     manifest["configuration"] |= {"scenes": SCENES, **changes}
     (folder / "manifest.json").write_text(json.dumps(manifest), "utf-8")
-    for table in TABLES:
+    for table in parquet.tables():
         (folder / table).mkdir()
         for family in families:
             shutil.copy(KEPT / table / f"part-{family}-0000000-0000006.parquet", folder / table)
@@ -48,7 +48,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
         if batch.facts.family == family and 0 in batch.scenes
     )
     part = batch.of(scenes)
-    tables = {name: part.table(name) for name in TABLES}
+    tables = {name: part.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     values = runs["acceleration_variation"].to_pylist()
     values[-1] *= factor
@@ -61,7 +61,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
 
 
 def tables(evidence: Evidence) -> dict[str, pd.DataFrame]:
-    return {name: getattr(evidence, name) for name in TABLES}
+    return {name: getattr(evidence, name) for name in parquet.tables()}
 
 
 def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_column_that_would_be_lost_is_not_merged(tmp_path: Path) -> None:
     folder = with_scenes(tmp_path / "theirs", "panda", list(range(SCENES)))
     ur5 = copied(tmp_path / "ur5", ("ur5",))
     (batch,) = stored_batches(folder)
-    tables = {name: batch.table(name) for name in TABLES}
+    tables = {name: batch.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     tables["runs"] = runs.append_column("camera_path_m", [[0.5] * runs.num_rows])
     identity = {**batch.facts.identity, "metrics": {"theirs": "1.0"}}
@@ -163,7 +163,7 @@ def test_a_column_that_would_be_lost_is_not_merged(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="metrics"):
         Evidence.load([folder, ur5])
     (other,) = stored_batches(ur5)
-    tables = {name: other.table(name) for name in TABLES}
+    tables = {name: other.table(name) for name in parquet.tables()}
     identity = {**other.facts.identity, "metrics": {"theirs": "1.0"}}
     write_batch(ur5, other.name, tables, replace(other.facts, identity=identity))
     seal(ur5, stored_files(ur5))

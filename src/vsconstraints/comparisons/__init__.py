@@ -1,6 +1,6 @@
 """Comparisons: suites, the runner, scores and stored results."""
 
-from .metrics import DEFINITIONS, score
+from .metrics import definitions, score
 from .record import RunRecord
 from .runner import Finished, compare
 from .runs.spec import ControllerSpec, RunSpec
@@ -8,7 +8,6 @@ from .stored import StoredComparison, keep_trajectories
 from .suite import Suite
 
 __all__ = [
-    "DEFINITIONS",
     "ControllerSpec",
     "Finished",
     "RunRecord",
@@ -16,6 +15,7 @@ __all__ = [
     "StoredComparison",
     "Suite",
     "compare",
+    "definitions",
     "keep_trajectories",
     "score",
 ]

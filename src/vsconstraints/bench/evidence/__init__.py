@@ -9,15 +9,12 @@ from ...comparisons.runs.pool import processes
 from .call_times import MEASURED, CallTimes, call_times
 from .campaign import Campaign
 from .merge import merge
-from .parquet import TABLES, TIMING
 from .runner import Plan, Progress, collect
 from .stored import Evidence
 from .work import Batch, Part, Shard, scored
 
 __all__ = [
     "MEASURED",
-    "TABLES",
-    "TIMING",
     "Batch",
     "CallTimes",
     "Campaign",
