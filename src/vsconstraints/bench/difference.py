@@ -196,7 +196,8 @@ class Pairs:
     @cached_property
     def differ(self) -> Any:
         """Flag of each pair: True if any score differs, except times, which always do."""
-        scores = [name for name in result_columns() if name not in (*RUN, *timing_columns())]
+        no_scores = (*RUN, *timing_columns())
+        scores = [name for name in result_columns() if name not in no_scores]
         a = self.a[scores]
         b = self.b[scores]
         both_missing = a.isna() & b.isna()

@@ -1,5 +1,8 @@
 """Comparisons: suites, the runner, scores and stored results."""
 
+from typing import TYPE_CHECKING
+
+from ..plugins.earlier_names import earlier_constants
 from .metrics import definitions, score
 from .record import RunRecord
 from .runner import Finished, compare
@@ -19,3 +22,6 @@ __all__ = [
     "keep_trajectories",
     "score",
 ]
+
+if not TYPE_CHECKING:  # type checkers would then accept any name
+    __getattr__ = earlier_constants(__name__, {"DEFINITIONS": definitions})

@@ -11,11 +11,12 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ConfigurationError, format_value
+from ..plugins.earlier_names import earlier_constants
 from ..plugins.metric import Metric
 from ..plugins.registry import added_metrics
 from ..rows.readable import in_one_line
@@ -392,6 +393,20 @@ def definitions() -> dict[str, str]:
     """
     defined = [metric for metric in (*run_metrics(), *row_metrics()) if metric.definition]
     return {**_TEXTS["term"], **{metric.column: metric.definition for metric in defined}}
+
+
+if not TYPE_CHECKING:  # type checkers would then accept any name
+    __getattr__ = earlier_constants(
+        __name__,
+        {
+            "METRICS": run_metrics,
+            "ROW_METRICS": row_metrics,
+            "RESULT_COLUMNS": result_columns,
+            "CONSTRAINT_COLUMNS": constraint_columns,
+            "TIMING_COLUMNS": timing_columns,
+            "DEFINITIONS": definitions,
+        },
+    )
 
 
 def _with_columns(metrics: Iterable[Metric]) -> list[Metric]:

@@ -206,9 +206,11 @@ def run_stored(
 
 
 def _stored_record(spec: RunSpec, folder: Path, fresh: bool) -> RunRecord | None:
-    """Return the stored record of a run; None if it is damaged or must be run again."""
+    """Return the stored record of a run; None if it is damaged or the run must be repeated."""
+    if fresh:
+        return None
     with suppress(Exception):  # a damaged record can raise any error
-        return None if fresh else stored_run(spec, folder)
+        return stored_run(spec, folder)
     return None
 
 

@@ -92,7 +92,7 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     kinds: dict[str, Kind] = {}
     for metric in metrics:
         if metric.value is not None:
-            kinds[metric.column] = "number" if metric.kind == "time" else metric.kind
+            kinds[metric.column] = "number" if metric.is_number else metric.kind
     columns = list(KEYS)
     for name in names:
         if name not in RUN:

@@ -127,8 +127,7 @@ def collect(
 
     ``on_progress`` is called once at the start and after every batch. Raises ConfigurationError if
     the folder cannot be used, a family has no scene, or a metric of another package cannot be used.
-    Raises StorageError if a file cannot be
-    written; stored batches remain.
+    Raises StorageError if a file cannot be written; stored batches remain.
     """
     plan = plan or Plan()
     parse_keep(plan.keep)

@@ -211,7 +211,8 @@ class Evidence(StoredResults):
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        empty = parquet.table(parquet.tables()[name], [])
+        columns = parquet.tables()[name]
+        empty = parquet.table(columns, [])
         tables = [batch.table(name) for batch in self.batches]
         table = parquet.joined([empty, *tables]).to_pandas()
         orders: dict[str, Sequence[str]] = {
@@ -220,7 +221,7 @@ class Evidence(StoredResults):
             "controller": self.controllers,
             "status": get_args(Outcome),
         }
-        for column in parquet.tables()[name]:
+        for column in columns:
             if column.category:
                 values = table[column.name]
                 order = orders.get(column.name, sorted(values.unique()))
