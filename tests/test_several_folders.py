@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from campaigns import assert_same
-from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
+from vsconstraints.bench.evidence import Evidence, merge, parquet
 from vsconstraints.bench.evidence.folder import stored_batches, stored_files, write_batch
 from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
@@ -32,7 +32,7 @@ def copied(folder: Path, families: tuple[str, ...] = FAMILIES, **changes: Any) -
     manifest = json.loads((KEPT / "manifest.json").read_text("utf-8"))
     manifest["configuration"] |= {"scenes": SCENES, **changes}
     (folder / "manifest.json").write_text(json.dumps(manifest), "utf-8")
-    for table in TABLES:
+    for table in parquet.tables():
         (folder / table).mkdir()
         for family in families:
             shutil.copy(KEPT / table / f"part-{family}-0000000-0000006.parquet", folder / table)
@@ -49,7 +49,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
         if batch.facts.family == family and 0 in batch.scenes
     )
     part = batch.of(scenes)
-    tables = {name: part.table(name) for name in TABLES}
+    tables = {name: part.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     values = runs["acceleration_variation"].to_pylist()
     values[-1] *= factor
@@ -62,7 +62,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
 
 
 def tables(evidence: Evidence) -> dict[str, pd.DataFrame]:
-    return {name: getattr(evidence, name) for name in TABLES}
+    return {name: getattr(evidence, name) for name in parquet.tables()}
 
 
 def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_a_column_that_would_be_lost_is_not_merged(
     folder = with_scenes(tmp_path / "theirs", "panda", list(range(SCENES)))
     ur5 = copied(tmp_path / "ur5", ("ur5",))
     (batch,) = stored_batches(folder)
-    tables = {name: batch.table(name) for name in TABLES}
+    tables = {name: batch.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     tables["runs"] = runs.append_column("camera_path_m", [[0.5] * runs.num_rows])
     identity = {**batch.facts.identity, "metrics": metrics}
@@ -182,7 +182,7 @@ def test_a_column_that_would_be_lost_is_not_merged(
     with pytest.raises(ConfigurationError, match="metrics"):
         Evidence.load([folder, ur5])
     (other,) = stored_batches(ur5)
-    tables = {name: other.table(name) for name in TABLES}
+    tables = {name: other.table(name) for name in parquet.tables()}
     identity = {**other.facts.identity, "metrics": metrics}
     write_batch(ur5, other.name, tables, replace(other.facts, identity=identity))
     seal(ur5, stored_files(ur5))

@@ -13,6 +13,7 @@ from ...comparisons.runs.folder import locked, manifest_of
 from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
 from ...plugins.registry import packages_with_metrics
+from . import parquet
 from .folder import (  # fmt: skip
     MARK,
     StoredBatch,
@@ -23,7 +24,7 @@ from .folder import (  # fmt: skip
     trajectory_file,
     write_batch,
 )
-from .parquet import TABLES, column_names
+from .parquet import column_names
 from .stored import Evidence
 from .together import combined_manifest
 
@@ -72,7 +73,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         runs = 0
         with store.storing():
             for batch in evidence.batches:
-                tables = {name: batch.table(name) for name in TABLES}
+                tables = {name: batch.table(name) for name in parquet.tables()}
                 n_runs = tables[MARK].num_rows
                 facts = replace(batch.facts, scenes=batch.scenes, runs=n_runs)
                 write_batch(out, batch.name_of_scenes, tables, facts)
@@ -109,7 +110,7 @@ def _require_all(evidence: Evidence) -> None:
 
 def _require_known_columns(batch: StoredBatch) -> None:
     """Raise ConfigurationError if a table has columns that would be lost, with the remedy."""
-    for name, columns in TABLES.items():
+    for name, columns in parquet.tables().items():
         path = batch_file(batch.folder, name, batch.name)
         known = {column.name for column in columns}
         unknown = [column for column in column_names(path) if column not in known]

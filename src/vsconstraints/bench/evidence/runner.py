@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ...comparisons.metrics import load_metrics
 from ...comparisons.runs.folder import Keep, locked, manifest_of, parse_keep
 from ...comparisons.runs.machine import loaded_versions, machine, new_manifest
 from ...comparisons.runs.pool import Failure, OpenWorkers, Workers, processes
@@ -125,11 +126,12 @@ def collect(
     """Run a campaign and store its batches in ``folder``, without repeating scenes that are stored.
 
     ``on_progress`` is called once at the start and after every batch. Raises ConfigurationError if
-    the folder cannot be used or a family has no scene. Raises StorageError if a file cannot be
-    written; stored batches remain.
+    the folder cannot be used, a family has no scene, or a metric of another package cannot be used.
+    Raises StorageError if a file cannot be written; stored batches remain.
     """
     plan = plan or Plan()
     parse_keep(plan.keep)
+    load_metrics()  # a metric that cannot be used ends the command before any run
     with locked(folder, "evidence"):
         folder = folder.absolute()  # custom parts may change the working directory
         store = Store(folder, "evidence", stored_files)

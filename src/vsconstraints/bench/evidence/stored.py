@@ -40,7 +40,7 @@ from .folder import (  # fmt: skip
     stored_files,
     trajectory_file,
 )
-from .parquet import KEYS, TABLES
+from .parquet import KEYS
 from .together import combined_batches, combined_manifest, in_order
 
 MAX_ROWS = 1000  # maximum number of constraint rows of a run in a batch
@@ -207,7 +207,8 @@ class Evidence(StoredResults):
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        empty = parquet.table(TABLES[name], [])
+        columns = parquet.tables()[name]
+        empty = parquet.table(columns, [])
         tables = [batch.table(name) for batch in self.batches]
         table = parquet.joined([empty, *tables]).to_pandas()
         orders: dict[str, Sequence[str]] = {
@@ -216,7 +217,7 @@ class Evidence(StoredResults):
             "controller": self.controllers,
             "status": get_args(Outcome),
         }
-        for column in TABLES[name]:
+        for column in columns:
             if column.category:
                 values = table[column.name]
                 order = orders.get(column.name, sorted(values.unique()))
@@ -240,7 +241,7 @@ class Evidence(StoredResults):
         for batch in self.batches:
             facts = batch.facts
             path = batch.path
-            for table in TABLES:
+            for table in parquet.tables():
                 file = batch_file(self.folder, table, batch.name)
                 if table != MARK and Facts.of(file) != facts:
                     raise ConfigurationError(
@@ -346,7 +347,7 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
     facts = batch.facts
     half = configuration["half"]
     counts = {}
-    for table in TABLES:
+    for table in parquet.tables():
         file = batch_file(batch.folder, table, batch.name)
         counts[table] = parquet.line_count(file)
     planned = _planned_runs(facts, configuration)

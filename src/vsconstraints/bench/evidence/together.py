@@ -6,10 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...comparisons.metrics import timing_columns
 from ...comparisons.runs.identity import differences, in_words
 from ...errors import ConfigurationError
 from .folder import MARK, StoredBatch, require_same_files
-from .parquet import TABLES, TIMING
+from .parquet import tables
 
 #: Entries of a manifest that may differ between the folders of a campaign.
 OWN = (
@@ -122,7 +123,7 @@ def _each_once(stored: Sequence[StoredBatch]) -> tuple[StoredBatch, ...]:
 
 def _require_same_results(first: StoredBatch, second: StoredBatch, scenes: list[int]) -> None:
     """Raise ConfigurationError if two batches hold different results of the same scenes."""
-    for name in TABLES:
+    for name in tables():
         if _differ(first, second, name, scenes):
             at = next(number for number in scenes if _differ(first, second, name, [number]))
             problem = (
@@ -135,7 +136,8 @@ def _require_same_results(first: StoredBatch, second: StoredBatch, scenes: list[
 
 def _differ(first: StoredBatch, second: StoredBatch, name: str, scenes: list[int]) -> bool:
     """Return True if tables differ in these scenes, except in columns of times."""
-    columns = [column.name for column in TABLES[name] if column.name not in TIMING]
+    times = timing_columns()
+    columns = [column.name for column in tables()[name] if column.name not in times]
     lines = first.of(scenes).table(name, columns)
     other_lines = second.of(scenes).table(name, columns)
     return not lines.equals(other_lines)

@@ -31,7 +31,6 @@ from ..families import Drawn, Family
 from . import parquet
 from .campaign import Campaign
 from .own_files import has_own_parts, named, own_folders, require_unchanged_files
-from .parquet import TABLES
 
 # Maximum number of runs of a batch, unless a single scene has more. It limits what an interrupt
 # loses to some 12 s, and the size of a file to a hundred kilobytes. Results do not depend on it.
@@ -218,7 +217,7 @@ class Part(NamedTuple):
     def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
         """Return the result built from lines by table."""
         tables = {}
-        for name, columns in TABLES.items():
+        for name, columns in parquet.tables().items():
             tables[name] = parquet.table(columns, lines[name])
         return cls(**tables, seconds=seconds, files=dict(files))
 
@@ -243,7 +242,7 @@ class Part(NamedTuple):
     @property
     def tables(self) -> dict[str, Any]:
         """Arrow tables by name."""
-        return {name: getattr(self, name) for name in TABLES}
+        return {name: getattr(self, name) for name in parquet.tables()}
 
 
 def scored(batch: Batch) -> Part:
@@ -253,7 +252,7 @@ def scored(batch: Batch) -> Part:
     The caller handles failures that end the process.
     """
     begun = time.perf_counter()
-    lines: Lines = {name: [] for name in TABLES}
+    lines: Lines = {name: [] for name in parquet.tables()}
     own_parts = has_own_parts(batch.controllers, [batch.family])
     with own_parts_noted() if own_parts else nullcontext(NO_FILES) as files:
         for scene in batch.scenes:
@@ -287,7 +286,7 @@ def _score_scene(lines: Lines, batch: Batch, number: int) -> None:
 
 def failed(batch: Batch, reason: str) -> Part:
     """Return the result of a batch of one scene, or of one of its runs, whose process died."""
-    lines: Lines = {name: [] for name in TABLES}
+    lines: Lines = {name: [] for name in parquet.tables()}
     (number,) = batch.scenes
     if batch.single is None:
         lines["scenes"].append(_scene_line(batch, number, reason))
