@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
     Matrix,
     Vector,
@@ -32,7 +31,7 @@ from ..formulas.vectors import (
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Motion
 from .compiler import in_place
-from .kinematics import put
+from .kinematics import put, turned_by_joint
 
 #: Entries of a symmetric matrix (6,).
 XX, XY, XZ, YY, YZ, ZZ = range(6)
@@ -168,14 +167,8 @@ def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, li
     """
     is_prismatic = bodies.prismatic[i]
     axis = vector(bodies.axis[i])
-    placement = matrix(bodies.R[i])
-    displacement = 0.0
-    if is_prismatic:
-        displacement = q
-    else:
-        placement = product(placement, turn_about(axis, np.sin(q), np.cos(q)))
-    R = product(frame.R, placement)
-    z = rotate(R, axis)
+    R, z = turned_by_joint(frame.R, matrix(bodies.R[i]), axis, is_prismatic, q)
+    displacement = q if is_prismatic else 0.0
     to_joint = rotate(frame.R, vector(bodies.t[i]))
     r = add_scaled(to_joint, displacement, z)
     origin = plus(frame.origin, r)
