@@ -322,7 +322,7 @@ def solve_relaxed(
     qdd: Array,
     scratch: Scratch,
 ) -> tuple[int, Array, int]:
-    """Solve level 1, then levels 2 and 3 in the directions that keep the violations at its minimum.
+    """Solve level 1, then levels 2 and 3 in the directions that keep its violations least.
 
     Return the code of :func:`solve_stage`, ``NO_ANSWER`` also if level 1 fails, or ``NO_CHOICE`` if
     it leaves no direction; the equalities [A | 0] of level 1; and the number of added rows.
