@@ -115,8 +115,8 @@ def _require_short(link: str, length: float, spacing: float) -> None:
     if length > MAX_LENGTH * spacing:
         raise ConfigurationError(
             f"spacing of points along the links: {link} is {length:.3g} m long, "
-            f"{length / spacing:.3g} times the spacing of {spacing:g} m; at most {MAX_LENGTH} "
-            f"times is possible"
+            f"{length / spacing:.3g} times the spacing of {spacing:g} m; it may be at most "
+            f"{MAX_LENGTH} times as long as the spacing"
         )
 
 
