@@ -79,7 +79,7 @@ class KinematicsEvaluator:
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
         placement = pin.updateFramePlacement(model, data, self._tip)
-        tip = Pose(np.array(placement.rotation), np.array(placement.translation))
+        tip = Pose.of(placement)
         J = as_matrix(pin.getFrameJacobian(model, data, self._tip, local))
         acceleration = pin.getFrameAcceleration(model, data, self._tip, local)
         k = len(self._points)
