@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.bench.evidence import TABLES, parquet
+from vsconstraints.bench.evidence import parquet
 
 PLANTED = "planted:Planted"
 """Code that runs if it is imported; its folder stands in every place that names one."""
@@ -121,7 +121,7 @@ def _contents(path: Path, chance: random.Random) -> None:
 def _table(path: Path, chance: random.Random) -> None:
     import pyarrow as pa
 
-    table = parquet.read([path], TABLES[path.parent.name])
+    table = parquet.read([path], parquet.tables()[path.parent.name])
     facts = parquet.facts_of(path)
     lines = table.to_pylist()
     what = chance.randrange(6)

@@ -34,7 +34,7 @@ import numpy as np
 import typer
 
 from vsconstraints.bench.difference import difference
-from vsconstraints.bench.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
+from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect, merge, parquet
 from vsconstraints.bench.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.bench.reports import replay, write_evidence_report
 from vsconstraints.cli.results import verify
@@ -210,7 +210,7 @@ def campaign(root: Path) -> Made:
 
     def numbers(folder: Path) -> dict[str, str]:
         evidence = Evidence.load(folder)
-        tables = [getattr(evidence, name).to_json(double_precision=15) for name in TABLES]
+        tables = [getattr(evidence, name).to_json(double_precision=15) for name in parquet.tables()]
         return {"tables": _hash((evidence.manifest, tables))}
 
     def merged(folder: Path) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vsconstraints.bench.evidence import TABLES, TIMING, Campaign, Evidence
+from vsconstraints.bench.evidence import Campaign, Evidence, parquet
+from vsconstraints.comparisons.metrics import timing_columns
 
 FAMILY = """
 extends = "example-2d-fast"
@@ -64,8 +65,10 @@ def tables(folder: Path) -> dict[str, pd.DataFrame]:
     """All that is stored, without what differs from time to time."""
     evidence = Evidence.load(folder)
     return {
-        name: getattr(evidence, name).drop(columns=[column for column in TIMING if name == "runs"])
-        for name in TABLES
+        name: getattr(evidence, name).drop(
+            columns=[column for column in timing_columns() if name == "runs"]
+        )
+        for name in parquet.tables()
     }
 
 

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from scenes import of_depth
 from vsconstraints.bench.evidence import Evidence
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN
+from vsconstraints.comparisons.metrics import RUN, constraint_columns, result_columns
 
 LABELS = ("fov[marker 2]", "range[joint 6].upper", "speed[joint 2].lower")
 
@@ -79,7 +79,7 @@ def run(
     condition: str = "nominal", controller: str = "a", scene: int = 0, **columns: Any
 ) -> dict[str, Any]:
     """A line of a run that converged and violated nothing, but for what is said otherwise."""
-    numbers = {name: 1.0 for name in RESULT_COLUMNS if name not in RUN}
+    numbers = {name: 1.0 for name in result_columns() if name not in RUN}
     text = {
         "status": "converged",
         "reason": "",
@@ -109,7 +109,7 @@ def frame(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
     """One line for the row that each run violated, and for the one that every scene challenges."""
     key = ["family", "condition", "half", "scene", "controller"]
-    columns = [name for name in CONSTRAINT_COLUMNS if name not in RUN]
+    columns = [name for name in constraint_columns() if name not in RUN]
     rows = runs[key].copy()
     for name in columns:
         rows[name] = 0.0

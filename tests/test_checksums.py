@@ -21,7 +21,6 @@ from campaigns import assert_same, campaign, tables
 from documents import ROOT
 from test_evidence import HERE
 from vsconstraints.bench.evidence import (
-    TABLES,
     Campaign,
     Evidence,
     Shard,
@@ -163,17 +162,20 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
             return real(*arguments)
 
         with monkeypatch.context() as patch:
-            for name in (
-                "write_json",
-                "write_table",
-                "append_lines",
-                "add_sums",
-                "remove_changed",
-                "seal",
+            for place in (
+                "runner.write_table",
+                "runner.append_lines",
+                "runner.add_sums",
+                "runner.remove_changed",
+                "runs.store.write_json",
+                "runs.store.seal",
             ):
-                real = getattr(sys.modules["vsconstraints.comparisons.runner"], name)
+                path, _, name = f"vsconstraints.comparisons.{place}".rpartition(".")
+                module = sys.modules[path]
+                real = getattr(module, name)
                 patch.setattr(
-                    f"vsconstraints.comparisons.runner.{name}",
+                    module,
+                    name,
                     lambda *arguments, real=real: counted(*arguments, real=real),
                 )
             try:
@@ -199,8 +201,8 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
 
 def arrow(folder: Path, name: str) -> dict[str, Any]:
     return {
-        table: parquet.read([folders.batch_file(folder, table, name)], TABLES[table])
-        for table in TABLES
+        table: parquet.read([folders.batch_file(folder, table, name)], parquet.tables()[table])
+        for table in parquet.tables()
     }
 
 
@@ -322,7 +324,7 @@ def test_merging_takes_nothing_that_was_changed_or_is_gone(
     assert_same(tables(alone), tables(tmp_path / "merged"))
     # a batch that is there under two names
     (name,) = folders.batch_names(one)
-    for table in TABLES:
+    for table in parquet.tables():
         shutil.copy(
             folders.batch_file(one, table, name), folders.batch_file(one, table, f"{name}-again")
         )

@@ -16,16 +16,16 @@ from vsconstraints.bench.reports.difference import page, verdict
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.metrics import (
-    CONSTRAINT_COLUMNS,
-    METRICS,
-    RESULT_COLUMNS,
-    TIMING_COLUMNS,
+    constraint_columns,
+    result_columns,
+    run_metrics,
+    timing_columns,
 )
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 
 LAWS = ("tracking", "one", "two")
-FLAGS = {metric.column for metric in METRICS if metric.kind == "flag"}
+FLAGS = {metric.column for metric in run_metrics() if metric.kind == "flag"}
 
 
 @dataclass
@@ -67,7 +67,7 @@ class Made:
         for law in self.controllers:
             for trial in range(self.trials):
                 line: dict[str, Any] = {
-                    name: name in FLAGS or 1.0 + trial for name in RESULT_COLUMNS
+                    name: name in FLAGS or 1.0 + trial for name in result_columns()
                 }
                 line.update(suite="s", scenario="scene", controller=law, trial=trial)
                 line.update(
@@ -75,8 +75,8 @@ class Made:
                 )
                 if (law, trial) not in self.left_out:
                     lines.append(line | self.cells.get((law, trial), {}))
-        write_table(folder / "results.csv", RESULT_COLUMNS, lines)
-        write_table(folder / "constraints.csv", CONSTRAINT_COLUMNS, [])
+        write_table(folder / "results.csv", result_columns(), lines)
+        write_table(folder / "constraints.csv", constraint_columns(), [])
         return folder
 
 
@@ -89,7 +89,7 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
     # a value that exists in neither is the same
     a = Made().set("two", [4], settling_time_s=math.nan).stored(tmp_path / "a")
     # times differ always
-    slower = dict.fromkeys(TIMING_COLUMNS, 100.0)
+    slower = dict.fromkeys(timing_columns(), 100.0)
     b = (
         Made()
         .set("one", range(12), **slower)

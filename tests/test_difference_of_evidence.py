@@ -13,9 +13,9 @@ from campaigns import campaign
 from made_evidence import frame, made, run
 from test_evidence import HERE
 from vsconstraints.bench.difference import difference
-from vsconstraints.bench.evidence import TABLES, Campaign, collect, parquet
+from vsconstraints.bench.evidence import Campaign, collect, parquet
 from vsconstraints.bench.reports.difference import page, verdict
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 
@@ -61,7 +61,7 @@ def stored(
             "runs": len(runs),
             "seconds": 1.0,
         }
-        part = parquet.table(TABLES[name], table.to_dict("records"))
+        part = parquet.table(parquet.tables()[name], table.to_dict("records"))
         parquet.write(folder / name / "part-planar-arm.parquet", part, facts)
     return folder
 
@@ -198,8 +198,8 @@ def test_drawn_scenes_are_not_held_against_chosen_ones(tmp_path: Path) -> None:
         "controllers": {"one": {"type": "tracking"}},
     }
     (b / "manifest.json").write_text(json.dumps({"configuration": configuration}))
-    write_table(b / "results.csv", RESULT_COLUMNS, [])
-    write_table(b / "constraints.csv", CONSTRAINT_COLUMNS, [])
+    write_table(b / "results.csv", result_columns(), [])
+    write_table(b / "constraints.csv", constraint_columns(), [])
     for one, other in ((a, b), (b, a)):
         with pytest.raises(ConfigurationError, match="only one of them has drawn scenes"):
             difference(one, other)

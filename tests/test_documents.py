@@ -21,7 +21,7 @@ from vsconstraints.bench.evidence import Campaign, call_times, processes
 from vsconstraints.bench.families import Family, families
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite, compare
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns
 from vsconstraints.comparisons.record import FACTS, RunRecord
 from vsconstraints.comparisons.runs.spec import RunTiming
 from vsconstraints.comparisons.suite import BASELINE
@@ -137,8 +137,8 @@ def test_result_files_are_described_whole() -> None:
     }
     stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
     in_facts = {"trajectory", "kinds", "units", *FACTS}
-    assert described["`results.csv`"] == set(RESULT_COLUMNS)
-    assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)
+    assert described["`results.csv`"] == set(result_columns())
+    assert described["`constraints.csv`"] == set(constraint_columns())
     assert described["Trajectories"] == stored - in_facts | {"facts"}
 
 

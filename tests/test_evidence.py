@@ -20,8 +20,6 @@ import pytest
 
 from campaigns import assert_same, campaign, tables
 from vsconstraints.bench.evidence import (  # fmt: skip
-    TABLES,
-    TIMING,
     Batch,
     Campaign,
     Evidence,
@@ -29,6 +27,7 @@ from vsconstraints.bench.evidence import (  # fmt: skip
     Shard,
     collect,
     merge,
+    parquet,
     processes,
     scored,
     work,
@@ -36,7 +35,14 @@ from vsconstraints.bench.evidence import (  # fmt: skip
 from vsconstraints.bench.evidence import folder as folders
 from vsconstraints.bench.evidence.parquet import KEYS
 from vsconstraints.bench.evidence.work import plan_batches
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
+from vsconstraints.comparisons.metrics import (
+    RUN,
+    Score,
+    constraint_columns,
+    result_columns,
+    score,
+    timing_columns,
+)
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.runs.pool import Failure
@@ -104,7 +110,7 @@ def test_scores_are_those_of_runs_that_share_nothing(whole: tuple[Campaign, Path
                 for table in (evidence.runs, evidence.rows)
             )
             assert len(runs) == 1
-            for column in set(expected.result) - set(TIMING):
+            for column in set(expected.result) - set(timing_columns()):
                 found = runs.iloc[0][column]
                 value = expected.result[column]
                 assert found == value or (pd.isna(found) and not abs(value) < float("inf")), column
@@ -142,10 +148,10 @@ def test_every_scene_has_every_run_once_in_order(whole: tuple[Campaign, Path]) -
     assert list(keys.itertuples(index=False, name=None)) == expected
     assert list(evidence.runs.columns) == [
         *(key.name for key in KEYS),
-        *(n for n in RESULT_COLUMNS if n not in RUN),
+        *(n for n in result_columns() if n not in RUN),
     ]
     assert list(evidence.rows.columns) == [
-        *(key.name for key in KEYS), *(n for n in CONSTRAINT_COLUMNS if n not in RUN)
+        *(key.name for key in KEYS), *(n for n in constraint_columns() if n not in RUN)
     ]  # fmt: skip
     assert evidence.scenes["found"].all()
     assert (
@@ -191,13 +197,13 @@ def test_setups_that_are_shared_change_nothing(condition: str, tmp_path: Path) -
         small, controllers=(*Campaign.load().controllers, ControllerSpec("again", "sliding-mode"))
     )
     task = replace(next(iter(plan_batches(shared))), scenes=(0,), conditions=(condition,))
-    together = scored(task).runs.drop_columns(list(TIMING)).to_pylist()
+    together = scored(task).runs.drop_columns(list(timing_columns())).to_pylist()
     baseline, *_ = task.controllers
     for entry, line in zip(task.controllers, together, strict=True):
         alone = replace(
             task, controllers=(baseline, entry) if entry is not baseline else (baseline,)
         )
-        assert scored(alone).runs.drop_columns(list(TIMING)).to_pylist()[-1] == line
+        assert scored(alone).runs.drop_columns(list(timing_columns())).to_pylist()[-1] == line
 
 
 @pytest.mark.parametrize("reader", ["pandas", "polars", "duckdb"])
@@ -286,7 +292,7 @@ def test_a_column_that_is_not_there_is_named(whole: tuple[Campaign, Path], tmp_p
     collect(replace(small, scenes=1), tmp_path, HERE)
     (name,) = folders.batch_names(tmp_path)
     path = folders.batch_file(tmp_path, "scenes", name)
-    lines = folders.parquet.read([path], TABLES["scenes"])
+    lines = folders.parquet.read([path], parquet.tables()["scenes"])
     folders.parquet.write(path, lines.drop_columns(["found"]), folders.parquet.facts_of(path))
     (tmp_path / SUMS).unlink()
     with pytest.raises(
@@ -304,7 +310,7 @@ def test_a_campaign_from_before_a_column_was_added_can_be_read(
     now = Evidence.load(tmp_path).runs
     (name,) = folders.batch_names(tmp_path)
     path = folders.batch_file(tmp_path, "runs", name)
-    lines = folders.parquet.read([path], TABLES["runs"])
+    lines = folders.parquet.read([path], parquet.tables()["runs"])
     folders.parquet.write(
         path, lines.drop_columns(["acceleration_max"]), folders.parquet.facts_of(path)
     )
@@ -414,7 +420,8 @@ def test_merging_names_what_is_missing_or_differs(
         merge(tmp_path / "m", [tmp_path / "1", tmp_path / "other", tmp_path / "3"])
     name = folders.batch_names(tmp_path / "2")[0]
     parts = {
-        table: pd.read_parquet(folders.batch_file(tmp_path / "2", table, name)) for table in TABLES
+        table: pd.read_parquet(folders.batch_file(tmp_path / "2", table, name))
+        for table in parquet.tables()
     }
     parts["runs"].loc[1, "acceleration_variation"] *= 1.0 + 1e-15 * 8
     import pyarrow as pa
@@ -666,8 +673,8 @@ def test_ten_thousand_scenes_are_opened_at_once(
     assert len(tasks) == 100
     some = folders.batch_names(out)[0]
     parts = {
-        table: folders.parquet.read([folders.batch_file(out, table, some)], TABLES[table])
-        for table in TABLES
+        table: folders.parquet.read([folders.batch_file(out, table, some)], parquet.tables()[table])
+        for table in parquet.tables()
     }
     facts = folders.Facts.of(folders.batch_file(out, "runs", some))
     for task in tasks:
@@ -697,7 +704,7 @@ def test_tasks_can_be_sent_anywhere(whole: tuple[Campaign, Path]) -> None:
     small, _ = whole
     task = replace(next(iter(plan_batches(small))), scenes=(1,))
     there = pickle.loads(pickle.dumps(scored(pickle.loads(pickle.dumps(task)))))
-    assert there.runs.drop_columns(list(TIMING)).equals(
-        scored(task).runs.drop_columns(list(TIMING))
+    assert there.runs.drop_columns(list(timing_columns())).equals(
+        scored(task).runs.drop_columns(list(timing_columns()))
     )
     assert os.getcwd()

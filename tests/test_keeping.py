@@ -17,7 +17,7 @@ from rich.console import Console
 from vsconstraints.cli import results
 from vsconstraints.cli import terminal as commands
 from vsconstraints.comparisons import keep_trajectories
-from vsconstraints.comparisons.metrics import RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import result_columns
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runs.folder import kept_lines, parse_keep
 from vsconstraints.comparisons.tables import read_table, write_table
@@ -85,14 +85,14 @@ def made(folder: Path) -> Path:
         ("s", "b", 0, "converged", 0.0),
         ("s", "b", 1, "converged", 0.0),
     ):
-        line: dict[str, Any] = dict.fromkeys(RESULT_COLUMNS, math.nan)
+        line: dict[str, Any] = dict.fromkeys(result_columns(), math.nan)
         line |= {"scenario": scenario, "controller": controller, "trial": trial, "status": status}
         line |= dict.fromkeys(
-            ("compiled", *(name for name in RESULT_COLUMNS if name.startswith("is_"))), False
+            ("compiled", *(name for name in result_columns() if name.startswith("is_"))), False
         )
         lines.append(line | {"violation_depth": depth})
         run_file(folder, scenario, controller, trial).touch()
-    write_table(folder / "results.csv", RESULT_COLUMNS, lines)
+    write_table(folder / "results.csv", result_columns(), lines)
     (folder / "trajectories" / "of-another--c--0.npz").touch()
     return folder
 
@@ -113,11 +113,11 @@ def test_trajectories_of_other_runs_go(keep: Any, left: list[str], tmp_path: Pat
 
 
 def test_what_an_arm_has_done_stays(tmp_path: Path) -> None:
-    lines = read_table(made(tmp_path) / "results.csv", RESULT_COLUMNS)
+    lines = read_table(made(tmp_path) / "results.csv", result_columns())
     driven = [
         line | {"reason": "on loopback://; at rest"} if line["trial"] else line for line in lines
     ]
-    write_table(tmp_path / "results.csv", RESULT_COLUMNS, driven)
+    write_table(tmp_path / "results.csv", result_columns(), driven)
     assert keep_trajectories(tmp_path, "none") == 2
     assert sorted(path.stem for path in (tmp_path / "trajectories").iterdir()) == [
         "s--a--1",

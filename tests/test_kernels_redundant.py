@@ -213,7 +213,7 @@ def test_iterations_of_all_stages_add_up(monkeypatch):
 
 
 def test_a_last_stage_without_numbers_keeps_the_answer_of_the_task(monkeypatch):
-    stages = Stages(monkeypatch, kernels.load("hierarchy").NOT_A_NUMBER)
+    stages = Stages(monkeypatch, kernels.load("hierarchy").NO_ANSWER)
     code, _, qdd = stages.solve()
     assert code == kernels.load("codes").RELAXED_SHORT
     assert len(stages.calls) == 3

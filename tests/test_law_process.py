@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect, processes
-from vsconstraints.bench.evidence.parquet import TIMING
 from vsconstraints.comparisons import Suite, compare
+from vsconstraints.comparisons.metrics import timing_columns
 from vsconstraints.comparisons.run import Run, perform
 from vsconstraints.comparisons.runs import law_process
 from vsconstraints.comparisons.runs.law_process import (
@@ -195,7 +195,7 @@ def test_no_other_run_of_a_campaign_depends_on_a_law_that_changes_everything(
     tables = []
     for name, campaign in (("alone", shipped), ("beside", with_cheat)):
         collect(campaign, tmp_path / name, Plan(workers=processes(1)))
-        tables.append(Evidence.load(tmp_path / name).runs.drop(columns=list(TIMING)))
+        tables.append(Evidence.load(tmp_path / name).runs.drop(columns=list(timing_columns())))
     alone, beside = tables
     own = beside[beside["controller"] == "cheat"]
     assert len(own) == 4
@@ -222,7 +222,7 @@ def test_no_other_run_of_a_comparison_depends_on_a_law_that_changes_everything(
     assert beside["cheat"]["status"] not in ("converged", "failed")
     for law in ("tracking", "sliding-mode"):
         for column, value in alone[law].items():
-            if column not in TIMING:
+            if column not in timing_columns():
                 np.testing.assert_equal(beside[law][column], value, err_msg=f"{law}, {column}")
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import result_columns, run_metrics, timing_columns
 from vsconstraints.controllers import (
     Controller,
     HierarchicalQP,
@@ -414,7 +414,7 @@ def scored(
     record = RunRecord.of(setup, simulate(setup, law, by_public_call=True), "")
     result = score(record, baseline).result
     return record, {
-        name: value for name, value in result.items() if name not in (*TIMING_COLUMNS, "compiled")
+        name: value for name, value in result.items() if name not in (*timing_columns(), "compiled")
     }
 
 
@@ -613,11 +613,11 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
-    added = [metric.column_order for metric in METRICS if metric.column_order]
+    added = [metric.column_order for metric in run_metrics() if metric.column_order]
     assert len(set(added)) == len(added), (
         "two columns were added at once: which comes first is chance"
     )
-    assert RESULT_COLUMNS[-8:] == (
+    assert result_columns()[-8:] == (
         "compiled",
         "within_band",
         "sliding_lost_s",
@@ -639,6 +639,6 @@ def test_the_largest_acceleration_is_that_of_one_joint_in_one_sample() -> None:
 
 
 def test_a_depth_is_stored_as_a_share_and_shown_in_per_cent() -> None:
-    (depth,) = (metric for metric in METRICS if metric.column == "violation_depth")
+    (depth,) = (metric for metric in run_metrics() if metric.column == "violation_depth")
     assert "[%" in depth.header
     assert shown(depth, {"violation_depth": 0.25}) == 25.0

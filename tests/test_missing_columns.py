@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from test_own_files import here
 from vsconstraints.bench.advice import advise
-from vsconstraints.bench.evidence import TABLES, Evidence, parquet
+from vsconstraints.bench.evidence import Evidence, parquet
 from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.bench.repetition import Repetition, drawn_lines, repeat
 from vsconstraints.bench.reports import write_evidence_report
@@ -23,6 +23,7 @@ from vsconstraints.comparisons.metrics import REQUIRED_COLUMNS
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.stored import TABLES as CSV_TABLES
 from vsconstraints.comparisons.stored import StoredComparison
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.report import write_report
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -38,14 +39,14 @@ def without_optional_columns(path: Path, columns: tuple[parquet.Column, ...], to
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Two shards of a kept campaign, whole and without optional columns."""
     whole = tmp_path_factory.mktemp("whole")
-    for table in TABLES:
+    for table in parquet.tables():
         (whole / table).mkdir()
         for path in sorted((REPORTS / "real-world" / table).glob("part-*-0000000-*.parquet")):
             shutil.copy(path, whole / table)
     shutil.copy(REPORTS / "real-world" / "manifest.json", whole)
     reduced = tmp_path_factory.mktemp("reduced")
     shutil.copytree(whole, reduced, dirs_exist_ok=True)
-    for name, columns in TABLES.items():
+    for name, columns in parquet.tables().items():
         for path in (reduced / name).iterdir():
             without_optional_columns(path, columns, path)
     return whole, reduced
@@ -53,7 +54,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def test_a_campaign_is_read_and_reported(campaign: tuple[Path, Path]) -> None:
     whole, reduced = map(Evidence.load, campaign)
-    for name, columns in TABLES.items():
+    for name, columns in parquet.tables().items():
         before, after = getattr(whole, name), getattr(reduced, name)
         assert list(after.columns) == list(before.columns)
         for column in columns:
@@ -63,6 +64,25 @@ def test_a_campaign_is_read_and_reported(campaign: tuple[Path, Path]) -> None:
                 assert (after[column.name].isna() | (after[column.name] == "")).all()
     report = write_evidence_report(reduced.folder, figures=False)
     assert "hierarchical-qp" in report.read_text(encoding="utf-8")
+
+
+def test_a_damaged_name_of_a_column_is_no_missing_column(
+    campaign: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Of Parquet as of CSV: beside an unknown column, none may be missing."""
+    whole, _ = campaign
+    path = next((whole / "runs").iterdir())
+    columns = parquet.tables()["runs"]
+    table = parquet.read([path], columns)
+    names = [name.replace("utilization", "utilizatiom") for name in table.column_names]
+    parquet.write(tmp_path / "damaged.parquet", table.rename_columns(names), {})
+    told = "it has no column 'utilization', but 'utilizatiom', which is a damaged name"
+    with pytest.raises(ConfigurationError, match=told):
+        parquet.read([tmp_path / "damaged.parquet"], columns)
+    twice = table.append_column("status", table["status"])
+    parquet.write(tmp_path / "twice.parquet", twice, {})
+    with pytest.raises(ConfigurationError, match="it has no column 'status', or more than one"):
+        parquet.read([tmp_path / "twice.parquet"], columns)
 
 
 def test_a_comparison_is_read_and_reported(tmp_path: Path) -> None:

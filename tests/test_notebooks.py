@@ -24,7 +24,7 @@ import vsconstraints
 from documents import ROOT
 from vsconstraints import compare, comparisons, run
 from vsconstraints.cli import app
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns, timing_columns
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import (
@@ -108,9 +108,12 @@ def test_the_same_as_the_command_line(
         app, ["compare", *scene, *laws, "--out", str(tmp_path), "--no-figures"]
     )
     assert done.exit_code == 0, done.output
-    for name, columns in (("results.csv", RESULT_COLUMNS), ("constraints.csv", CONSTRAINT_COLUMNS)):
+    for name, columns in (
+        ("results.csv", result_columns()),
+        ("constraints.csv", constraint_columns()),
+    ):
         own = getattr(comparison.stored, name.removesuffix(".csv"))
-        kept = [column for column in columns if column not in ("suite", *TIMING_COLUMNS)]
+        kept = [column for column in columns if column not in ("suite", *timing_columns())]
         other = read_table(tmp_path / name, columns)
         names = {line["controller"] for line in other}
         assert names == {"tracking", "sliding-mode", "hierarchical-qp"}
@@ -120,8 +123,8 @@ def test_the_same_as_the_command_line(
 
 def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None:
     results = comparison.results
-    assert tuple(results.columns) == tuple(RESULT_COLUMNS)
-    assert tuple(comparison.constraints.columns) == tuple(CONSTRAINT_COLUMNS)
+    assert tuple(results.columns) == tuple(result_columns())
+    assert tuple(comparison.constraints.columns) == tuple(constraint_columns())
     assert list(results["controller"]) == [
         "tracking",
         "sliding-mode",
@@ -170,9 +173,9 @@ def test_a_run_of_a_comparison_is_the_run_by_itself(
     line = next(line for line in comparison.stored.results if line["controller"] == "sliding-mode")
     for one in (again, sliding):
         scores = one.scores()
-        assert scores.keys() == set(RESULT_COLUMNS) - {"suite", "scenario", "controller", "trial"}
+        assert scores.keys() == set(result_columns()) - {"suite", "scenario", "controller", "trial"}
         for name, value in scores.items():
-            if name in TIMING_COLUMNS:
+            if name in timing_columns():
                 continue
             assert (
                 value == pytest.approx(line[name], rel=1e-8, nan_ok=True)
@@ -629,7 +632,7 @@ def test_a_law_of_ones_own_is_named_on_the_command_line(
     ]
     said = CliRunner().invoke(app, ["compare", "--controller", "ownlaw:Law", *chosen])
     assert said.exit_code == 0, said.output
-    lines = read_table(tmp_path / "out" / "results.csv", RESULT_COLUMNS)
+    lines = read_table(tmp_path / "out" / "results.csv", result_columns())
     assert {line["controller"] for line in lines} == {"tracking", "own law"}
     said = CliRunner().invoke(
         app,

@@ -5,35 +5,49 @@ from __future__ import annotations
 import csv
 import math
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from campaigns import campaign
 from documents import DOCS, ROOT, blocks
 from test_metrics import SMALL
+from test_own_files import here
 from test_registry import command, installed, python
-from vsconstraints.comparisons import RunRecord, Suite, compare, metrics
-from vsconstraints.comparisons.metrics import METRICS, Metric, score
+from vsconstraints.bench.evidence import MEASURED, Plan, call_times, collect
+from vsconstraints.bench.tuning.problem import Budget, Problem
+from vsconstraints.bench.tuning.tune import tune
+from vsconstraints.comparisons import RunRecord, Suite, compare, keep_trajectories, metrics
+from vsconstraints.comparisons.metrics import Metric, run_metrics, score
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runner import run_stored
+from vsconstraints.comparisons.runs.folder import LOCK
+from vsconstraints.comparisons.stored import ARM_LOG
 from vsconstraints.comparisons.tables import append_lines, read_table
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.errors import ConfigurationError, FolderTaken
+from vsconstraints.paper.runner import reproduce
+from vsconstraints.paper.studies import run_studies
 from vsconstraints.plugins import registry
+from vsconstraints.plugins.provenance import digests
 from vsconstraints.plugins.registry import InstalledPart, Part, added_metrics
 
+#: Metric of another package that fails for every run.
+BROKEN = Metric("path", lambda measured: 1 / 0, package="theirs")
 CHECK = """
 import sys
 from pathlib import Path
 from test_metrics import made
 from test_reports import made as stored, result
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, DEFINITIONS, RESULT_COLUMNS, score
+from vsconstraints.comparisons.metrics import constraint_columns, definitions, result_columns, score
 from vsconstraints.comparisons.runs.identity import identity
 from vsconstraints.reports import write_report
 
-assert RESULT_COLUMNS[-1] == "camera_path_m" and "camera_path_m" in DEFINITIONS
-assert CONSTRAINT_COLUMNS[-1] == "clearance_end"
+assert result_columns()[-1] == "camera_path_m" and "camera_path_m" in definitions()
+assert constraint_columns()[-1] == "clearance_end"
 scored = score(made([[3.0, 2.0]]), None)
 assert scored.result["camera_path_m"] == 0.0 and scored.constraints[0]["clearance_end"] == 2.0
 assert identity([])["metrics"] == {"theirs": "1.0"}
@@ -71,10 +85,21 @@ def test_one_file_and_an_entry_point_are_a_metric(tmp_path: Path) -> None:
     assert alone.returncode == 0, alone.stderr
 
 
-def test_a_part_imports_what_compares_controllers(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "from vsconstraints.comparisons import Suite",
+        "from vsconstraints.bench.evidence import Evidence",
+        "from vsconstraints.bench.difference import difference",
+        "from vsconstraints.reports import write_report",
+    ],
+)
+def test_a_part_imports_any_module_of_this_package(imports: str, tmp_path: Path) -> None:
     """Its metrics are loaded when they are used, and the package is imported without them."""
-    code = "from vsconstraints.comparisons import Suite\n" + example() + OF_ROWS
-    uses = "from vsconstraints.comparisons import DEFINITIONS, Suite; DEFINITIONS['camera_path_m']"
+    code = f"{imports}\n{example()}{OF_ROWS}"
+    uses = (
+        "from vsconstraints.comparisons import definitions, Suite; definitions()['camera_path_m']"
+    )
     done = python(installed(tmp_path, code), uses)
     assert done.returncode == 0, done.stderr
 
@@ -84,7 +109,7 @@ def test_a_broken_part_fails_where_metrics_are_used(tmp_path: Path) -> None:
     done = python(environment, "from vsconstraints.comparisons import RunSpec, Suite, compare")
     assert done.returncode == 0, done.stderr
     used = python(
-        environment, "from vsconstraints.comparisons import DEFINITIONS; len(DEFINITIONS)"
+        environment, "from vsconstraints.comparisons import definitions; len(definitions())"
     )
     assert (
         "ConfigurationError: part my-part of theirs, theirs:PART, cannot be imported" in used.stderr
@@ -92,15 +117,46 @@ def test_a_broken_part_fails_where_metrics_are_used(tmp_path: Path) -> None:
     assert "no licence" in used.stderr
 
 
+def compare_laws(folder: Path) -> None:
+    compare(Suite.load().select(["example-2d-fov"], ["tracking"]), folder, workers=0, fresh=True)
+
+
+def run_campaign(folder: Path) -> None:
+    collect(campaign(folder.parent), folder, Plan(fresh=True, workers=here))
+
+
+def measure_calls(folder: Path) -> None:
+    call_times(MEASURED, campaign(folder.parent), folder, here)
+
+
+def tune_laws(folder: Path) -> None:
+    tune(Problem(campaign(folder.parent), Budget(1, 1, 1)), folder, workers=0)
+
+
+def make_studies(folder: Path) -> None:
+    run_studies(["sampling-time"], folder, small=True, workers=0)
+
+
+def reproduce_paper(folder: Path) -> None:
+    reproduce(folder, workers=0)
+
+
+@pytest.mark.parametrize(
+    "make_runs",
+    [compare_laws, run_campaign, measure_calls, tune_laws, make_studies, reproduce_paper],
+)
 def test_no_run_starts_if_a_metric_cannot_be_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_runs: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """What a folder holds stays, also with --fresh."""
     theirs = InstalledPart(Part(metrics=("not_there:METRIC",)), "theirs", "1.0")
     monkeypatch.setattr(registry, "parts_of_other_packages", lambda: (theirs,))
+    monkeypatch.setattr("vsconstraints.comparisons.runs.law_process.simulate_law", pytest.fail)
     metrics.load_metrics.cache_clear()
+    folder = tmp_path / "out"
     with pytest.raises(ConfigurationError, match="not_there:METRIC, a metric of theirs"):
-        compare(Suite.load().select(["example-2d-fov"], ["tracking"]), tmp_path, workers=0)
-    assert not (tmp_path / "results.csv").exists()
+        make_runs(folder)
+    assert not any(path.is_file() for path in folder.rglob("[!.]*"))
 
 
 @pytest.mark.parametrize(
@@ -114,6 +170,7 @@ def test_no_run_starts_if_a_metric_cannot_be_used(
         ("METRIC = Metric('my path', abs)", "must be a name of letters, digits and '_'"),
         ("METRIC = Metric('path', 3)", "must be a function of a run, not 3"),
         ("METRIC = Metric('path', None)", "neither a value nor 'over'"),
+        ("METRIC = Metric('path', abs, over='jerk_rms')", "a value and 'over'"),
     ],
 )
 def test_a_bad_metric_is_an_error_that_names_its_package(
@@ -136,7 +193,7 @@ def test_a_command_ends_with_the_error_of_a_bad_metric(tmp_path: Path) -> None:
     code = example().replace('"camera_path_m"', '"duration_s"').replace("camera_path:", "theirs:")
     done = command(installed(tmp_path, code), "list", "metrics")
     assert done.returncode == 2
-    assert done.stderr.startswith("error: another package adds the metric duration_s, but there is")
+    assert done.stderr.startswith("error: theirs adds the metric duration_s, but there is a column")
 
 
 @pytest.mark.parametrize(
@@ -145,13 +202,38 @@ def test_a_command_ends_with_the_error_of_a_bad_metric(tmp_path: Path) -> None:
         (Metric("clearance_min", abs), "there is a column of this name already"),
         (Metric("trial", abs), "there is a column of this name already"),
         (Metric("path", abs, required=True), "with 'required'"),
-        (Metric("path", None, over="duration_s"), "with 'path', which is no column"),
-        (Metric("duration_s", None, over="paths"), "with 'paths', which is no column"),
+        (Metric("path", None, over="duration_s"), "'path' is no column of numbers"),
+        (Metric("duration_s", None, over="paths"), "'paths' is no column of numbers"),
+        (Metric("phi_max", None, over="clearance_min"), "'phi_max' is no column of numbers"),
+        (Metric("jerk_rms", None, over="phi_max"), "'phi_max' is no column of numbers"),
+        (Metric("suite", None, over="trial"), "'suite' is no column of numbers"),
+        (Metric("constraint", None, over="status"), "'constraint' is no column of numbers"),
+        (Metric("jerk_rms", None, over="status"), "'status' is no column of numbers"),
+        (Metric("jerk_rms", None, over="duration_s", kind="text"), "kind must be number, not text"),
     ],
 )
 def test_a_metric_must_fit_into_the_tables(metric: Metric, told: str) -> None:
-    with pytest.raises(ConfigurationError, match=told):
-        metrics.require_addable([metric])
+    theirs = replace(metric, package="theirs")
+    with pytest.raises(ConfigurationError, match=f"^theirs adds the metric .*{told}"):
+        metrics.require_addable([theirs])
+
+
+@pytest.mark.parametrize("over", ["clearance_min", "duration_s", "clearance_end"])
+def test_rows_have_no_ratios(over: str) -> None:
+    """They would repeat a column of constraints.csv, and have no value."""
+    of_rows = [Metric("clearance_end", abs), Metric("phi_max", None, over=over, package="theirs")]
+    with pytest.raises(ConfigurationError, match=r"theirs adds the metric phi_max .* to rows"):
+        metrics.require_addable([], of_rows)
+
+
+def test_a_ratio_adds_no_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = metrics.result_columns()
+    path = Metric("path_m", lambda measured: 2.0)
+    ratios = [Metric("path_m", None, over="duration_s"), Metric("jerk_rms", None, over="path_m")]
+    metrics.require_addable([*ratios, path])
+    monkeypatch.setattr(metrics, "load_metrics", lambda: ((*ratios, path), ()))
+    assert metrics.result_columns() == (*before, "path_m")
+    assert score(SMALL, SMALL).result.keys() == {*before[4:], "path_m"}
 
 
 @pytest.mark.parametrize(
@@ -177,7 +259,7 @@ def test_a_run_without_samples_has_empty_cells(
 ) -> None:
     """The function of another package's metric is not called; empty cells are read again."""
     added = [Metric(f"path_{kind}", abs, kind=kind) for kind in ("number", "text", "flag")]
-    monkeypatch.setattr(metrics, "METRICS", (*METRICS, *added))
+    monkeypatch.setattr(metrics, "load_metrics", lambda: (added, ()))
     result = score(RunRecord.failed("no law", ""), None).result
     assert math.isnan(result["path_number"])
     assert (result["path_text"], result["path_flag"]) == ("", None)
@@ -203,16 +285,91 @@ def test_a_run_whose_metric_fails_is_stored_and_scored_once_that_is_repaired(
     file = run_file(tmp_path, *spec.key)
     file.parent.mkdir()
     with monkeypatch.context() as patch:
-        broken = Metric("path", lambda measured: 1 / 0)
-        patch.setattr(metrics, "METRICS", (*METRICS, broken))
+        patch.setattr(metrics, "load_metrics", lambda: ((BROKEN,), ()))
         failed, _ = run_stored(spec, tmp_path)
     assert failed.result["status"] == "failed"
-    assert "the metric path cannot be computed: ZeroDivisionError" in failed.result["reason"]
+    told = "the metric path of theirs cannot be computed: ZeroDivisionError"
+    assert told in failed.result["reason"]
     scored, was_stored = run_stored(spec, tmp_path)
     assert was_stored
     assert scored.result["status"] != "failed"
 
 
+ON_ARM = "on ros2://arm; still moving"
+
+
+def with_run_on_arm(folder: Path) -> tuple[Suite, Path]:
+    """Store a run in a new folder as if it had been on an arm; return its suite and its file."""
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"]
+    )
+    (spec,) = suite.runs()
+    trajectory = replace(SMALL.trajectory, reason=ON_ARM)
+    record = replace(SMALL, trajectory=trajectory, fingerprint=spec.fingerprint)
+    file = run_file(folder, *spec.key)
+    for path in (file, folder / ARM_LOG):
+        path.parent.mkdir(parents=True)
+    for path in (folder / LOCK, folder / ARM_LOG):
+        path.touch()
+    replace(record, files=digests(spec.files)).save(file)
+    return suite, file
+
+
+def exits(measured: Any) -> float:
+    sys.exit(3)
+
+
+@pytest.mark.parametrize(
+    ("value", "told"), [(lambda measured: 1 / 0, "ZeroDivisionError"), (exits, "SystemExit")]
+)
+def test_a_stored_run_whose_metric_fails_stays_stored(
+    value: Callable[[Any], float], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not simulated, and its reason still says that it was on an arm, which protects it."""
+    suite, file = with_run_on_arm(tmp_path)
+    driven = file.read_bytes()
+    broken = Metric("path", value, package="theirs")
+    for _ in range(2):
+        with monkeypatch.context() as patch:
+            patch.setattr(metrics, "load_metrics", lambda: ((broken,), ()))
+            compare(suite, tmp_path, workers=0)
+        (line,) = read_table(tmp_path / "results.csv")
+        assert line["status"] == "failed"
+        assert line["reason"].startswith(f"{ON_ARM}; the run cannot be scored: ")
+        assert f"the metric path of theirs cannot be computed: {told}" in line["reason"]
+        assert file.read_bytes() == driven
+    with pytest.raises(FolderTaken, match="a run on ros2://arm"):
+        compare(suite, tmp_path, workers=0, fresh=True)
+    assert keep_trajectories(tmp_path, "none") == 1
+    finished = compare(suite, tmp_path, workers=0)
+    assert finished.stored_before == 1
+    (score_of_run,) = finished.scores.values()
+    assert score_of_run.result["reason"] == ON_ARM
+
+
+def test_a_stored_run_whose_metric_ends_its_process_stays_stored(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    _, file = with_run_on_arm(folder)
+    driven = file.read_bytes()
+    code = example().replace("camera_path:", "theirs:")
+    code = code.replace("    steps =", "    __import__('os')._exit(3)\n    steps =")
+    program = f"""
+from pathlib import Path
+from vsconstraints.comparisons import Suite, compare
+suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
+compare(suite, Path({str(folder)!r}), workers=1)
+"""
+    done = python(installed(tmp_path, code), program)
+    assert done.returncode == 0, done.stderr
+    (line,) = read_table(folder / "results.csv")
+    assert line["status"] == "failed"
+    assert line["reason"].startswith(f"{ON_ARM}; ")
+    assert "the process that ran it died" in line["reason"]
+    assert file.read_bytes() == driven
+
+
 def test_small_runs_have_all_kinds() -> None:
     """The metrics of the package itself return what they declare."""
-    assert set(score(SMALL, SMALL).result) == {m.column for m in METRICS if m.value is not None}
+    assert set(score(SMALL, SMALL).result) == {
+        m.column for m in run_metrics() if m.value is not None
+    }

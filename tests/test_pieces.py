@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -15,6 +17,7 @@ from vsconstraints.bench.evidence import work
 from vsconstraints.bench.evidence.runner import GRACE, Plan, collect, results
 from vsconstraints.bench.evidence.work import Batch, Part, failed, make_batch, scored
 from vsconstraints.comparisons.runs.pool import Failure
+from vsconstraints.plugins.processes import deadline
 
 
 class Mortal:
@@ -67,16 +70,23 @@ def test_pieces_of_all_tasks_stand_in_one_queue(tmp_path: Path) -> None:
 def test_only_workers_end_at_a_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch has none by default, since its limit ends the process that runs it."""
     small = campaign(tmp_path)
-    limits: list[float | None] = []
+    limits: list[float] = []
     monkeypatch.setattr(work, "deadline", lambda limit: (limits.append(limit), nullcontext())[1])
     batch = make_batch(small, small.families[0], (0,))
     batch = replace(batch, conditions=batch.conditions[:1])
     assert scored(batch).runs.num_rows == len(batch.controllers)
-    assert limits == [None] * (1 + len(batch.controllers))
+    assert limits == [math.inf] * (1 + len(batch.controllers))
     workers = Mortal(0, "sliding-mode")
     (_, part), *_ = results([replace(batch, scenes=(0, 1))], workers)
     assert "it died" in part.runs["reason"].to_pylist()
-    assert workers.asked[1][1] == {}
+    assert set((workers.asked[1][1] or {}).values()) == {math.inf}
+
+
+def test_a_process_without_a_time_limit_is_not_watched() -> None:
+    threads = threading.active_count()
+    with deadline(math.inf) as step:
+        step()
+        assert threading.active_count() == threads
 
 
 def test_the_batches_of_a_campaign_have_the_limits_of_its_laws(tmp_path: Path) -> None:

@@ -171,12 +171,6 @@ def test_rows_that_contradict_each_other_are_violated_least(seed: int) -> None:
     assert beyond.max() <= 1.1e-6
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the search with slacks leaves parts of its normals behind; clearing them at the end of "
-    "plan_best (space.qr.columns[:, limits.low.size :] = 0.0) changes runs of the kept study, which "
-    "have to be made again with it",
-)
 def test_a_plan_after_a_relaxed_one_is_that_of_new_arrays() -> None:
     """The search with slacks has more unknowns in the same arrays."""
     for seed in range(20):

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from vsconstraints.cli import app
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics import METRICS
+from vsconstraints.comparisons.metrics import run_metrics
 from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins.classes import code_named, imported_class
@@ -32,7 +32,7 @@ from vsconstraints.score import (
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
 ROOT = Path(__file__).parents[1]
-OTHER = {"status", "reason", "compiled", *(m.column for m in METRICS if m.kind == "time")}
+OTHER = {"status", "reason", "compiled", *(m.column for m in run_metrics() if m.kind == "time")}
 """Columns that a file of joint states does not determine."""
 
 

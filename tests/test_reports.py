@@ -23,7 +23,7 @@ from PIL import Image
 
 from scenes import of_depth
 from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compare
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.runs.pool import Failure
@@ -73,7 +73,7 @@ def result(
     controller: str, scenario: str = "one", trial: int = 0, **changes: Any
 ) -> dict[str, Any]:
     """A line of results.csv of a run without fault."""
-    line = dict.fromkeys(RESULT_COLUMNS, 1.0)
+    line = dict.fromkeys(result_columns(), 1.0)
     line.update(
         suite="made",
         scenario=scenario,
@@ -114,7 +114,7 @@ def row(
     controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any
 ) -> dict[str, Any]:
     """A line of constraints.csv of a challenged row that is kept."""
-    line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
+    line = dict.fromkeys(constraint_columns(), 1.0)
     line.update(
         suite="made",
         scenario=scenario,
@@ -150,8 +150,8 @@ def made(
     (folder / "manifest.json").write_text(
         json.dumps({"configuration": configuration}), encoding="utf-8"
     )
-    write_table(folder / "results.csv", RESULT_COLUMNS, results)
-    write_table(folder / "constraints.csv", CONSTRAINT_COLUMNS, rows or [])
+    write_table(folder / "results.csv", result_columns(), results)
+    write_table(folder / "constraints.csv", constraint_columns(), rows or [])
     return folder
 
 
@@ -1006,8 +1006,8 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
     def write(controllers: dict[str, Any], lines: Any, rows: Any) -> str:
         manifest["configuration"]["controllers"] = controllers
         (copy / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-        write_table(copy / "results.csv", RESULT_COLUMNS, lines)
-        write_table(copy / "constraints.csv", CONSTRAINT_COLUMNS, rows)
+        write_table(copy / "results.csv", result_columns(), lines)
+        write_table(copy / "constraints.csv", constraint_columns(), rows)
         return whole(write_report(copy))
 
     def like(lines: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
@@ -1120,7 +1120,7 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
 
 def test_times_of_runs_that_left_none_are_no_table() -> None:
     """As where a full disk keeps every run from being stored."""
-    line = dict.fromkeys(RESULT_COLUMNS, math.nan) | {
+    line = dict.fromkeys(result_columns(), math.nan) | {
         "status": "failed",
         "reason": "no space",
         "violated": "",

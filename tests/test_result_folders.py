@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.metrics import RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import result_columns
 from vsconstraints.comparisons.runs.folder import LOCK, Kind, locked
 from vsconstraints.comparisons.stored import require_nothing_lost
 from vsconstraints.comparisons.tables import write_table
@@ -124,14 +124,14 @@ def kept(folder: Path, *suites: Suite) -> Path:
     )
     lines = [
         dict(
-            dict.fromkeys(RESULT_COLUMNS, 1.0),
+            dict.fromkeys(result_columns(), 1.0),
             scenario=scenario,
             controller=controller,
             trial=trial,
         )
         for scenario, controller, trial in (job.key for job in one.with_baseline().runs())
     ]
-    write_table(folder / "results.csv", RESULT_COLUMNS, lines)
+    write_table(folder / "results.csv", result_columns(), lines)
     return folder
 
 

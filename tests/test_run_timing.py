@@ -15,9 +15,9 @@ import pytest
 from campaigns import campaign
 from test_disturbances import case
 from test_evidence import HERE
-from vsconstraints.bench.evidence import TIMING, Campaign, Evidence, collect
+from vsconstraints.bench.evidence import Campaign, Evidence, collect
 from vsconstraints.bench.evidence.work import Bench, plan_batches
-from vsconstraints.comparisons.metrics import MetricInputs, score
+from vsconstraints.comparisons.metrics import MetricInputs, score, timing_columns
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, ControllerSpec, RunSpec, RunTiming
@@ -150,7 +150,7 @@ def test_each_law_has_its_own_time_and_leaves_the_others_theirs(
     collect(plain, tmp_path / "out", HERE)
     alone = Evidence.load(tmp_path / "out").runs.set_index("controller")
     others = ["tracking", "sliding-mode", "hierarchical-qp"]
-    same = [table.loc[others].drop(columns=[*TIMING]) for table in (runs, alone)]
+    same = [table.loc[others].drop(columns=[*timing_columns()]) for table in (runs, alone)]
     pd.testing.assert_frame_equal(
         *same, check_exact=True, check_categorical=False, check_index_type=False
     )

@@ -12,7 +12,6 @@ from vsconstraints.compiled.samples import (
     Loop,
     PlantArrays,
     Running,
-    camera_error,
     feature_error,
     finish,
     hold,
@@ -21,6 +20,7 @@ from vsconstraints.compiled.samples import (
 )
 from vsconstraints.compiled.workspace import Answer, RowArrays, TaskArrays
 from vsconstraints.formulas.limits import JointLimits
+from vsconstraints.formulas.motion import pose_difference
 from vsconstraints.rows import Array
 
 NONE = np.empty(0)
@@ -118,7 +118,7 @@ def test_errors_by_hand() -> None:
     13 px away.
     """
     turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    found = camera_error(turn, np.array([2.0, -1.0, 5.0]), np.eye(3), np.array([1.0, 1.0, 3.0]))
+    found = pose_difference(turn, np.array([2.0, -1.0, 5.0]), np.eye(3), np.array([1.0, 1.0, 3.0]))
     np.testing.assert_allclose(found, [3.0, 2.0 * np.pi / 3.0], rtol=1e-14)
     pixels = np.array([[4.0, 6.0], [-4.0, -10.0], [1.0, 2.0]])
     wanted = np.array([[1.0, 2.0], [1.0, 2.0], [1.0, 2.0]])

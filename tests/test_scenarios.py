@@ -653,7 +653,7 @@ def test_messages_do_not_grow_with_what_is_wrong() -> None:
         (
             "constraints.4",
             {**TABLES["constraints"][4], "points": "links", "spacing": 1e-6, "link_radius": 0.1},
-            "spacing of points along the links: link . is .* a link may have 60",
+            "spacing of points along the links: link . is .* at most 60 times as long",
         ),
         (
             "duration",

@@ -56,6 +56,17 @@ def test_a_run_without_samples_has_no_scores() -> None:
     assert np.isnan(numbers).all()
 
 
+def test_depths_in_the_unit_of_a_row_and_as_fractions_of_its_length() -> None:
+    """L = 10, 2 and 10: the third row is outside by too little to be violated."""
+    run = made(clearance=[[1.0, -0.5], [-0.5, 1.0], [1.0, -0.0005]], length=[10, 2, 10])
+    depths = MetricInputs(run)
+    assert depths.natural_depth.tolist() == [0.5, 0.5, 0.0]
+    assert depths.relative_depth.tolist() == [0.05, 0.25, 0.0]
+    assert depths.relative_depth_without_threshold.tolist() == [0.05, 0.25, 0.00005]
+    assert depths.deepest_violation() == 0.25
+    assert depths.name_rows(depths.relative_depth) == "row 0; row 1"
+
+
 def test_a_row_whose_clearance_is_not_known_is_not_satisfied() -> None:
     """A custom constraint that cannot say its clearance is named, and its depth is not zero."""
     run = made(clearance=[[1.0, np.nan, 1.0], [1.0, 1.0, 1.0]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from campaigns import assert_same
-from vsconstraints.bench.evidence import TABLES, Evidence, merge, parquet
+from vsconstraints.bench.evidence import Evidence, merge, parquet
 from vsconstraints.bench.evidence.folder import stored_batches, stored_files, write_batch
 from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
@@ -31,7 +32,7 @@ def copied(folder: Path, families: tuple[str, ...] = FAMILIES, **changes: Any) -
     manifest = json.loads((KEPT / "manifest.json").read_text("utf-8"))
     manifest["configuration"] |= {"scenes": SCENES, **changes}
     (folder / "manifest.json").write_text(json.dumps(manifest), "utf-8")
-    for table in TABLES:
+    for table in parquet.tables():
         (folder / table).mkdir()
         for family in families:
             shutil.copy(KEPT / table / f"part-{family}-0000000-0000006.parquet", folder / table)
@@ -48,7 +49,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
         if batch.facts.family == family and 0 in batch.scenes
     )
     part = batch.of(scenes)
-    tables = {name: part.table(name) for name in TABLES}
+    tables = {name: part.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     values = runs["acceleration_variation"].to_pylist()
     values[-1] *= factor
@@ -61,7 +62,7 @@ def with_scenes(folder: Path, family: str, scenes: list[int], factor: float = 1.
 
 
 def tables(evidence: Evidence) -> dict[str, pd.DataFrame]:
-    return {name: getattr(evidence, name) for name in TABLES}
+    return {name: getattr(evidence, name) for name in parquet.tables()}
 
 
 def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
@@ -74,6 +75,8 @@ def test_parts_are_read_as_the_whole_in_any_order(tmp_path: Path) -> None:
         assert evidence.missing_scenes(range(SCENES)) == ""
     runs = len(expected["runs"])
     assert (evidence.manifest["finished"], evidence.manifest["runs"]) == (2 * SCENES, runs)
+    # several folders may hold the same one: only those that `merge` has copied are counted
+    assert "trajectories" not in evidence.manifest
     merged = merge(tmp_path / "merged", parts)
     assert (merged.scenes, merged.runs) == (2 * SCENES, runs)
     assert_same(expected, tables(Evidence.load(tmp_path / "merged")))
@@ -89,7 +92,8 @@ def test_the_footer_of_each_file_is_read_once(
     evidence = Evidence.load(parts)
     assert len(evidence.batches) == len(evidence.own_files) + 2 == 2
     assert sorted(read) == sorted(path for part in parts for path in part.rglob("*.parquet"))
-    assert len(replace(evidence).batches) == 2
+    assert replace(evidence).batches is evidence.batches
+    assert len(evidence.batches) == 2
 
 
 def test_no_folder_is_no_evidence() -> None:
@@ -121,7 +125,7 @@ def test_different_settings_are_named(tmp_path: Path) -> None:
     folders = [copied(tmp_path / "a"), copied(tmp_path / "b", title="Another")]
     with pytest.raises(
         ConfigurationError,
-        match=r"not parts of one campaign: title is .* there and 'Another' here \(.*a and .*b\)",
+        match=r"a and .*b are not parts of one campaign: title is .* in the first and 'Another' in",
     ):
         Evidence.load(folders)
 
@@ -149,27 +153,40 @@ def test_several_folders_keep_their_version(tmp_path: Path) -> None:
         Evidence.load([old[0], other])
 
 
-def test_a_column_that_would_be_lost_is_not_merged(tmp_path: Path) -> None:
-    """The table holds a metric of a package that is not installed."""
+@pytest.mark.parametrize(
+    ("installed", "remedy"),
+    [
+        ({}, r"install ours 2\.0, theirs 1\.0, and merge again"),
+        ({"ours": "2.0"}, r"install theirs 1\.0, and merge again"),
+        ({"ours": "2.1", "theirs": "1.0"}, r"install ours 2\.0, and merge again"),
+        ({"ours": "2.0", "theirs": "1.0"}, "merge with the version that wrote it"),
+    ],
+)
+def test_a_column_that_would_be_lost_is_not_merged(
+    installed: dict[str, str], remedy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The table holds a metric that is not installed; the remedy names only missing packages."""
+    metrics = {"ours": "2.0", "theirs": "1.0"}
+    # `vsconstraints.bench.evidence.merge` is the function
+    merging = sys.modules["vsconstraints.bench.evidence.merge"]
+    monkeypatch.setattr(merging, "packages_with_metrics", lambda: installed)
     folder = with_scenes(tmp_path / "theirs", "panda", list(range(SCENES)))
     ur5 = copied(tmp_path / "ur5", ("ur5",))
     (batch,) = stored_batches(folder)
-    tables = {name: batch.table(name) for name in TABLES}
+    tables = {name: batch.table(name) for name in parquet.tables()}
     runs = tables["runs"]
     tables["runs"] = runs.append_column("camera_path_m", [[0.5] * runs.num_rows])
-    identity = {**batch.facts.identity, "metrics": {"theirs": "1.0"}}
+    identity = {**batch.facts.identity, "metrics": metrics}
     write_batch(folder, batch.name, tables, replace(batch.facts, identity=identity))
     seal(folder, stored_files(folder))
     with pytest.raises(ConfigurationError, match="metrics"):
         Evidence.load([folder, ur5])
     (other,) = stored_batches(ur5)
-    tables = {name: other.table(name) for name in TABLES}
-    identity = {**other.facts.identity, "metrics": {"theirs": "1.0"}}
+    tables = {name: other.table(name) for name in parquet.tables()}
+    identity = {**other.facts.identity, "metrics": metrics}
     write_batch(ur5, other.name, tables, replace(other.facts, identity=identity))
     seal(ur5, stored_files(ur5))
-    with pytest.raises(
-        ConfigurationError, match=r"camera_path_m; install theirs 1\.0, and merge again"
-    ):
+    with pytest.raises(ConfigurationError, match=f"camera_path_m; {remedy}"):
         merge(tmp_path / "merged", [folder, ur5])
     assert not (tmp_path / "merged").exists()
 

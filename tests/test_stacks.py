@@ -28,7 +28,7 @@ from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
 from vsconstraints.stacks.child import StackProcess
 from vsconstraints.stacks.description import describe
-from vsconstraints.stacks.protocol import USES, read_reply
+from vsconstraints.stacks.protocol import USES, encode, read_reply
 from vsconstraints.stacks.stack import Measured
 from vsconstraints.stacks.urdf import urdf_text
 
@@ -200,8 +200,8 @@ def test_a_pool_waits_as_long_as_a_stack_may_take_to_start_and_for_it_alone():
     scene = SimpleNamespace(tables={"nominal": tables}, number=0)
     family = SimpleNamespace(name="family", tables={})
     batches = [
-        Batch(family, (0,), ("nominal",), laws, "training", 0, "own"),
-        Batch(family, (0,), ("nominal",), laws, "training", 0, "own", drawn=scene),
+        Batch(family, (0,), ("nominal",), laws, "training", 0, None),
+        Batch(family, (0,), ("nominal",), laws, "training", 0, None, drawn=scene),
     ]
     for batch, described in zip(batches, ({}, tables), strict=True):
         own = [law.run_limit(described) for law in laws]
@@ -668,6 +668,22 @@ def test_camera_target_and_goals_are_in_the_frames_that_are_named(setup):
     in_camera = (np.array(data["target"]["markers"]) - pose[:3, 3]) @ pose[:3, :3]
     f, c = np.reshape(data["camera"]["intrinsics"], (2, 2))
     assert np.abs(f * in_camera[:, :2] / in_camera[:, 2:] + c - goal["pixels"]).max() < 1e-9
+
+
+def test_a_class_that_declares_what_does_not_exist_is_refused(setup):
+    stack = Posed()
+    stack.uses = ("q", "depth")
+    with pytest.raises(StackFailedError, match="unknown data in uses 'depth'"):
+        stack.begin(setup)
+
+
+def test_what_json_does_not_have_is_refused_and_not_left_out():
+    assert (
+        encode({"gains": np.array([1.0, np.nan]), "n": np.int64(3)})
+        == b'{"gains":[1.0,null],"n":3}'
+    )
+    with pytest.raises(TypeError, match=r"nothing of type .*Path"):
+        encode({"settings": {"model": Path("model.urdf")}})
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())

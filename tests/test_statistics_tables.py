@@ -32,7 +32,7 @@ from vsconstraints.bench.statistics import (
     rates,
 )
 from vsconstraints.bench.statistics.judged import resolution
-from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import result_columns, run_metrics
 from vsconstraints.errors import ConfigurationError
 
 SCENES = 8
@@ -50,7 +50,7 @@ def made(
         "half": "held-out",
         "scene": range(len(jerk)),
     }
-    quiet = {metric.column: 0.0 for metric in METRICS if metric.kind in ("number", "time")}
+    quiet = {metric.column: 0.0 for metric in run_metrics() if metric.kind in ("number", "time")}
     run = {
         **given,
         "controller": law,
@@ -270,7 +270,7 @@ def test_every_metric_of_few_scenes(name: str, scenes: int) -> None:
     rng = np.random.default_rng(scenes)
     odd = {
         metric.column: rng.choice([0.0, 1.0, math.nan, math.inf], scenes)
-        for metric in METRICS
+        for metric in run_metrics()
         if metric.header
     }
     odd.pop("compiled", None)
@@ -318,7 +318,7 @@ def test_metrics_and_their_directions_are_those_of_reports() -> None:
         "phi_band / phi_band_bound",
     } <= set(known)
     assert not {"phi_band", "duration_s", "status", "step_time_median_us", "compiled"} & set(known)
-    assert {metric.column for metric in known.values()} <= set(RESULT_COLUMNS)
+    assert {metric.column for metric in known.values()} <= set(result_columns())
     more = [made(law, [1.0] * 9, utilization=used) for law, used in (("a", 0.9), ("b", 0.8))]
     assert compare_laws(pd.concat(more), "utilization").verdict.tolist() == ["better"]
 

@@ -17,7 +17,7 @@ from vsconstraints.bench.evidence import Campaign
 from vsconstraints.bench.families import Family
 from vsconstraints.bench.tuning import Budget, Problem
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
@@ -389,7 +389,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
     )
     compare(suite, tmp_path, workers=1)
     lines = read_table(tmp_path / "results.csv")
-    write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
+    write_table(tmp_path / "results.csv", result_columns(), lines[:1])
     (tmp_path / SUMS).unlink()
     from vsconstraints.comparisons import StoredComparison
 
@@ -399,7 +399,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
 
 def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: Path) -> None:
     """Not a text whose empty cell would say that no row was violated."""
-    line: dict[str, object] = dict.fromkeys(RESULT_COLUMNS, 1.0)
+    line: dict[str, object] = dict.fromkeys(result_columns(), 1.0)
     line |= {
         "suite": "s",
         "scenario": "a",
@@ -412,13 +412,13 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
     path = tmp_path / "results.csv"
     required = ("duration_s", "violated_tolerant", "violation_depth")
     for missing in ("acceleration_max", "reason", *required):
-        columns = [name for name in RESULT_COLUMNS if name != missing]
+        columns = [name for name in result_columns() if name != missing]
         write_table(path, columns, [line])
         if missing in required:
             with pytest.raises(ConfigurationError, match=f"it has no column '{missing}'"):
-                read_table(path, RESULT_COLUMNS)
+                read_table(path, result_columns())
         else:
-            (read,) = read_table(path, RESULT_COLUMNS)
+            (read,) = read_table(path, result_columns())
             value = read.pop(missing)
             assert value == "" if missing == "reason" else np.isnan(value)
             assert read["jerk_rms"] == 1.0
@@ -427,16 +427,37 @@ def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: 
 def test_a_damaged_name_of_a_column_is_no_missing_column(tmp_path: Path) -> None:
     """Columns of metrics that are not installed are read where no other column is missing."""
     path = tmp_path / "constraints.csv"
-    line: dict[str, object] = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
+    line: dict[str, object] = dict.fromkeys(constraint_columns(), 1.0)
     line |= {"suite": "s", "scenario": "a", "controller": "b", "trial": 0, "challenged": True}
-    columns = [*CONSTRAINT_COLUMNS, "path_m"]
+    columns = [*constraint_columns(), "path_m"]
     write_table(path, columns, [line | {"path_m": 2.0}])
-    (read,) = read_table(path, CONSTRAINT_COLUMNS)
+    (read,) = read_table(path, constraint_columns())
     assert (read["usage_max"], read["path_m"]) == (1.0, 2.0)
     path.write_text(path.read_text().replace("usage_max", "usage_mbx").replace(",path_m", ",usage"))
     told = "it has no column 'usage_max', but 'usage_mbx', which is a damaged name"
     with pytest.raises(ConfigurationError, match=told):
-        read_table(path, CONSTRAINT_COLUMNS)
+        read_table(path, constraint_columns())
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("jerk_rms", "fast"),
+        ("jerk_rms", "inf"),
+        ("trial", "nan"),
+        ("trial", "0.5"),
+        ("trial", "-inf"),
+    ],
+)
+def test_a_cell_that_is_no_number_is_named(name: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f"{name}\n{text}\n")
+    with pytest.raises(ConfigurationError, match=f"line 2: {name} must be a number, not '{text}'"):
+        read_table(tmp_path / "t.csv")
+
+
+def test_a_cell_of_an_unknown_metric_is_a_number_or_a_text(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("path_m\n1.5\ninf\nleft\n")
+    assert [line["path_m"] for line in read_table(tmp_path / "t.csv")] == [1.5, "inf", "left"]
 
 
 # --- one bad thing costs one run ---
@@ -526,8 +547,8 @@ def test_a_report_that_does_not_fit_leaves_the_one_before(
 def test_a_line_that_does_not_fit_is_not_added(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
-    append_lines(tmp_path / "t.csv", CONSTRAINT_COLUMNS, [line])
+    line = dict.fromkeys(constraint_columns(), 1.0)
+    append_lines(tmp_path / "t.csv", constraint_columns(), [line])
     before = (tmp_path / "t.csv").read_bytes()
     real = Path.open
 
@@ -538,7 +559,7 @@ def test_a_line_that_does_not_fit_is_not_added(
 
     monkeypatch.setattr(Path, "open", fills_up)
     with pytest.raises(OSError, match="No space"):
-        append_lines(tmp_path / "t.csv", CONSTRAINT_COLUMNS, [line])
+        append_lines(tmp_path / "t.csv", constraint_columns(), [line])
     monkeypatch.undo()
     assert (tmp_path / "t.csv").read_bytes() == before
 
@@ -571,7 +592,7 @@ def test_whatever_a_law_says_is_a_reason_of_one_line(
     score, _ = run_stored(job, out, False)
     assert score.result["status"] == "failed"
     line = {"suite": "s", "scenario": "s", "controller": "own", "trial": 0, **score.result}
-    write_table(tmp_path / "results.csv", RESULT_COLUMNS, [line])
+    write_table(tmp_path / "results.csv", result_columns(), [line])
     (again,) = read_table(tmp_path / "results.csv")
     assert again["reason"] == score.result["reason"]
     assert 10 < len(again["reason"]) < 2500

@@ -13,8 +13,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
 
-from markers import FULL, SAMPLED, SLOW, sampled
-
 
 def package(folder, **files):
     (folder / "p").mkdir()
@@ -318,25 +316,3 @@ def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, ot
     loaded, seconds = zip(*(run.stdout.rsplit(maxsplit=1) for run in done), strict=True)
     assert set(loaded) == {"[]"}
     assert min(map(float, seconds)) < 0.3  # 0.1 s on a machine that does nothing else
-
-
-def test_every_listed_test_is_there():
-    """A renamed one would come back into the quick tests unnoticed."""
-    files = {
-        path.stem: path.read_text(encoding="utf-8")
-        for path in Path(__file__).parent.glob("test_*.py")
-    }
-    for name in SLOW | FULL | SAMPLED.keys():
-        file, _, test = name.partition("::")
-        assert f"def {test}" in files[file], name
-
-
-def test_sampled_cases_contain_each_value_of_the_parameters():
-    cases = [{"law": law, "seed": seed} for law in "abc" for seed in range(5)]
-    kept = [cases[number] for number in sampled(cases, ("law", "seed"))]
-    assert len(kept) == 5
-    assert {case["law"] for case in kept} == {*"abc"}
-    assert {case["seed"] for case in kept} == {*range(5)}
-    assert sampled(cases, ("law",)) == {0, 5, 10}
-    assert sampled(cases, 3) == {0, 5, 10}
-    assert sampled(cases[:1], 3) >= {0}

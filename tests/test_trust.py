@@ -25,7 +25,7 @@ from vsconstraints.bench.evidence import Evidence, collect, merge
 from vsconstraints.bench.reports import replay, write_evidence_report
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.metrics import constraint_columns, result_columns
 from vsconstraints.comparisons.runs.files import SUMS, write_arrays
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
@@ -374,8 +374,8 @@ def hostile(folder: Path) -> Path:
 
     changed(folder, bait)
     for name, columns, texts in (
-        ("results.csv", RESULT_COLUMNS, ("suite", "reason", "violated", "within_band")),
-        ("constraints.csv", CONSTRAINT_COLUMNS, ("suite", "constraint", "kind", "unit")),
+        ("results.csv", result_columns(), ("suite", "reason", "violated", "within_band")),
+        ("constraints.csv", constraint_columns(), ("suite", "constraint", "kind", "unit")),
     ):
         lines = read_table(folder / name, columns)
         for i, line in enumerate(lines):

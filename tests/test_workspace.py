@@ -301,6 +301,13 @@ def test_a_link_chosen_alone_has_points_at_both_of_its_ends() -> None:
     ]
 
 
+def test_a_spacing_far_beyond_a_link_leaves_a_point_at_each_of_its_ends() -> None:
+    arm = robot("kuka-kr6")
+    found = link_points(arm, spacing=1e12, link_radius=0.05, links=["link 2"])
+    assert len(found.points) == 2
+    assert found == link_points(arm, spacing=10.0, link_radius=0.05, links=["link 2"])
+
+
 def test_no_two_points_coincide_and_every_point_moves() -> None:
     for name in ("viper-s650", "kuka-kr6", "planar-3r", "ur5"):
         arm = robot(name)

@@ -139,11 +139,13 @@ class CoverageCache:
         """Return a test file and the modules beside it that it imports, directly or not."""
         folder = Path(test_file).parent
         found = [test_file]
-        for file in found:  # it grows
-            for name in _imported(self.root / file):
+        waiting = [test_file]
+        while waiting:
+            for name in _imported(self.root / waiting.pop()):
                 module = (folder / f"{name}.py").as_posix()
                 if module not in found and (self.root / module).is_file():
                     found.append(module)
+                    waiting.append(module)
         return found
 
     def _digests(self, files: Iterable[str]) -> dict[str, str]:

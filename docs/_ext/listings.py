@@ -62,14 +62,17 @@ def prose(text: str) -> nodes.paragraph:
 
 
 class Registry(SphinxDirective):
-    """Directive that lists a dictionary of names."""
+    """Directive that lists a dictionary of names, or the one that a function returns."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """Write one line for each name."""
         lines = []
-        for name, thing in imported(self.arguments[0]).items():
+        registry = imported(self.arguments[0])
+        if callable(registry):
+            registry = registry()
+        for name, thing in registry.items():
             text = (
                 thing
                 if isinstance(thing, str)

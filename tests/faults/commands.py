@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from processes import MAIN, left_over, marked
-from vsconstraints.comparisons.metrics import TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import timing_columns
 
 SUITE = """
 trials = {trials}
@@ -90,6 +90,6 @@ def suite(folder: Path, trials: int = 1) -> Path:
 def _table(file: Path) -> Table:
     with file.open(newline="", encoding="utf-8") as lines:
         return [
-            {name: text for name, text in line.items() if name not in TIMING_COLUMNS}
+            {name: text for name, text in line.items() if name not in timing_columns()}
             for line in csv.DictReader(lines)
         ]

@@ -30,7 +30,7 @@ from vsconstraints.bench.evidence import (
 )
 from vsconstraints.bench.evidence.cluster import cluster
 from vsconstraints.bench.evidence.work import plan_batches
-from vsconstraints.comparisons.metrics import TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import timing_columns
 from vsconstraints.errors import WorkersLost
 
 pytestmark = [pytest.mark.faults, needs_proc]
@@ -118,7 +118,7 @@ def require_same(folder: Path, tables: dict[str, Any]) -> None:
     for name, table in tables.items():
         one = getattr(found, name)
         keys = ["scene", *(["controller"] if name != "scenes" else [])]
-        columns = [column for column in table.columns if column not in TIMING_COLUMNS]
+        columns = [column for column in table.columns if column not in timing_columns()]
         one, other = (
             each[columns].astype({"controller": str} if "controller" in columns else {})
             .sort_values(keys, kind="stable", ignore_index=True)

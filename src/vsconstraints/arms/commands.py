@@ -48,6 +48,7 @@ def run(
     """Run a law on an arm, supervised; without --robot a dry run."""
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
+    from ..comparisons.metrics import load_metrics
     from ..comparisons.runs.folder import locked
     from ..compiled import prepare
     from ..plugins.processes import exit_code
@@ -56,6 +57,7 @@ def run(
     from .images import MODEL, SIMULATED
     from .record import punctuality, require_own_folder, room_for_log, save_log
 
+    load_metrics()  # a metric that cannot be used ends the command before the arm moves
     chosen = Scenario.load(scenario)
     settings = [
         *(settings or ()),

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
+from ..comparisons.metrics import RUN, Metric, result_columns, timing_columns
 from ..comparisons.runs.folder import kind_of
 from ..comparisons.runs.identity import different, in_words
 from ..comparisons.runs.spec import BASELINE
@@ -24,7 +24,7 @@ from ..comparisons.stored import StoredComparison
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
 from .evidence import Evidence
-from .evidence.parquet import RUNS, SCENES, Column
+from .evidence.parquet import Column, tables
 from .statistics import SCENE, paired, simultaneous
 from .statistics.judged import (
     MIN_SCENES,
@@ -40,13 +40,6 @@ from .statistics.rates import sign_test
 #: Familywise significance level over all tests of a difference.
 SIGNIFICANT = 0.05
 TOLERANCE = 1e-6  #: Relative change that is ignored: rounding differs between machines.
-#: Columns that two identical runs have in common: all except times.
-SCORES = [
-    metric.column
-    for metric in METRICS
-    if metric.value is not None and metric.column not in TIMING_COLUMNS
-]
-
 #: Entries of a manifest that results depend on, with the part under which they are reported.
 PARTS = {
     "version": "code",
@@ -95,11 +88,11 @@ class Side:
         """
         if kind_of(folder) == "evidence":
             evidence = Evidence.load(folder, trust=True)  # no scene of it is drawn again
-            scenes = _without_categories(evidence.scenes, SCENES)
+            scenes = _without_categories(evidence.scenes, tables()["scenes"])
             return cls(
                 folder,
                 evidence.manifest,
-                runs=_without_categories(evidence.runs, RUNS),
+                runs=_without_categories(evidence.runs, tables()["runs"]),
                 remarks=evidence.remarks,
                 drawn=scenes.set_index(["family", "half", "scene"])["values"],
                 key=(*SCENE, "controller"),
@@ -109,7 +102,7 @@ class Side:
         import pandas
 
         stored = StoredComparison.load(folder, trust=True)  # no part of it is built
-        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
+        runs = pandas.DataFrame(stored.results, columns=list(result_columns()))
         return cls(folder, stored.manifest, runs.astype({"trial": int}), stored.remarks)
 
     @property
@@ -202,9 +195,11 @@ class Pairs:
 
     @cached_property
     def differ(self) -> Any:
-        """Flag of each pair: True if any score other than a time differs."""
-        a = self.a[SCORES]
-        b = self.b[SCORES]
+        """Flag of each pair: True if any score differs, except times, which always do."""
+        no_scores = (*RUN, *timing_columns())
+        scores = [name for name in result_columns() if name not in no_scores]
+        a = self.a[scores]
+        b = self.b[scores]
         both_missing = a.isna() & b.isna()
         return ((a != b) & ~both_missing).any(axis=1)
 

@@ -9,7 +9,7 @@ from itertools import starmap
 
 from rich.table import Table
 
-from ..comparisons.metrics import METRICS, Metric
+from ..comparisons.metrics import Metric, run_metrics
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from ..controllers.demand import USES as USED_BY_DEMANDS
@@ -121,7 +121,7 @@ def shapes() -> Iterator[Entry]:
 
 def metrics() -> Iterator[Entry]:
     """Return the columns of results.csv that are scores."""
-    return (_metric(metric) for metric in METRICS if metric.value is not None)
+    return (_metric(metric) for metric in run_metrics() if metric.value is not None)
 
 
 def kinds() -> dict[str, Callable[[], Iterable[Entry]]]:

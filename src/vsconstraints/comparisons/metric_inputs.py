@@ -48,9 +48,10 @@ class Band(NamedTuple):
 class MetricInputs:
     """Argument of a metric's function: a run of N samples and m rows, and its baseline.
 
-    The baseline is of the same scenario and trial. A depth is measured in the natural unit of its
-    row, such as pixels or radians (``natural_depth``), or relative to the characteristic length L
-    of its row, without unit (``relative_depth``).
+    The baseline is of the same scenario and trial. The depth of a violated row is measured in the
+    natural unit of the row, such as pixels or radians (``natural_depth``), or as a fraction of its
+    characteristic length L (``relative_depth``). Both are 0 for rows that are not violated under
+    the strict standard.
     """
 
     record: RunRecord
@@ -89,7 +90,7 @@ class MetricInputs:
         return cast(BoolArray, np.isnan(self._in_period).any(axis=0))
 
     @cached_property
-    def _known_depth(self) -> Array:
+    def _depth_if_known(self) -> Array:
         """(m,) depth of violated rows [natural]; 0 for all others, unknown ones included."""
         is_violated = self.least < -NEGLIGIBLE * self.record.length
         return np.where(is_violated, -self.least, 0.0)
@@ -97,28 +98,32 @@ class MetricInputs:
     @cached_property
     def natural_depth(self) -> Array:
         """(m,) greatest depth of violated rows in their units; 0 for others, NaN if unknown."""
-        return np.where(self._is_unknown, np.nan, self._known_depth)
+        return np.where(self._is_unknown, np.nan, self._depth_if_known)
 
     @cached_property
     def natural_depth_within_band(self) -> Array:
         """(m,) the same depth, 0 if it exceeds the sampling band."""
-        return np.where(self._known_depth > self.record.sampling_band, 0.0, self._known_depth)
+        return np.where(self._depth_if_known > self.record.sampling_band, 0.0, self._depth_if_known)
 
     @cached_property
     def relative_depth(self) -> Array:
+        """(m,) the natural depth as a fraction of L; 0 for rows not violated, NaN if unknown."""
+        return self.natural_depth / self.record.length
+
+    @cached_property
+    def relative_depth_without_threshold(self) -> Array:
         """(m,) greatest depth of all rows, however small [fraction of L]; NaN if unknown."""
         depth = np.fmax(-self.least / self.record.length, 0.0)
         return np.where(self._is_unknown, np.nan, depth)
 
     def deepest_violation(self) -> float:
         """Return the greatest depth of a violated row [fraction of L]; 0 if none is violated."""
-        relative = self.natural_depth / self.record.length
-        return float(relative.max(initial=0.0))
+        return float(self.relative_depth.max(initial=0.0))
 
-    def named(self, depth: Array) -> str:
+    def name_rows(self, depth: Array) -> str:
         """Return the labels of the rows with a positive or unknown depth (m,), with semicolons."""
-        named = (depth > 0.0) | np.isnan(depth)
-        return "; ".join(self.run.labels[row] for row in np.flatnonzero(named))
+        is_named = (depth > 0.0) | np.isnan(depth)
+        return "; ".join(self.run.labels[row] for row in np.flatnonzero(is_named))
 
     @cached_property
     def outside(self) -> BoolArray:

@@ -1,22 +1,22 @@
 """Table of all metrics: the columns of results.csv and constraints.csv, and the scores of a run.
 
 :class:`.MetricInputs` has the quantities that they are computed from. Reports print
-:data:`DEFINITIONS`. Parts of other packages add metrics, see :class:`.Part`.
+:func:`definitions`. Parts of other packages add metrics, see :class:`.Part`.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ConfigurationError
-from ..plugins.lazy import LazyMapping, LazySequence
+from ..errors import ConfigurationError, format_value
+from ..plugins.earlier_names import earlier_constants
 from ..plugins.metric import Metric
 from ..plugins.registry import added_metrics
 from ..rows.readable import in_one_line
@@ -35,16 +35,16 @@ from .metric_inputs import (
 from .record import RunRecord
 
 __all__ = [
-    "DEFINITIONS",
-    "METRICS",
     "NEGLIGIBLE",
-    "ROW_METRICS",
     "TOLERANCES",
     "TOLERANT",
     "Metric",
     "MetricInputs",
     "Score",
+    "definitions",
     "longest_run",
+    "row_metrics",
+    "run_metrics",
     "score",
 ]
 
@@ -117,7 +117,7 @@ _METRICS = (
     ),
     Metric(
         "violated",
-        lambda m: m.named(m.natural_depth),
+        lambda m: m.name_rows(m.natural_depth),
         kind="text",
         required=True,
         without_samples=True,
@@ -225,7 +225,7 @@ _METRICS = (
     ),
     Metric(
         "within_band",
-        lambda m: m.named(m.natural_depth_within_band),
+        lambda m: m.name_rows(m.natural_depth_within_band),
         kind="text",
         column_order=2,
         required=True,
@@ -235,12 +235,12 @@ _METRICS = (
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), column_order=5),
     Metric(
         "violation_fraction",
-        lambda m: float(m.relative_depth.max(initial=0.0)),
+        lambda m: float(m.relative_depth_without_threshold.max(initial=0.0)),
         column_order=6,
     ),
     Metric(
         "violated_tolerant",
-        lambda m: m.named(m.relative_depth - TOLERANT),
+        lambda m: m.name_rows(m.relative_depth_without_threshold - TOLERANT),
         kind="text",
         column_order=7,
         required=True,
@@ -283,27 +283,62 @@ _ROW_METRICS = (
 )
 
 
-def require_addable(metrics: Sequence[Metric]) -> None:
-    """Raise ConfigurationError if metrics of other packages do not fit into the tables.
+_OF_RUNS = _with_definitions("run", _METRICS)
+_OF_ROWS = _with_definitions("row", _ROW_METRICS)
 
-    A column must be new, also in the other table: one name has one meaning. An empty cell must not
-    make tables unreadable that were stored without the metric.
+#: Columns without which no stored table is read. All others may be missing, because an earlier
+#: version did not write them, and are then read as empty.
+REQUIRED_COLUMNS = frozenset(
+    (*RUN, *(metric.column for metric in (*_OF_RUNS, *_OF_ROWS) if metric.required))
+)
+
+
+def require_addable(of_runs: Sequence[Metric], of_rows: Sequence[Metric] = ()) -> None:
+    """Raise ConfigurationError if metrics of other packages do not fit into the two tables.
+
+    A column must be new, also in the other table: one name has one meaning. A ratio must be of two
+    columns of numbers of results.csv; rows have none. An empty cell must not make tables unreadable
+    that were stored without the metric. The error names the package.
     """
-    known = {*RUN, *(metric.column for metric in (*_METRICS, *_ROW_METRICS))}
-    for metric in metrics:
-        named = f"another package adds the metric {metric.column}"
-        if metric.value is None:
-            for column in (metric.column, metric.over):
-                if column not in known:
-                    raise ConfigurationError(f"{named} with {column!r}, which is no column")
-        elif metric.column in known:
-            raise ConfigurationError(f"{named}, but there is a column of this name already")
+    known = {*RUN, *(metric.column for metric in (*_OF_RUNS, *_OF_ROWS))}
+    for metric in (*of_runs, *of_rows):
         if metric.required or metric.without_samples:
             raise ConfigurationError(
-                f"{named} with 'required' or 'without_samples', which only metrics of "
+                f"{_addition(metric)} with 'required' or 'without_samples', which only metrics of "
                 "vsconstraints can have"
             )
-        known.add(metric.column)
+        if metric.value is not None:
+            if metric.column in known:
+                raise ConfigurationError(
+                    f"{_addition(metric)}, but there is a column of this name already"
+                )
+            known.add(metric.column)
+    numbers = {metric.column for metric in _with_columns((*_OF_RUNS, *of_runs)) if metric.is_number}
+    for metric in of_runs:
+        if metric.value is None:
+            _require_ratio(metric, numbers)
+    for metric in of_rows:
+        if metric.value is None:
+            raise ConfigurationError(
+                f"{_addition(metric)} / {metric.over} to rows, whose metrics must have a value: "
+                "only runs have ratios"
+            )
+
+
+def _addition(metric: Metric) -> str:
+    return f"{metric.package or 'another package'} adds the metric {metric.column}"
+
+
+def _require_ratio(metric: Metric, numbers: Container[str]) -> None:
+    """Raise ConfigurationError unless a ratio is a number, of columns of ``numbers``."""
+    ratio = f"{_addition(metric)} / {metric.over}"
+    for column in (metric.column, metric.over):
+        if column not in numbers:
+            raise ConfigurationError(
+                f"{ratio}, but {format_value(column)} is no column of numbers of results.csv"
+            )
+    if not metric.is_number:
+        raise ConfigurationError(f"{ratio}, whose kind must be number, not {metric.kind}")
 
 
 @cache
@@ -311,52 +346,72 @@ def load_metrics() -> tuple[tuple[Metric, ...], tuple[Metric, ...]]:
     """Load the metrics of runs and of their rows that other packages add.
 
     They are loaded at the first use of metrics: a package that adds one may import this package.
-    Raises ConfigurationError if one cannot be used.
+    Commands call this before they run anything. Raises ConfigurationError if one cannot be used.
     """
     of_runs = tuple(added_metrics("metrics"))
     of_rows = tuple(added_metrics("row_metrics"))
-    require_addable((*of_runs, *of_rows))
+    require_addable(of_runs, of_rows)
     return of_runs, of_rows
 
 
-def _all_metrics() -> tuple[Metric, ...]:
+def run_metrics() -> tuple[Metric, ...]:
+    """Return the metrics of a run, in the order in which a scenario's tables show them.
+
+    Like all functions of these tables, this raises what :func:`load_metrics` raises.
+    """
     of_runs, _ = load_metrics()
-    return (*_with_definitions("run", _METRICS), *of_runs)
+    return (*_OF_RUNS, *of_runs)
 
 
-def _all_row_metrics() -> tuple[Metric, ...]:
+def row_metrics() -> tuple[Metric, ...]:
+    """Return the metrics of each row of a run."""
     _, of_rows = load_metrics()
-    return (*_with_definitions("row", _ROW_METRICS), *of_rows)
+    return (*_OF_ROWS, *of_rows)
 
 
-def _result_columns() -> tuple[str, ...]:
+def result_columns() -> tuple[str, ...]:
+    """Return the columns of results.csv."""
     of_runs, _ = load_metrics()
-    in_order = (*sorted(_METRICS, key=lambda metric: metric.column_order), *of_runs)
-    return (*RUN, *(metric.column for metric in in_order if metric.value is not None))
+    in_order = (*sorted(_OF_RUNS, key=lambda metric: metric.column_order), *of_runs)
+    return (*RUN, *(metric.column for metric in _with_columns(in_order)))
 
 
-def _definitions() -> dict[str, str]:
-    defined = [metric for metric in (*METRICS, *ROW_METRICS) if metric.definition]
+def constraint_columns() -> tuple[str, ...]:
+    """Return the columns of constraints.csv."""
+    return (*RUN, *(metric.column for metric in row_metrics()))
+
+
+def timing_columns() -> tuple[str, ...]:
+    """Return the columns of results.csv that differ from run to run on the same machine."""
+    return tuple(metric.column for metric in _with_columns(run_metrics()) if metric.kind == "time")
+
+
+def definitions() -> dict[str, str]:
+    """Return the definitions of scores and of the terms in them, by name.
+
+    They are the single source of reports and documentation.
+    """
+    defined = [metric for metric in (*run_metrics(), *row_metrics()) if metric.definition]
     return {**_TEXTS["term"], **{metric.column: metric.definition for metric in defined}}
 
 
-#: Metrics of a run, in the order in which a scenario's tables show them.
-METRICS = LazySequence(_all_metrics)
-#: Metrics of each row of a run.
-ROW_METRICS = LazySequence(_all_row_metrics)
-RESULT_COLUMNS = LazySequence(_result_columns)
-CONSTRAINT_COLUMNS = LazySequence(lambda: (*RUN, *(metric.column for metric in ROW_METRICS)))
-#: Columns without which no stored table is read. All others may be missing, because an earlier
-#: version did not write them, and are then read as empty.
-REQUIRED_COLUMNS = frozenset(
-    (*RUN, *(metric.column for metric in (*_METRICS, *_ROW_METRICS) if metric.required))
-)
-#: The columns of results.csv that differ from run to run on the same machine.
-TIMING_COLUMNS = LazySequence(
-    lambda: [metric.column for metric in METRICS if metric.kind == "time"]
-)
-#: Definitions of scores and of the terms in them: the single source of reports and documentation.
-DEFINITIONS = LazyMapping(_definitions)
+if not TYPE_CHECKING:  # type checkers would then accept any name
+    __getattr__ = earlier_constants(
+        __name__,
+        {
+            "METRICS": run_metrics,
+            "ROW_METRICS": row_metrics,
+            "RESULT_COLUMNS": result_columns,
+            "CONSTRAINT_COLUMNS": constraint_columns,
+            "TIMING_COLUMNS": timing_columns,
+            "DEFINITIONS": definitions,
+        },
+    )
+
+
+def _with_columns(metrics: Iterable[Metric]) -> list[Metric]:
+    """Return the metrics that have a column of their own, which a ratio has not."""
+    return [metric for metric in metrics if metric.value is not None]
 
 
 @dataclass(frozen=True)
@@ -387,14 +442,14 @@ def score(record: RunRecord, baseline: RunRecord | None) -> Score:
     run = MetricInputs(record, baseline)
     has_samples = len(record.trajectory.t) > 0
     result = {}
-    for metric in METRICS:
-        if metric.value is not None:
-            is_computed = has_samples or metric.without_samples
-            result[metric.column] = metric.of_run(run) if is_computed else metric.empty
+    for metric in _with_columns(run_metrics()):
+        is_computed = has_samples or metric.without_samples
+        result[metric.column] = metric.of_run(run) if is_computed else metric.empty
     if not has_samples:
         return Score(result, [])
     columns = {
-        metric.column: metric.of_rows(run, len(record.trajectory.labels)) for metric in ROW_METRICS
+        metric.column: metric.of_rows(run, len(record.trajectory.labels))
+        for metric in row_metrics()
     }
     lines = zip(*columns.values(), strict=True)
     return Score(result, [dict(zip(columns, line, strict=True)) for line in lines])

@@ -106,17 +106,19 @@ def compare(
         def done(key: Key, answer: tuple[Score, bool] | Failure) -> None:
             nonlocal stored_before
             if isinstance(answer, Failure):
-                # the trajectory stored before does not belong to this failure; the failure is not
-                # stored, because the run may succeed next time, for example with more memory
-                run_file(folder, *key).unlink(missing_ok=True)
-                answer = failed_score(answer.reason), False
+                # the failure is not stored, because the run may succeed next time, for example with
+                # more memory; a trajectory that is not of this run does not belong to it
+                record = _stored_record(runs[key], folder, fresh)
+                if record is None:
+                    run_file(folder, *key).unlink(missing_ok=True)
+                answer = _failed_score(record, answer.reason), False
             # earlier results are kept until the first new one replaces them
             first = not scores
             scores[key], stored = answer
             stored_before += stored
             with suppress(OSError):  # disk full: the tables are written again at the end
                 for name, lines in _lines(suite, {key: scores[key]}).items():
-                    append_lines(folder / name, TABLES[name], lines, first)
+                    append_lines(folder / name, TABLES[name](), lines, first)
                 if not stored:
                     add_sums(folder, [run_file(folder, *key)])
             on_finished(runs[key], *answer)
@@ -152,7 +154,7 @@ def compare(
         with store.storing():
             for name, lines in _lines(suite, scores).items():
                 if scores or not (folder / name).exists():
-                    write_table(folder / name, TABLES[name], lines)
+                    write_table(folder / name, TABLES[name](), lines)
         compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
         store.finish(
             wall_time_s=wall_time,
@@ -174,21 +176,23 @@ def run_stored(
 ) -> tuple[Score, bool]:
     """Execute a run, or load it from the folder, and score it against its baseline.
 
-    Any error turns into a failed run. With ``in_own_process`` a custom law runs in a separate
-    process.
+    Any error turns into a failed run. A run that cannot be scored stays stored. With
+    ``in_own_process`` a custom law runs in a separate process.
     """
 
     def scored(record: RunRecord) -> Score:
         # a baseline of an earlier comparison is not used
         alone = None
-        if baseline is not None:
-            alone = record if spec == baseline else stored_run(baseline, folder)
-        return score(record, alone)
+        try:
+            if baseline is not None:
+                alone = record if spec == baseline else stored_run(baseline, folder)
+            return score(record, alone)
+        except Exception as error:  # the record can be scored once this is repaired
+            return _failed_score(record, f"the run cannot be scored: {described(error)}")
 
-    with suppress(Exception):  # a record that cannot be read or scored is damaged: run again
-        record = None if fresh else stored_run(spec, folder)
-        if record is not None:
-            return scored(record), True
+    record = _stored_record(spec, folder, fresh)
+    if record is not None:
+        return scored(record), True
     path = run_file(folder, *spec.key)
     try:
         # an older trajectory is removed even if this run fails
@@ -198,10 +202,26 @@ def run_stored(
             record.save(path)
     except Exception as error:  # a failure of one run must not end the others
         return failed_score(f"the run cannot be stored: {described(error)}"), False
-    try:
-        return scored(record), False
-    except Exception as error:  # the run is stored, and can be scored once this is repaired
-        return failed_score(f"the run cannot be scored: {described(error)}"), False
+    return scored(record), False
+
+
+def _stored_record(spec: RunSpec, folder: Path, fresh: bool) -> RunRecord | None:
+    """Return the stored record of a run; None if it is damaged or the run must be repeated."""
+    if fresh:
+        return None
+    with suppress(Exception):  # a damaged record can raise any error
+        return stored_run(spec, folder)
+    return None
+
+
+def _failed_score(record: RunRecord | None, reason: str) -> Score:
+    """Return the score of a run without scores, whose record may be stored.
+
+    The reason of its record comes first: that of a run on an arm names the arm, which protects the
+    run, see :func:`.require_arm_kept`.
+    """
+    earlier = "" if record is None else record.trajectory.reason
+    return failed_score("; ".join(filter(None, (earlier, reason))))
 
 
 def _simulated(spec: RunSpec, in_own_process: bool) -> RunRecord:

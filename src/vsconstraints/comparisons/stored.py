@@ -16,7 +16,7 @@ from ..errors import ConfigurationError, FolderTaken, StorageError, Vsconstraint
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked
 from .experiment import require_names
-from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from .metrics import constraint_columns, result_columns
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, plain, require_unchanged, seal
 from .runs.folder import MANIFEST, Keep, StoredResults, entries, kept_lines, manifest_of
@@ -26,7 +26,8 @@ from .runs.spec import ControllerSpec, RunSpec
 from .suite import Suite
 from .tables import read_table
 
-TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
+#: Functions that return the columns of each table.
+TABLES = {"results.csv": result_columns, "constraints.csv": constraint_columns}
 
 Number = float | None
 Texts = Sequence[str]
@@ -134,7 +135,7 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
     Return the number of trajectories that remain. Raises ConfigurationError if the folder contains
     no comparison, StorageError if a trajectory cannot be removed.
     """
-    lines = read_table(folder / "results.csv", RESULT_COLUMNS)
+    lines = read_table(folder / "results.csv", result_columns())
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
     kept = kept_lines(lines, keep, ("scenario", "controller"), ("scenario", "trial"))
     files = {
@@ -162,12 +163,12 @@ class StoredComparison(StoredResults):
     @cached_property
     def results(self) -> Sequence[Mapping[str, Any]]:
         """Lines of results.csv."""
-        return read_table(self.folder / "results.csv", RESULT_COLUMNS)
+        return read_table(self.folder / "results.csv", result_columns())
 
     @cached_property
     def constraints(self) -> Sequence[Mapping[str, Any]]:
         """Lines of constraints.csv."""
-        return read_table(self.folder / "constraints.csv", CONSTRAINT_COLUMNS)
+        return read_table(self.folder / "constraints.csv", constraint_columns())
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:

@@ -7,8 +7,7 @@ import io
 import math
 import os
 import sys
-from collections.abc import Iterable, Sequence
-from functools import cache
+from collections.abc import Collection, Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,23 +16,20 @@ import numpy as np
 from ..errors import ConfigurationError, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
-from .metrics import METRICS, REQUIRED_COLUMNS, ROW_METRICS, Metric
+from .metrics import REQUIRED_COLUMNS, Metric, row_metrics, run_metrics
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
 
-@cache
+#: Kinds of the columns that identify a run.
+_KINDS_OF_RUN = {"suite": "text", "scenario": "text", "controller": "text", "trial": "number"}
+
+
 def _metrics() -> dict[str, Metric]:
-    """Return the metrics of both tables by column."""
-    return {metric.column: metric for metric in (*METRICS, *ROW_METRICS)}
-
-
-@cache
-def _kinds() -> dict[str, str]:
-    """Return the kinds of the columns of both tables, without metrics that are not installed."""
-    of_run = {"suite": "text", "scenario": "text", "controller": "text", "trial": "number"}
-    return {**of_run, **{name: metric.kind for name, metric in _metrics().items()}}
+    """Return the metrics of both tables by column, without ratios, which have none."""
+    metrics = (*run_metrics(), *row_metrics())
+    return {metric.column: metric for metric in metrics if metric.value is not None}
 
 
 def cell(value: object) -> str:
@@ -94,43 +90,52 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     line, if a required column is missing (:data:`.metrics.REQUIRED_COLUMNS`), or any column beside
     an unknown one, which may be its damaged name.
     """
+    columns = tuple(columns)
+    metrics = _metrics()
+    # without those of metrics that are not installed
+    kinds = {**_KINDS_OF_RUN, **{name: metric.kind for name, metric in metrics.items()}}
     lines = []
     try:
         require_regular(path)
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
-            missing = _missing_columns(header, columns)
-            empty = {name: _metrics()[name].empty for name in missing}
+            missing = missing_columns(header, columns, columns, REQUIRED_COLUMNS)
+            empty = {name: metrics[name].empty for name in missing}
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
                 line: dict[str, Any] = {}
                 for name, text in zip(header, cells, strict=True):
-                    line[name] = _parsed(name, text, where)
+                    line[name] = _parse(name, kinds.get(name), text, where)
                 lines.append(line | empty)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     return lines
 
 
-def _missing_columns(header: Sequence[str], columns: Iterable[str]) -> list[str]:
-    """Return the columns that a header lacks.
+def missing_columns(
+    header: Sequence[str],
+    wanted: Iterable[str],
+    known: Collection[str],
+    required: Container[str],
+) -> list[str]:
+    """Return the wanted columns that the header of a table lacks, of CSV or Parquet.
 
-    Raises ValueError if one appears more than once or if a required one is missing. Beside an
-    unknown column, no column may be missing.
+    ``known`` are all columns that the table can have. Raises ValueError if one of the wanted
+    appears more than once, if a required one is missing, or if any is missing beside an unknown
+    column, which may be its damaged name.
     """
-    columns = tuple(columns)
     missing = []
-    for name in columns:
+    for name in wanted:
         count = header.count(name)
-        if count > 1 or (count == 0 and name in REQUIRED_COLUMNS):
+        if count > 1 or (count == 0 and name in required):
             why = "or more than one; another version may have written it"
             raise ValueError(f"it has no column {format_value(name)}, {why}")
         if count == 0:
             missing.append(name)
-    unknown = [name for name in header if name not in columns]
+    unknown = [name for name in header if name not in known]
     if missing and unknown:
         raise ValueError(
             f"it has no column {format_value(missing[0])}, but {format_value(unknown[0])}, which "
@@ -139,9 +144,11 @@ def _missing_columns(header: Sequence[str], columns: Iterable[str]) -> list[str]
     return missing
 
 
-def _parsed(name: str, text: str, where: str) -> Any:
-    """Return a cell as text, flag or float; raises ValueError that names its line and column."""
-    kind = _kinds().get(name)
+def _parse(name: str, kind: str | None, text: str, where: str) -> Any:
+    """Return a cell as text, flag or float; text or float if its kind is None, not known.
+
+    Raises ValueError that names its line and column.
+    """
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(
             f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "
@@ -157,18 +164,22 @@ def _parsed(name: str, text: str, where: str) -> Any:
         return text == "true"
     if not text:
         return math.nan
-    number = _number(text)
+    number = _parse_number(text)
     if kind is None:
-        return text if math.isinf(number) else number
-    is_index = number >= 0.0 and number.is_integer()
-    if math.isinf(number) or (name == "trial" and not is_index):
+        return text if number is None else number
+    if number is None or (name == "trial" and not _is_index(number)):
         raise ValueError(f"{where}: {name} must be a number, not {format_value(text)}")
     return number
 
 
-def _number(text: str) -> float:
-    """Return the number of a cell; infinity, which no table holds, if it is none."""
+def _parse_number(text: str) -> float | None:
+    """Return the number of a cell; None if it is none, or infinite, which no table holds."""
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        return math.inf
+        return None
+    return None if math.isinf(number) else number
+
+
+def _is_index(number: float) -> bool:
+    return number >= 0.0 and number.is_integer()

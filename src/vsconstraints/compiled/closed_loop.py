@@ -25,7 +25,6 @@ for name in (
     "judge_contact",
     "nearness",
     "mark_acting",
-    "camera_error",
     "feature_error",
     "fastest",
     "score_command",

@@ -17,6 +17,10 @@ TOLERANCE, LIMIT, DAMPING, OBJECTIVE, SCALES = range(5)
 STAGE = 1  #: Option of a law that looks ahead, whose only other option is the rank tolerance.
 #: Gains of a predicted task: K_p(0), its slope and K_v/√K_p; d and (d/2)² of q̈₀.
 KP0, KP_SLOPE, KV_FACTOR, REST_DAMPING, REST_STIFFNESS = range(5)
+FEWEST_INSTANTS = 2  #: Number of predicted instants from which on there is a program of a plan.
+#: Parts of a prediction: φ, σ, L_gφ, J, b, e and q̈₀. Their names in Python, in the same order.
+PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
+QUANTITIES = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
 #: Entries of the innovation of a step: those of ``INNOVATIONS`` in
 #: :mod:`vsconstraints.vision.measurement`, then the greatest ratio of one of them to its bound.
 IMAGE, SHAPE, POSITION, ORIENTATION, AGE, SPEED, DEPTH, WORST = range(8)

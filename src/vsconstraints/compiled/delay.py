@@ -114,11 +114,13 @@ def pending_command(own: DelayArrays, rows: RowArrays, j: int, command: float) -
     """
     if own.at_once == 1:
         return command
-    qdd = command
-    if own.speeds == 1:
-        before = own.now[1 + own.sent.shape[1] + j]
-        qdd = 0.0 if math.isnan(command) else (command - before) / own.period
-    return within(rows, j, qdd)
+    if own.speeds == 0:
+        return within(rows, j, command)
+    # without a command, the speed stays as it is
+    change = 0.0
+    if not math.isnan(command):
+        change = command - own.now[1 + own.sent.shape[1] + j]
+    return within(rows, j, change / own.period)
 
 
 @in_place

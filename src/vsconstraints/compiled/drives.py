@@ -203,7 +203,8 @@ def apply_friction(arm: Arm, qd: Array) -> None:
 def drive(arm: Arm, q: Array, qd: Array, command: Array, first: bool) -> None:
     """Compute torques and friction of a substep, and q̈ at its beginning.
 
-    ``first`` is true for the first substep of a period.
+    Also advance the controller's reference and integral by the substep. ``first`` is true for the
+    first substep of a period.
     """
     if first:
         update_gravity(arm, q)

@@ -36,6 +36,8 @@ PUSH = -1
 #: Most parts of the motion between two instants at which the arm takes commands. Some ten are
 #: usual; a loop that swings ever faster about its wanted speed has more.
 MOST_PARTS = 10_000
+#: What ends a ramp of the acceleration a: it is at its limit, or what the loop asks for.
+AT_LIMIT, AS_ASKED = range(2)
 SAME = 1e-12  #: Relative difference below which two accelerations are the same.
 ROUNDING = 4.0 * np.finfo(np.float64).eps  #: Relative error of a difference of two speeds.
 #: Share of the distance between the loop and the reference of an arm with mass that is removed in
@@ -190,32 +192,43 @@ def exceeding(a: float, most: float, push: float, lag: float) -> float:
 
 
 @in_place
+def next_event(f: Follower, x: Array, j: int, jerk: float, met: bool) -> tuple[int, float]:
+    """Return what ends a ramp of joint j with ȧ = ``jerk``, and the time until then.
+
+    The time is infinite if nothing ends the ramp. For ``met`` see :func:`ramp`.
+    """
+    a = x[A, j]
+    # a is what the loop asks for at a root of a − (u − q̇)/τ; if ``met``, that is so now
+    distance = 0.0 if met else a - asked_acceleration(f, x, j)
+    slope = jerk + (a + x[PUSH, j]) / f.lag
+    until_met = first_root(0.5 * jerk / f.lag, slope, distance)
+    if f.acceleration[j] < math.inf:
+        end = np.copysign(f.acceleration[j], jerk)
+        until_end = (end - a) / jerk
+        if 0.0 < until_end <= until_met:
+            return AT_LIMIT, until_end
+    return AS_ASKED, until_met
+
+
+@in_place
 def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> tuple[float, bool]:
     """Move joint j with ȧ = ``jerk``, until a is at its limit or as the loop demands.
 
     Return the remaining duration, and True if a is then what the loop asks for. ``met`` is True if
     it is so at the beginning, and what the loop asks for changes faster than a.
     """
-    most = f.acceleration[j]
-    push = x[PUSH, j]
-    a = x[A, j]
-    # the loop is met at a root of a − (u − q̇)/τ, the first of which is now if it is met already
-    distance = 0.0 if met else a - asked_acceleration(f, x, j)
-    slope = jerk + (a + push) / f.lag
-    until_met = first_root(0.5 * jerk / f.lag, slope, distance)
-    end = np.copysign(most, jerk)
-    until_end = math.inf
-    if most < math.inf:
-        until_end = (end - a) / jerk
-    reaches_end = 0.0 < until_end <= until_met
-    until = until_end if reaches_end else until_met
-    glide(x, j, min(left, until), jerk, push)
+    event, until = next_event(f, x, j, jerk, met)
+    glide(x, j, min(left, until), jerk, x[PUSH, j])
     if until > left:
         return 0.0, False
     asked = asked_acceleration(f, x, j)
-    x[A, j] = end if reaches_end else asked
-    is_met = not reaches_end or asked / end >= 1.0
-    return left - until, is_met
+    if event == AS_ASKED:
+        x[A, j] = asked
+        return left - until, True
+    end = np.copysign(f.acceleration[j], jerk)
+    x[A, j] = end
+    # the loop may ask for the limit, or for more
+    return left - until, asked / end >= 1.0
 
 
 @in_place
@@ -370,10 +383,14 @@ def follow_part(follower_address: int, x: Array, span: float) -> None:
 def write_reference(f: Follower, x: Array) -> None:
     """Move the loop through a period, and replace the command x[-2] by that of its reference.
 
-    The reference moves with a constant acceleration: with the one that leads to the loop's speed,
-    it would end at some distance from the loop, and these distances would add up. A share of the
-    distance is therefore removed: half of this share in this period, and the other half in the next
-    one, by the speed that this period leaves.
+    The reference moves from q_r and q̇_r with a constant acceleration,
+
+        q̈_r = (q̇ − q̇_r)/T_s − ρ d/T_s²,   d = q_r + ½ T_s (q̇_r + q̇) − q,
+
+    where the loop ends the period at q and q̇. The first term alone leads to the loop's speed, but
+    ends at the distance d from the loop, and these distances would add up. The second term removes
+    the share ρ = :data:`REMOVED` of d: half of it in this period, since it changes the end by
+    −½ ρ d, and the other half in the next one, by the speed that this period leaves.
     """
     loop = f.reference
     Ts = f.Ts
@@ -383,7 +400,6 @@ def write_reference(f: Follower, x: Array) -> None:
     advance(f, loop, Ts)
     age_command(f, loop)
     for j in range(x.shape[1]):
-        # with the acceleration that leads to the loop's speed
         end = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + loop[QD, j])
         distance = end - loop[Q, j]
         to_loop_speed = (loop[QD, j] - f.qd_c[j]) / Ts

@@ -45,8 +45,10 @@ from .walls import (
 )
 from .workspace import Scratch
 
-#: Code of a stage in which the side of a row is not a number.
-NOT_A_NUMBER = constant(-1)
+#: Codes of a stage after which no other one follows: there is no answer, since the side of a row is
+#: not a number or level 1 fails; or the rows leave no choice.
+NO_ANSWER = constant(-1)
+NO_CHOICE = constant(-2)
 
 
 class Priorities(NamedTuple):
@@ -126,14 +128,14 @@ def solve_stage(
 ) -> tuple[int, int]:
     """Find the point origin + Z y of levels 2 and 3 within the rows, and mark the active rows.
 
-    Return ``SOLVED``, ``FAILED`` if the point fails the check, or ``NOT_A_NUMBER`` if a side is not
-    a number; and the number of rows that were added.
+    Return ``SOLVED``, ``FAILED`` if the point fails the check, or ``NO_ANSWER`` if a side is not a
+    number; and the number of rows that were added.
     """
     w = walls.sides.size
     H = matrix(scratch, p, w)
     metric = empty_qr(scratch, p + 1, p)
     if not restate(walls, Z, X, H):
-        return NOT_A_NUMBER, 0
+        return NO_ANSWER, 0
     levels.write_metric(G, priorities.damping, Z, X, metric, scratch)
     code, steps = nearest(H, walls.rows, metric, X, scratch)
     if code != SOLVED:
@@ -292,6 +294,55 @@ def solve_task_separately(
 
 
 @inner
+def solve_with_rows(
+    walls: Inequalities,
+    aim: Aim,
+    priorities: Priorities,
+    point: Array,
+    qdd: Array,
+    scratch: Scratch,
+) -> tuple[int, Array, int]:
+    """Solve levels 2 and 3 among all directions, with every row as a constraint.
+
+    Return the code of :func:`solve_stage`, no equalities (0, n), and the number of added rows.
+    """
+    n = qdd.size
+    all_directions = matrix(scratch, START, n)  # without rows: Z is the identity
+    code, steps = attempt(walls, aim, all_directions, n, priorities, point, qdd, scratch)
+    no_equalities: Array = matrix(scratch, START, n)
+    return code, no_equalities, steps
+
+
+@inner
+def solve_relaxed(
+    walls: Inequalities,
+    aim: Aim,
+    priorities: Priorities,
+    point: Array,
+    qdd: Array,
+    scratch: Scratch,
+) -> tuple[int, Array, int]:
+    """Solve level 1, then levels 2 and 3 in the directions that keep its violations least.
+
+    Return the code of :func:`solve_stage`, ``NO_ANSWER`` also if level 1 fails, or ``NO_CHOICE`` if
+    it leaves no direction; the equalities [A | 0] of level 1; and the number of added rows.
+    """
+    n = qdd.size
+    relaxed, equal = relax(walls, aim, priorities, point, qdd, scratch)
+    if relaxed != SOLVED:
+        return NO_ANSWER, equal, 0
+    # find_freedom overwrites the equalities
+    kept: Array = matrix(scratch, equal.shape[0], n)
+    for i in range(equal.shape[0]):
+        copy(kept, i, equal, i, n)
+    Z, p = levels.find_freedom(equal, aim.X, True, scratch)
+    if p == 0:
+        return NO_CHOICE, kept, 0
+    code, steps = attempt(walls, aim, Z, p, priorities, point, qdd, scratch)
+    return code, kept, steps
+
+
+@inner
 def descend_levels(
     walls: Inequalities, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
@@ -306,11 +357,9 @@ def descend_levels(
     has passed the check, Z finally spans the directions that keep level 2 at its minimum.
     """
     n = qdd.size
-    G = aim.G
-    X = aim.X
     is_redundant = priorities.strict and aim.rank < n
     point = matrix(scratch, ROWS_OF_POINT, n)
-    copy(point, AIM, X, levels.CENTER, n)
+    copy(point, AIM, aim.X, levels.CENTER, n)
     total = 0
     if is_redundant:
         found, steps = solve_in_span(walls, aim, priorities, point, scratch)
@@ -318,28 +367,16 @@ def descend_levels(
         if found:
             copy_vector(qdd, point[0])
             return SOLVED, False, total
-    all_directions = matrix(scratch, START, n)  # without rows: Z is the identity
-    kept: Array = matrix(scratch, START, n)
-    code, steps = attempt(walls, aim, all_directions, n, priorities, point, qdd, scratch)
+    code, kept, steps = solve_with_rows(walls, aim, priorities, point, qdd, scratch)
     total += steps
-    if code == NOT_A_NUMBER:
-        return FAILED, False, total
-    if code != SOLVED:
-        relaxed, equal = relax(walls, aim, priorities, point, qdd, scratch)
-        if relaxed != SOLVED:
-            return relaxed, False, total
-        # find_freedom overwrites the equalities
-        kept = matrix(scratch, equal.shape[0], n)
-        for i in range(equal.shape[0]):
-            copy(kept, i, equal, i, n)
-        Z, p = levels.find_freedom(equal, X, True, scratch)
-        if p == 0:
-            return SOLVED, False, 0
-        code, steps = attempt(walls, aim, Z, p, priorities, point, qdd, scratch)
+    if code == FAILED:
+        code, kept, steps = solve_relaxed(walls, aim, priorities, point, qdd, scratch)
         total += steps
-        if code == NOT_A_NUMBER:
-            return FAILED, False, total
-    if code == SOLVED and not (is_redundant and levels.damped(G, X, point)):
+    if code == NO_ANSWER:
+        return FAILED, False, total
+    if code == NO_CHOICE:
+        return SOLVED, False, 0
+    if code == SOLVED and not (is_redundant and levels.damped(aim.G, aim.X, point)):
         return SOLVED, False, total
     may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
     return SOLVED, may_improve, total + steps

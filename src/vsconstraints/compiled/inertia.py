@@ -1,10 +1,11 @@
 """Inertia and bias of an arm with mass, compiled: M(q) and h(q, q̇) of M q̈ + h = τ.
 
-All quantities are expressed in the base frame, twists and momenta about its origin, so that momenta
-of bodies can be added directly. The momenta of the bodies behind a joint, projected on its axis,
-give the bias (recursive Newton–Euler). They give the inertia if the joint alone moves these bodies
-(composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code cannot
-call, give the same results: ``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
+All quantities are expressed in the base frame, twists and wrenches (force and moment) about its
+origin, so that the wrenches of bodies can be added directly. The wrench that moves the bodies
+behind a joint, projected on its axis, gives the bias (recursive Newton–Euler). Their momentum gives
+the inertia in the same way if the joint alone moves them (composite rigid bodies). Pinocchio's
+``crba`` and ``nonLinearEffects``, which compiled code cannot call, give the same results:
+``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..formulas.rotation import turn_about
 from ..formulas.vectors import (
     Matrix,
     Vector,
@@ -31,7 +31,7 @@ from ..formulas.vectors import (
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Motion
 from .compiler import in_place
-from .kinematics import put
+from .kinematics import put, turned_by_joint
 
 #: Entries of a symmetric matrix (6,).
 XX, XY, XZ, YY, YZ, ZZ = range(6)
@@ -167,14 +167,8 @@ def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, li
     """
     is_prismatic = bodies.prismatic[i]
     axis = vector(bodies.axis[i])
-    placement = matrix(bodies.R[i])
-    displacement = 0.0
-    if is_prismatic:
-        displacement = q
-    else:
-        placement = product(placement, turn_about(axis, np.sin(q), np.cos(q)))
-    R = product(frame.R, placement)
-    z = rotate(R, axis)
+    R, z = turned_by_joint(frame.R, matrix(bodies.R[i]), axis, is_prismatic, q)
+    displacement = q if is_prismatic else 0.0
     to_joint = rotate(frame.R, vector(bodies.t[i]))
     r = add_scaled(to_joint, displacement, z)
     origin = plus(frame.origin, r)
@@ -198,10 +192,10 @@ def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, li
 
 
 @in_place
-def write_momenta(bodies: BodyArrays, i: int, frame: Frame, link: Any) -> None:
-    """Write force and moment that move body i, its mass, first moment and inertia, to the link.
+def write_wrench_and_mass(bodies: BodyArrays, i: int, frame: Frame, link: Any) -> None:
+    """Write the wrench that moves body i, its mass, first moment and inertia to the link.
 
-    All but the mass are about the base's origin.
+    The wrench is for q̈ = 0. All but the force and the mass are about the base's origin.
     """
     m = bodies.mass[i]
     from_origin = rotate(frame.R, vector(bodies.centre[i]))
@@ -220,8 +214,11 @@ def write_momenta(bodies: BodyArrays, i: int, frame: Frame, link: Any) -> None:
 
 
 @in_place
-def project_momenta(bodies: BodyArrays, motion: Motion) -> None:
-    """Write bias and inertia (its lower half) from the momenta of the bodies behind each joint."""
+def project_on_joints(bodies: BodyArrays, motion: Motion) -> None:
+    """Write bias and inertia (its lower half) from wrench and momentum of the bodies behind joints.
+
+    A link first holds wrench and mass of its body alone, then also those of the bodies behind it.
+    """
     links = motion.links
     n = len(motion.bias)
     for i in range(n - 1, -1, -1):
@@ -232,7 +229,7 @@ def project_momenta(bodies: BodyArrays, motion: Motion) -> None:
         turn = vector(link.turn)
         by_force = dot(velocity, vector(link.force))
         motion.bias[i] = by_force + dot(turn, vector(link.moment))
-        # momenta of all bodies behind the joint if it alone moves, with speed 1
+        # momentum of all bodies behind the joint if it alone moves, with speed 1
         first_moment = vector(link.first_moment)
         linear = plus(times(link.mass, velocity), cross(turn, first_moment))
         angular = plus(symmetric_product(link.inertia, turn), cross(first_moment, velocity))
@@ -256,8 +253,8 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
     for i in range(len(q)):
         link = motion.links[i]
         frame = next_frame(bodies, i, q[i], qd[i], frame, link)
-        write_momenta(bodies, i, frame, link)
-    project_momenta(bodies, motion)
+        write_wrench_and_mass(bodies, i, frame, link)
+    project_on_joints(bodies, motion)
     factor(motion.M, motion.L)
 
 

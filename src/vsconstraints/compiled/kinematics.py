@@ -45,6 +45,23 @@ def put_matrix(A: Matrix, out: Array) -> None:
 
 
 @in_place
+def turned_by_joint(
+    before_R: Matrix, placement: Matrix, joint_axis: Vector, prismatic: bool, q: float
+) -> tuple[Matrix, Vector]:
+    """Return orientation and joint axis of a body in the base frame, with its joint at q.
+
+    ``before_R`` is the orientation of the body before it, ``placement`` that of the joint in it at
+    q = 0, and ``joint_axis`` the axis in the frame of the joint.
+    """
+    if not prismatic:
+        turn = turn_about(joint_axis, np.sin(q), np.cos(q))
+        placement = product(placement, turn)
+    R = product(before_R, placement)
+    # a rotation about the axis does not change the axis
+    return R, rotate(R, joint_axis)
+
+
+@in_place
 def place(step: Step, q: Array) -> None:
     """Write orientation, origin and axis of every body at q (n,), after its joint has moved."""
     for i in range(len(q)):
@@ -53,16 +70,10 @@ def place(step: Step, q: Array) -> None:
         body = step.bodies[i + 1]
         joint_axis = vector(joint.axis)
         before_R = matrix(before.R)
-        placement = matrix(joint.R)
         displacement = 0.0
         if joint.prismatic:
             displacement = q[i]
-        else:
-            turn = turn_about(joint_axis, np.sin(q[i]), np.cos(q[i]))
-            placement = product(placement, turn)
-        R = product(before_R, placement)
-        # a rotation about the axis does not change the axis
-        axis = rotate(R, joint_axis)
+        R, axis = turned_by_joint(before_R, matrix(joint.R), joint_axis, joint.prismatic, q[i])
         to_joint = rotate(before_R, vector(joint.t))
         joint_origin = plus(vector(before.origin), to_joint)
         put_matrix(R, body.R)

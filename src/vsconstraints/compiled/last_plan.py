@@ -104,18 +104,18 @@ def end_speed(plans: PlanArrays, j: int) -> float:
 def walk(plans: PlanArrays) -> int:
     """Write the states at all instants along the plan, and return their number."""
     H, n = plans.plan.shape
-    N = plans.times.size - 1
+    at_stop = plans.times.size - 1  # the instant at the end of the brake
     stop = stopping_time(plans)
-    end_of_plan = plans.times[N - 1]
-    plans.times[N] = end_of_plan + stop
+    end_of_plan = plans.times[at_stop - 1]
+    plans.times[at_stop] = end_of_plan + stop
     plans.braking[0] = stop
     for k in range(H):
         follow_block(plans.length, plans.plan, plans.space.x, k, n)
-    count = N + 1 if stop > 0.0 else N
+    count = at_stop + 1 if stop > 0.0 else at_stop
     limits = limits_of(plans, count, plans.value[0])
     move(limits, plans.plan, plans.space.x, plans.space.moved)
     for t in range(count):
-        brakes = t == N
+        brakes = t == at_stop
         # displacement at the current speed: half as far while that is braked
         tau = end_of_plan + 0.5 * stop if brakes else plans.times[t]
         for j in range(n):

@@ -1,6 +1,6 @@
 """Point of a polyhedron nearest to the origin, compiled: a dual active-set method.
 
-Its steps also serve :mod:`.plan_program`, whose rows have another form.
+Its steps also serve :mod:`.plan_search`, which evaluates rows where the search needs them.
 """
 
 from __future__ import annotations

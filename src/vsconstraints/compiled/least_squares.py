@@ -177,6 +177,35 @@ def triangular(W: Array, first: int, qr: QR) -> None:
 
 
 @inner
+def factorise(
+    W: Array, rows: int, first: int, by_columns: bool, scalars: Array, scratch: Scratch
+) -> tuple[QR, float]:
+    """Return the QR of M, or of Mᵀ, and a lower bound of the least singular value of M.
+
+    M and b are the first rows of [· | M | b] in W, as in :func:`pseudoinverse`. The QR is that of M
+    and scalars[WORK] becomes Qᵀb if ``by_columns``; otherwise they are that of Mᵀ, and b. The QR
+    uses the ``scalars``.
+    """
+    n = W.shape[1] - 1
+    p = n - first
+    count = p if by_columns else rows
+    length = rows if by_columns else p
+    columns = matrix(scratch, count, length)
+    qr = QR(columns, scalars)
+    for j in range(count):
+        for i in range(length):
+            columns[j, i] = W[i, first + j] if by_columns else W[j, first + i]
+    least = la.factor(qr)
+    for i in range(p):
+        scalars[WORK, i] = 0.0
+    for i in range(rows):
+        scalars[WORK, i] = W[i, n]
+    if by_columns:
+        la.apply_transposed(qr, p, scalars, WORK)
+    return qr, least
+
+
+@inner
 def pseudoinverse(
     W: Array,
     first: int,
@@ -207,41 +236,26 @@ def pseudoinverse(
     k = W.shape[0]
     n = W.shape[1] - 1
     p = n - first
-    rows = k
-    tall = k >= p
     size = np.sqrt(la.squares(whole, n))
     scalars = matrix(scratch, SCALARS, max(k, p))
-    for again in range(2):
-        # of M if it is tall, of Mᵀ otherwise
-        rank = p if tall else rows
-        length = k if tall else p
-        columns = matrix(scratch, rank, length)
-        qr = QR(columns, scalars)
-        for j in range(rank):
-            for i in range(length):
-                columns[j, i] = W[i, first + j] if tall else W[j, first + i]
-        least = la.factor(qr)
-        for i in range(p):
-            scalars[WORK, i] = 0.0
-        for i in range(rows):
-            scalars[WORK, i] = W[i, n]
-        if tall:
-            la.apply_transposed(qr, p, scalars, WORK)
-        is_certain = least > certain * size
-        if again == 1 or is_certain:
-            break
-        if tall:
+    is_tall = k >= p
+    rank = min(k, p)
+    qr, least = factorise(W, k, first, is_tall, scalars, scratch)
+    is_certain = least > certain * size
+    if not is_certain:
+        if is_tall:
             triangular(W, first, qr)
-        rows = shorten(W, rank, first, tolerance, whole, scratch)
-        tall = False
-    if tall:
+        rank = shorten(W, rank, first, tolerance, whole, scratch)
+        qr, least = factorise(W, rank, first, False, scalars, scratch)
+    has_full_column_rank = is_tall and is_certain
+    if has_full_column_rank:
         la.solve_upper(qr, p, scalars, WORK)
     else:
-        la.solve_lower(qr, rows, scalars, WORK)
-        la.apply(qr, rows, scalars, WORK)
+        la.solve_lower(qr, rank, scalars, WORK)
+        la.apply(qr, rank, scalars, WORK)
     for j in range(p):
         Y[row, first + j] = scalars[WORK, j]
-    return qr, rank, least if tall else -least
+    return qr, rank, least if has_full_column_rank else -least
 
 
 @in_place

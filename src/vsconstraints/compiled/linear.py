@@ -48,9 +48,10 @@ def finite(x: Array) -> bool:
 @in_place
 def out_of_range(squared: float) -> bool:
     """True if a square is nonzero, and not finite or near the limits of floating point."""
-    is_small = squared < LARGE
-    is_large_or_zero = (squared > 1.0 / LARGE) | (squared == 0.0)
-    return not (is_small & is_large_or_zero)
+    # both are false for NaN
+    is_below_maximum = squared < LARGE
+    is_zero_or_above_minimum = (squared > 1.0 / LARGE) | (squared == 0.0)
+    return not (is_below_maximum & is_zero_or_above_minimum)
 
 
 @in_place

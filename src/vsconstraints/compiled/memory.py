@@ -39,7 +39,8 @@ def zeros(
 ) -> Any:
     """Return a structure of zeros, with arrays of their declared types and shapes.
 
-    ``known`` contains fields that exist already. ``lengths`` are those of the letters in the
+    ``known`` contains fields that exist already, by name: those of the structure and those of the
+    structures within it, at any depth. ``lengths`` are those of the letters in the
     declarations; see :func:`shape_of`.
     """
     values = dict(known or {})
@@ -118,20 +119,20 @@ class Workspace:
     user holds it.
     """
 
-    __slots__ = ("__weakref__", "_in_python", "_record", "address", "structure")
+    __slots__ = ("__weakref__", "_attributes", "_record", "address", "structure")
 
     def __init__(self, structure: Any) -> None:
         self._record = np.array([_memory(structure)], dtype=memory_layout(structure))
         self.structure = structure
         self.address = int(self._record.ctypes.data)
-        self._in_python: Any = None
+        self._attributes: Any = None
         _workspaces[self.address] = self
 
     def in_python(self) -> Any:
         """Return the structure as functions that run in Python take it."""
-        if self._in_python is None:
-            self._in_python = _in_python(self.structure)
-        return self._in_python
+        if self._attributes is None:
+            self._attributes = _with_attributes(self.structure)
+        return self._attributes
 
 
 def require_workspace(given: object, kind: type, function: str) -> int:
@@ -153,10 +154,12 @@ def structure_at(address: int) -> Any:
     return _workspaces[int(address)].in_python()
 
 
-def _in_python(part: Any) -> Any:
+def _with_attributes(part: Any) -> Any:
     """Return a structure whose fields can be set, with fields of records as attributes."""
     if isinstance(part, tuple):
-        fields = part._asdict()  # type: ignore[attr-defined]
-        return SimpleNamespace(**{name: _in_python(field) for name, field in fields.items()})
+        attributes = {}
+        for name, field in part._asdict().items():  # type: ignore[attr-defined]
+            attributes[name] = _with_attributes(field)
+        return SimpleNamespace(**attributes)
     is_record = isinstance(part, np.ndarray) and part.dtype.names
     return part.view(np.recarray) if is_record else part

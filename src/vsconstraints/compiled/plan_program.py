@@ -18,7 +18,15 @@ from .linear import QR, START, dot
 from .plan_arrays import Cost, Factor, Limits, Space
 from .plan_cost import factorise
 from .plan_rows import constraint_of, differentiate, excess, first_slack_row, predict
-from .plan_search import append, minimise, resume, search, turn_new, write_slack_normal
+from .plan_search import (
+    UNUSED_PENALTY,
+    append,
+    minimise,
+    resume,
+    search,
+    turn_new,
+    write_slack_normal,
+)
 
 #: π relative to the greatest distance of a row from the plan without rows. The weaker one is used
 #: if the stronger one fails.
@@ -66,8 +74,8 @@ def soften(
     """Start with slacks of zero; return the number of active rows and the penalty π.
 
     The active rows are z ≥ 0 for each slack. π is ``strength`` times the greatest distance of a row
-    from the plan without rows. The unit of a slack is that by which a step moves the exceeded rows,
-    in the geometric mean by weight.
+    from the plan without rows. A slack of z = 1 allows what a unit step of w changes, in the
+    geometric mean over the exceeded rows; see :func:`measure_excess` for scales and weights.
     """
     m = limits.gradient.shape[1]
     X = space.work
@@ -120,12 +128,15 @@ def plan_best(
     hard.work[POINT] = 0.0
     hard.slack[:] = 0.0
     q = resume(cost, factor, limits, hard)
-    code, q = search(cost, factor, limits, hard, q, 1.0, MET)
+    code, q = search(cost, factor, limits, hard, q, UNUSED_PENALTY, MET)
     space.held[0] = q if code == SOLVED else 0
+    # all unknowns of ``space``, but as a tuple like ``hard``: the search is then compiled only once
     soft = with_unknowns(space, space.p)
     for strength in (STRONG, WEAK):
         if code in (INCOMPATIBLE, FAILED):
             q, penalty = soften(cost, factor, limits, soft, weights, strength)
             code, q = search(cost, factor, limits, soft, q, penalty, MET_SOFT)
             code = RELAXED_ROWS if code == SOLVED else FAILED
+            # the next search without slacks has fewer unknowns, beyond which normals must be zero
+            space.qr.columns[:, hard.p :] = 0.0
     return code, q

@@ -63,6 +63,16 @@ def bound_of(limits: Limits, row: int) -> tuple[int, int, bool]:
 
 
 @in_place
+def row_of_bound(limits: Limits, k: int, j: int, is_upper: bool) -> int:
+    """Return the row of a bound of joint j in block k: the inverse of :func:`bound_of`."""
+    first = limits.left.size
+    if not is_upper:
+        first += limits.low.size
+    row: int = first + k * limits.gradient.shape[2] + j
+    return row
+
+
+@in_place
 def first_slack_row(limits: Limits) -> int:
     """Return the number of the row z₀ ≥ 0."""
     first: int = limits.left.size + 2 * limits.low.size
@@ -141,19 +151,15 @@ def most_exceeded_bound(limits: Limits, space: Space, least: float) -> int:
 
     Return ``NONE`` otherwise.
     """
-    n = limits.gradient.shape[2]
-    first_upper = limits.left.size
-    first_lower = first_upper + limits.low.size
     chosen = NONE
     most = least
     for k in range(len(limits.low)):
-        for j in range(n):
+        for j in range(limits.low.shape[1]):
             above = space.u[k, j] - limits.high[k, j]
             below = limits.low[k, j] - space.u[k, j]
             over = max(above, below) / (limits.high[k, j] - limits.low[k, j])
             if over > most:
-                first = first_upper if above > below else first_lower
-                chosen = first + k * n + j
+                chosen = row_of_bound(limits, k, j, above > below)
                 most = over
     return chosen
 
@@ -167,7 +173,11 @@ def differentiate(
     H = len(limits.low)
     T = cost.length
     X[NEW] = 0.0
-    k = begin_adjoint(limits, row, adjoint)
+    adjoint[:] = 0.0
+    if is_constraint(limits, row):
+        k = begin_at_constraint(limits, row, adjoint)
+    else:
+        k = begin_at_bound(limits, row, adjoint)
     if k == H:
         k -= 1
         step_back(T, adjoint)
@@ -188,23 +198,24 @@ def differentiate(
 
 
 @in_place
-def begin_adjoint(limits: Limits, row: int, adjoint: Array) -> int:
-    """Write the adjoint of a row at its last block, and return the number of this block.
+def begin_at_bound(limits: Limits, row: int, adjoint: Array) -> int:
+    """Write the adjoint of a bound of the box at its block, and return the number of the block."""
+    k, j, is_upper = bound_of(limits, row)
+    adjoint[0, j] = 1.0 if is_upper else -1.0
+    return k
+
+
+@in_place
+def begin_at_constraint(limits: Limits, row: int, adjoint: Array) -> int:
+    """Write the adjoint of a constraint at its last block, and return the number of this block.
 
     The block after the plan is that of the brake, of which the plan decides only the first state.
     """
-    n = limits.gradient.shape[2]
-    H = len(limits.low)
-    adjoint[:] = 0.0
-    if not is_constraint(limits, row):
-        block, joint, is_upper = bound_of(limits, row)
-        adjoint[0, joint] = 1.0 if is_upper else -1.0
-        return block
     t, i = constraint_of(limits, row)
     k: int = limits.block[t + 1]
     factor_of_row = limits.row_factor[t, i]
-    if k == H:
-        for j in range(n):
+    if k == len(limits.low):
+        for j in range(limits.gradient.shape[2]):
             adjoint[1, j] = factor_of_row * limits.gradient[t + 1, i, j]
             adjoint[2, j] = 0.5 * limits.stop * adjoint[1, j]
     else:

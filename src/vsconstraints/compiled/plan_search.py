@@ -33,6 +33,7 @@ from .plan_rows import (
     predict,
 )
 
+UNUSED_PENALTY = 1.0  #: π of a search without slacks, where it has no effect.
 NEGLIGIBLE = 1e-14  #: A slack below this share of π counts as zero.
 #: The search starts with a row if the squared part of its unit normal outside the span of the
 #: others exceeds this.
@@ -117,18 +118,17 @@ def write_normal(
     first_slack = limits.low.size
     differentiate(cost, factor, limits, row, space.adjoint, X)
     side = dot(X, NEW, X, POINT, START, first_slack) - excess(limits, space, row)
-    has_slack = space.p > first_slack and is_constraint(limits, row)
-    if has_slack:
-        # the slack allows an excess of unit z = unit (z + π) − unit π; z + π is the coordinate
-        _, i = constraint_of(limits, row)
-        X[NEW, first_slack + i] = -space.slack_unit[i]
-        side -= space.slack_unit[i] * penalty
-    length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
-    # the gradient of a bound of the box cannot vanish, and there may be no other rows
+    negligible = 0.0  # the gradient of a bound of the box cannot vanish
     if is_constraint(limits, row):
         _, i = constraint_of(limits, row)
-        if length <= ZERO_GRADIENT * limits.scale[i]:
-            return math.nan
+        negligible = ZERO_GRADIENT * limits.scale[i]
+        if space.p > first_slack:
+            # the slack allows an excess of unit z = unit (z + π) − unit π; z + π is the coordinate
+            X[NEW, first_slack + i] = -space.slack_unit[i]
+            side -= space.slack_unit[i] * penalty
+    length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
+    if length <= negligible:
+        return math.nan
     for j in range(space.p):
         X[NEW, j] /= length
     distance: float = side / length
@@ -245,7 +245,7 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
         row = space.active[k]
         if not is_predicted(limits, row):
             continue
-        side = write_normal(cost, factor, limits, space, row, 1.0)
+        side = write_normal(cost, factor, limits, space, row, UNUSED_PENALTY)
         turn_new(space, q)
         outside = dot(X, TURNED, X, TURNED, q, space.p)
         if abs(side) < math.inf and outside > INDEPENDENT:

@@ -8,9 +8,22 @@ import numpy as np
 
 from ..formulas.tracking import gains
 from ..rows import Array
-from .codes import KP0, KP_SLOPE, KV_FACTOR, REST_DAMPING, REST_STIFFNESS
+from .codes import (
+    ERROR,
+    GRADIENT,
+    JACOBIAN,
+    KP0,
+    KP_SLOPE,
+    KV_FACTOR,
+    PHI,
+    REST,
+    REST_DAMPING,
+    REST_STIFFNESS,
+    SIGMA,
+    B,
+)
 from .compiler import in_place
-from .predictive_arrays import ERROR, GRADIENT, JACOBIAN, PHI, REST, SIGMA, B, PlanArrays
+from .predictive_arrays import PlanArrays
 from .workspace import RowArrays, TaskArrays
 
 #: Rows that change by more than their scale over this distance [rad or m] are divided by the same
@@ -91,9 +104,9 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
     may be exceeded while braking, and ``row_factor`` the factor that a row is multiplied by.
     """
     m = plans.gradient.shape[1]
-    N = plans.times.size - 1
+    at_stop = plans.times.size - 1  # the instant at the end of the brake
     for t in range(count - 1):
-        brakes = t + 1 == N
+        brakes = t + 1 == at_stop
         interval = plans.times[t + 1] - plans.times[t]
         plans.falls[t] = 0.0 if brakes else np.exp(-interval / plans.approach)
         for i in range(m):
@@ -110,8 +123,8 @@ def left_while_braking(plans: PlanArrays, i: int) -> float:
     """
     if plans.by_speed[i] != 0:
         return math.inf
-    N = plans.times.size - 1
-    remaining = np.exp(-plans.times[N] / plans.approach)
+    at_stop = plans.times.size - 1
+    remaining = np.exp(-plans.times[at_stop] / plans.approach)
     return float(max(plans.value[0, i], 0.0) * remaining)
 
 

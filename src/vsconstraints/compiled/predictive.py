@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from ..rows.tolerances import PULLING
-from .codes import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, STAGE
+from .codes import FAILED, FEWEST_INSTANTS, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, STAGE
 from .compiler import IN_PLACE, compiled, in_place
 from .from_state import start_from
 from .last_plan import brake, carry_on, in_box, set_box, store_end, walk
@@ -108,7 +108,7 @@ def decide(
     answer.acted[:] = False
     answer.slack[:] = 0.0
     plans.outcome[CODE] = FAILED
-    if count < 2:
+    if count < FEWEST_INSTANTS:
         plans.made[0] = math.nan
         copy_vector(qdd, plans.plan[0])
         return FAILED
@@ -142,7 +142,9 @@ def decide(
 def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Compute the command of :class:`vsconstraints.controllers.PredictiveControl`.
 
-    Return ``FAILED`` if the written acceleration requires a message.
+    If Python predicts, the stages ``PROPOSE`` and ``BRAKE`` write only a plan and the states along
+    it, and return ``SOLVED``; ``CONCLUDE`` computes the command. ``FAILED`` is returned if the
+    written acceleration requires a message, ``NEEDS_PYTHON`` if a number is out of range.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):
@@ -161,7 +163,7 @@ def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
             walk(plans)
             return SOLVED
         count = predict(plans)
-        if count < 2:
+        if count < FEWEST_INSTANTS:
             brake(plans)
             count = predict(plans)
         plans.outcome[PREDICTED] = count

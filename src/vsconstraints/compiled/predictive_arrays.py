@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..rows import Array, IntArray
+from .codes import PARTS
 from .compiler import in_place
 from .memory import zeros
 from .parts import struct_loader
 from .plan_arrays import Factor, Limits, Space
 from .records import F8, I8
 
-#: Parts of a prediction: φ, σ, L_gφ, J, b, e and q̈₀.
-PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
 #: Reported numbers: instants at which rows and task were predicted, instants requested, active rows
 #: of the plan, and the code of its program.
 PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
-from ..formulas.motion import angle, reached
+from ..formulas.motion import pose_difference, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .records import BOOL, F8, I8, LOOP_PARTS, Records
@@ -271,16 +271,6 @@ def nearness(rows: RowArrays, i: int) -> float:
     return relative
 
 
-def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[float, float]:
-    """Return distance [m] and angle [rad] between two poses."""
-    turned = moved = 0.0
-    for i in range(3):
-        moved += (t[i] - wanted_t[i]) ** 2
-        for j in range(3):
-            turned += (R[i, j] - wanted_R[i, j]) ** 2
-    return np.sqrt(moved), angle(turned)
-
-
 def feature_error(pixels: Array, wanted: Array) -> float:
     """Return the greatest distance of a marker (M, 2) from its desired place [px]."""
     greatest = 0.0
@@ -373,7 +363,7 @@ def score_goal(loop: Loop, k: int) -> None:
     goals = loop.goals
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
-    distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
+    distance, turn = pose_difference(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
     away = loop.own_error[0]
     if math.isnan(away):
         away = feature_error(loop.pixels, goals.pixels[goal])

@@ -9,7 +9,7 @@ import numpy as np
 from ..formulas.features import MINIMUM_DEPTH, image_motion
 from ..formulas.innovation import MEMORY, depth_innovation, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
-from ..formulas.motion import angle
+from ..formulas.motion import pose_difference
 from ..formulas.rotation import whole_turns
 from ..formulas.vectors import Vector, matrix, plus, rotate, times, vector
 from ..rows import Array, BoolArray
@@ -29,8 +29,10 @@ from .kinematics import move, place, put
 from .parts import address as address_of
 from .parts import call_int_pointer, call_void_pointer, checked, load_step
 from .signatures import FLAGS, FLOAT, INT, MATRIX, STACK, VECTOR, VOID, signature
-from .visual_task import JUST_NOW, write_task
+from .visual_task import write_task
 from .workspace import Step
+
+JUST_NOW = 1e-9  #: Tolerance [s] of the time of a measurement, for rounding.
 
 
 @in_place
@@ -128,13 +130,7 @@ def write_innovation(step: Step, t: float) -> None:
 def pose_innovation(step: Step) -> tuple[float, float]:
     """Return distance [m] and angle [rad] of the measured camera pose from that of the model."""
     R, origin = from_target(step, matrix(step.target_R), vector(step.target_t))
-    squared_distance = 0.0
-    squared_difference = 0.0
-    for i in range(3):
-        squared_distance += (step.camera_t[i] - origin[i]) ** 2
-        for j in range(3):
-            squared_difference += (step.camera_R[i, j] - R[i][j]) ** 2
-    return np.sqrt(squared_distance), angle(squared_difference)
+    return pose_difference(step.camera_R, step.camera_t, R, origin)
 
 
 @in_place
@@ -182,13 +178,19 @@ def take_state(step: Step, t: float, q: Array, qd: Array) -> bool:
 
 
 @in_place
+def point_from_body(step: Step, i: int) -> Vector:
+    """Return the place of robot point i from the origin of its body, in the base frame."""
+    point = step.robot_points[i]
+    return rotate(matrix(step.bodies[point.body].R), vector(point.offset))
+
+
+@in_place
 def move_points(step: Step) -> None:
     """Write position, velocity and drift of the robot points."""
     for i in range(len(step.places)):
-        point = step.robot_points[i]
         spot = step.places[i]
-        r = rotate(matrix(step.bodies[point.body].R), vector(point.offset))
-        position, velocity, drift = carry(step, point.body, r)
+        body = step.robot_points[i].body
+        position, velocity, drift = carry(step, body, point_from_body(step, i))
         put(position, spot.position)
         put(velocity, spot.velocity)
         put(drift, spot.drift)
@@ -312,7 +314,5 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
             pixels[k, i, 0] = camera.focal[0] * P[0] / P[2] + camera.offset[0]
             pixels[k, i, 1] = camera.focal[1] * P[1] / P[2] + camera.offset[1]
         for i in range(len(step.robot_points)):
-            point = step.robot_points[i]
-            body = step.bodies[point.body]
-            offset = rotate(matrix(body.R), vector(point.offset))
-            put(plus(vector(body.origin), offset), points[k, i])
+            body = step.bodies[step.robot_points[i].body]
+            put(plus(vector(body.origin), point_from_body(step, i)), points[k, i])

@@ -6,16 +6,15 @@ from typing import Any
 
 from ..formulas.features import image_row, pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate, whole_turns
-from ..formulas.tracking import demanded, gains, minimum_jerk, resting
+from ..formulas.tracking import demanded, gains, goal_at, minimum_jerk, resting
 from ..formulas.vectors import matrix, rotate, vector
 from ..rows import Array
 from .codes import CAMERA_POSE, IMAGE_POINTS
 from .compiler import in_place
 from .kinematics import put
-from .linear import START, constant
+from .linear import constant
 from .workspace import Step
 
-JUST_NOW = 1e-9  #: Tolerance [s] of a goal's time, for rounding.
 #: Rows of the last reference (3, k): error at its beginning, its last value, and its last rate.
 AT_BEGINNING = constant(0)
 LAST = constant(1)
@@ -101,16 +100,6 @@ def write_image(step: Step, goal: int) -> None:
 
 
 @in_place
-def current_goal(step: Step, t: float) -> int:
-    """Return the index of the goal that holds at time t [s]."""
-    goal = START
-    for g in range(len(step.goals)):
-        if step.goals[g].from_time <= t + JUST_NOW:
-            goal = g
-    return goal
-
-
-@in_place
 def complete_rates(step: Step, i: int, interval: float) -> None:
     """Write the parts of ṡ and of its drift that feature i leaves open.
 
@@ -190,7 +179,7 @@ def write_task(step: Step, t: float) -> None:
     last = step.last[0]
     task = step.task
     k, n = task.J.shape
-    goal = current_goal(step, t)
+    goal = goal_at(step.goals.from_time, t)
     continues = last.goal == goal
     if options.feature == CAMERA_POSE:
         write_pose(step, goal, continues)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -11,14 +12,14 @@ from ..errors import ConfigurationError, unknown_name
 from ..qp.decomposition import svd
 from ..robots.kinematics import RobotPoint
 from ..robots.robot import Robot
-from ..rows import Array
+from ..rows import Array, BoolArray
 from .base import require_positive
 from .bodies import FIXED, segments
 from .meshes import Surface, surface
 
-#: Maximum number of points along a link: each is a row, and the number of patches that cover a
-#: link's surface grows with its square.
-MAX_POINTS = 60
+#: Greatest length of the line of a link, or of a solid of it, in spacings. Each point is a row, and
+#: the number of patches that cover a link's surface grows with the square of this length.
+MAX_LENGTH = 60
 
 
 class LinkPoints(NamedTuple):
@@ -51,7 +52,8 @@ def link_points(
     ``links`` are the names of the links concerned, all if None.
 
     Raises ConfigurationError if there is neither collision geometry nor a radius, a mesh cannot be
-    read, no point of a link moves, or a link would have more than :data:`MAX_POINTS` points.
+    read, no point of a link moves, or the line of a link or a solid of it is longer than
+    :data:`MAX_LENGTH` spacings.
     """
     require_positive(spacing, "spacing of points along the links")
     if link_radius is None:
@@ -67,7 +69,8 @@ def link_points(
     points: list[RobotPoint] = []
     enlargement = 0.0
     for link, cover in covers.items():
-        moving = [point for point in _points(link, cover.offsets) if _moves(robot, point)]
+        candidates = _points(link, cover.offsets)
+        moving = list(compress(candidates, _are_moved(robot, candidates)))
         if moving:
             enlargement = max(enlargement, cover.reach)
         for i, point in enumerate(moving, start=1):
@@ -97,23 +100,23 @@ def _points(link: str, offsets: Array) -> list[RobotPoint]:
     return [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
 
 
-def _moves(robot: Robot, point: RobotPoint) -> bool:
-    """True if a joint moves the point, in one of three arbitrary configurations."""
+def _are_moved(robot: Robot, points: Sequence[RobotPoint]) -> BoolArray:
+    """Return for each point if a joint moves it, in one of three arbitrary configurations (k,)."""
+    moved = np.zeros(len(points), dtype=np.bool_)
     rng = np.random.default_rng(0)
     for q in rng.uniform(-1.0, 1.0, (3, robot.n)):
-        J = robot.kinematics(q, q, [point]).point_J
-        if np.abs(J).max() > FIXED:
-            return True
-    return False
+        J = robot.kinematics(q, q, points).point_J
+        moved |= np.abs(J).max(axis=(1, 2)) > FIXED
+    return moved
 
 
-def _require_few(link: str, length: float, spacing: float) -> None:
-    """Raise ConfigurationError if a link of this length [m] would have too many points."""
-    if length > MAX_POINTS * spacing:
+def _require_short(link: str, length: float, spacing: float) -> None:
+    """Raise ConfigurationError if a line or a solid of a link is too long for the spacing [m]."""
+    if length > MAX_LENGTH * spacing:
         raise ConfigurationError(
             f"spacing of points along the links: {link} is {length:.3g} m long, "
-            f"{length / spacing:.3g} points with a "
-            f"spacing of {spacing:g} m; a link may have {MAX_POINTS}"
+            f"{length / spacing:.3g} times the spacing of {spacing:g} m; it may be at most "
+            f"{MAX_LENGTH} times as long as the spacing"
         )
 
 
@@ -129,8 +132,8 @@ def _covers_of_segments(
         start_is_covered = start_is_covered and segment.shared
         if segment.length < FIXED:
             continue
-        _require_few(segment.link, segment.length, spacing)
-        count = int(np.ceil(segment.length / spacing - 1e-9))
+        _require_short(segment.link, segment.length, spacing)
+        count = max(1, int(np.ceil(segment.length / spacing - 1e-9)))
         first = 1 if start_is_covered else 0
         shares = np.arange(first, count + 1) / count
         start_is_covered = links is None or segment.link in links
@@ -156,7 +159,7 @@ def _covers_of_geometry(robot: Robot, spacing: float) -> dict[str, _Cover]:
         t = np.array(placement.translation)
         body.geometry.computeLocalAABB()
         box = body.geometry.aabb_local
-        _require_few(frame.name, float(np.max(box.max_ - box.min_)), spacing)
+        _require_short(frame.name, float(np.max(box.max_ - box.min_)), spacing)
         patches, slack = surface(body.geometry, 0.5 * spacing)
         in_link = Surface(patches @ R.T + t, slack)
         surfaces.setdefault(frame.name, []).append(in_link)
@@ -166,7 +169,7 @@ def _covers_of_geometry(robot: Robot, spacing: float) -> dict[str, _Cover]:
         # meet
         for more in range(3):
             cover = _sliced(surfaces_of_link, spacing, more)
-            if all(_moves(robot, point) for point in _points(link, cover.offsets)):
+            if _are_moved(robot, _points(link, cover.offsets)).all():
                 break
         else:
             cover = _sliced(surfaces_of_link, spacing, 0)

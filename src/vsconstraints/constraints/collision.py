@@ -231,7 +231,7 @@ class Collision(BodyDistance):
         for placement, solid in obstacle.parts:
             mesh = mesh_of(solid, reach)
             if mesh is not None:
-                pose = Pose(np.array(placement.rotation), np.array(placement.translation))
+                pose = Pose.of(placement)
                 meshes.append(mesh.moved(pose))
         return meshes
 

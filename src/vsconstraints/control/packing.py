@@ -245,10 +245,7 @@ def write_camera(step: Step, camera: Camera) -> None:
     The pose of the tip in the last body must be written before.
     """
     record = step.camera[0]
-    eye = camera.fixed
-    if eye is None:
-        tip = Pose(record["tip_R"].copy(), record["tip_t"].copy())
-        eye = tip @ camera.mount.inverse
+    eye = camera.pose(Pose(record["tip_R"].copy(), record["tip_t"].copy()))
     _write(record, R=eye.R, t=eye.t, fixed=camera.fixed is not None, depth_factor=1.0)
     _write(record, focal=camera.focal, offset=camera.offset)
 

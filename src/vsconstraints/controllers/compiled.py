@@ -258,7 +258,9 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     labels = of_rows.pop("labels")
     of_task = _fields_of(task)
     arrays = [*of_rows.values(), *of_task.values()]
-    if all(map(_is_usual, arrays)) or not all(map(_is_numeric, arrays)):
+    if all(map(_is_usual, arrays)):
+        return None
+    if not all(map(_is_numeric, arrays)):
         return None
     return Rows(labels=labels, **_copies(of_rows)), Task(**_copies(of_task))
 

@@ -8,7 +8,17 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..compiled import load
-from ..compiled.codes import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED, STAGE
+from ..compiled.codes import (
+    FAILED,
+    FEWEST_INSTANTS,
+    NEEDS_PYTHON,
+    QUANTITIES,
+    RANK_LOSS,
+    RELAXED_ROWS,
+    REST,
+    SOLVED,
+    STAGE,
+)
 from ..compiled.memory import zeros
 from ..errors import SolverError
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
@@ -17,10 +27,7 @@ from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
 from .resolver import Priority, row_weights
 
-#: Predicted quantities, in the order of the compiled law.
-QUANTITIES = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
 ABSENT = -1  #: First entry of a quantity that is not predicted.
-FEWEST_INSTANTS = 2  #: Number of predicted instants from which on there is a program.
 
 
 class Plan(NamedTuple):
@@ -150,8 +157,8 @@ class Planner(Wrapped):
             raise SolverError("numbers are beyond the range of floating point")
         plans = self.plans
         predicted, requested, _, outcome = plans.outcome.tolist()
-        has_prediction = predicted >= FEWEST_INSTANTS
-        if has_prediction and outcome == RANK_LOSS:
+        has_program = predicted >= FEWEST_INSTANTS
+        if has_program and outcome == RANK_LOSS:
             raise SolverError(
                 f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}"
             )
@@ -161,13 +168,12 @@ class Planner(Wrapped):
                 f"no more than {plans.times[predicted]:.3g} s are predicted, since a marker is "
                 f"then not in front of the camera"
             )
-        if has_prediction and outcome != FAILED:
+        if has_program and outcome != FAILED:
             command = self._answer(qdd, active, slack)
-        elif has_prediction:
-            why = "the previous plan is continued: no better one passes the check"
-            command = Command(qdd, "suboptimal", active, self.labels, reason=why)
         else:
             why = f"braking: {short}"
+            if has_program:
+                why = "the previous plan is continued: no better one passes the check"
             command = Command(qdd, "suboptimal", active, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
         return command
@@ -183,7 +189,6 @@ class Planner(Wrapped):
         def run(stage: int) -> int:
             self.arrays.options[STAGE] = stage
             code: int = solve(*arguments, *outputs)
-            self.arrays.options[STAGE] = stages.ALL
             return code
 
         if self.compiled:
@@ -212,7 +217,7 @@ class Planner(Wrapped):
             end = begin + values.shape[1]
             plans.seen[:count, begin:end] = values
         if not seen.rest.size:
-            plans.at[arrays.REST] = ABSENT
+            plans.at[REST] = ABSENT
         plans.outcome[arrays.PREDICTED] = count
         return count
 
@@ -242,8 +247,9 @@ class Planner(Wrapped):
 def instants(H: int, T: float, period: float) -> tuple[Array, IntArray]:
     """Return the instants (N,) [s] at which rows are predicted, and their blocks (N,).
 
-    They are the ends of the H blocks of T seconds, and the end of the first sampling period. The
-    last instant is the end of the brake after the plan, which is not known yet.
+    They are now (t = 0), the ends of the H blocks of T seconds, and the end of the first sampling
+    period where no block ends. The last instant is the end of the brake after the plan; it is NaN,
+    since it is not known yet.
     """
     times = T * np.arange(H + 1)
     if not np.isclose(period, T):

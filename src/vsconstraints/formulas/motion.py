@@ -1,6 +1,6 @@
 """Motion of displaced targets, of points carried by a body, and of a camera relative to a target.
 
-Also the angle between two poses.
+Also distance and angle between two poses.
 """
 
 from __future__ import annotations
@@ -93,6 +93,18 @@ def angle(squared_difference: Any) -> Any:
     """Angle between two rotations [rad], from the squared Frobenius norm of their difference."""
     sine_of_half = np.sqrt(squared_difference / 8.0)
     return 2.0 * np.arcsin(np.minimum(1.0, sine_of_half))
+
+
+@formula
+def pose_difference(R: Any, t: Any, other_R: Any, other_t: Any) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses, each a rotation and an origin."""
+    squared_distance = 0.0
+    squared_difference = 0.0
+    for i in range(3):
+        squared_distance += (t[i] - other_t[i]) ** 2
+        for j in range(3):
+            squared_difference += (R[i][j] - other_R[i][j]) ** 2
+    return np.sqrt(squared_distance), angle(squared_difference)
 
 
 @formula

@@ -80,6 +80,22 @@ def _chords(vertices: Array, size: int) -> Array:
 
 
 @formula
+def squared_distance_at(
+    share: float, from_u: float, from_v: float, along_u: float, along_v: float
+) -> float:
+    """Squared distance of a point to the point of a segment at a share of it, at most at its ends.
+
+    From the start of the segment, (from_u, from_v) leads to the point and (along_u, along_v) to the
+    end of the segment.
+    """
+    share = min(max(share, 0.0), 1.0)
+    away_u = from_u - share * along_u
+    away_v = from_v - share * along_v
+    squared_distance: float = away_u * away_u + away_v * away_v
+    return squared_distance
+
+
+@formula
 def to_segment(u: float, v: float, start: Array, end: Array) -> float:
     """Squared distance of (u, v) to the segment between two vertices (2,)."""
     along_u = end[0] - start[0]
@@ -89,11 +105,7 @@ def to_segment(u: float, v: float, start: Array, end: Array) -> float:
     squared_length = along_u * along_u + along_v * along_v
     projection = from_u * along_u + from_v * along_v
     share = projection / max(squared_length, TINY)
-    share = min(max(share, 0.0), 1.0)
-    away_u = from_u - share * along_u
-    away_v = from_v - share * along_v
-    squared_distance: float = away_u * away_u + away_v * away_v
-    return squared_distance
+    return squared_distance_at(share, from_u, from_v, along_u, along_v)
 
 
 @formula
@@ -106,10 +118,7 @@ def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     from_v = v - chords[i, FIRST_V]
     projection = from_u * along_u + from_v * along_v
     share = projection * chords[i, INVERSE]
-    share = min(max(share, 0.0), 1.0)
-    away_u = from_u - share * along_u
-    away_v = from_v - share * along_v
-    squared_distance = away_u * away_u + away_v * away_v
+    squared_distance = squared_distance_at(share, from_u, from_v, along_u, along_v)
     return bool(squared_distance <= limit * limit)
 
 

@@ -87,7 +87,7 @@ class SceneRenderer:
         """Return the mask (H, W) of the pixels covered by solids."""
         q = state.robot.q
         camera = self.scene.camera
-        eye = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
+        eye = camera.pose(self.scene.robot.pose(q))
         solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(q, state.t)]
         # the board is the plane z = 0 of its frame
         in_board = self.renderer.board.camera_in_board(state.camera)

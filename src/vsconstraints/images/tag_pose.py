@@ -144,24 +144,28 @@ def board_pose(
     found, turn, shift = cv2.solvePnP(points, normalised, no_lens, None, flags=cv2.SOLVEPNP_IPPE)
     if not found:
         return None, np.nan
+    # poses of the board in the camera's frame
     middle = points.mean(axis=0)
-    R, _ = cv2.Rodrigues(turn)
-    sight = R @ middle + shift.ravel()
+    first_R, _ = cv2.Rodrigues(turn)
+    sight = first_R @ middle + shift.ravel()
     mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
-    mirrored = mirror @ R @ np.diag((1.0, 1.0, -1.0))
+    second_R = mirror @ first_R @ np.diag((1.0, 1.0, -1.0))
     candidates: list[tuple[Pose, float]] = []
-    for start in (R, mirrored):
-        turn, _ = cv2.Rodrigues(start)
-        shift = sight - start @ middle
-        turn, shift = cv2.solvePnPRefineLM(points, normalised, no_lens, None, turn, shift[:, None])
-        refined, _ = cv2.Rodrigues(turn)
-        t = shift.ravel()
-        P = points @ refined.T + t
-        if np.isfinite(P).all() and (P[:, 2] > 0.0).all():
+    for start_R in (first_R, second_R):
+        start_turn, _ = cv2.Rodrigues(start_R)
+        start_shift = (sight - start_R @ middle)[:, None]
+        refined_turn, refined_shift = cv2.solvePnPRefineLM(
+            points, normalised, no_lens, None, start_turn, start_shift
+        )
+        refined_R, _ = cv2.Rodrigues(refined_turn)
+        refined_t = refined_shift.ravel()
+        P = points @ refined_R.T + refined_t
+        is_in_front = np.isfinite(P).all() and (P[:, 2] > 0.0).all()
+        if is_in_front:
             deviation = P[:, :2] / P[:, 2:] - normalised
             squared = (deviation**2).sum(axis=1)
             error = float(np.sqrt(squared.mean()))
-            candidates.append((Pose(refined, t).inverse, error))
+            candidates.append((Pose(refined_R, refined_t).inverse, error))
     if not candidates:
         return None, np.nan
     candidates.sort(key=lambda candidate: candidate[1])

@@ -10,6 +10,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, TypedDict, Unpack
 
+from ..comparisons.metrics import load_metrics
 from ..comparisons.run import Run
 from ..comparisons.runs.folder import make_folder
 from ..comparisons.runs.pool import Failure, run_all
@@ -177,6 +178,7 @@ def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | s
 
     The result of a run that failed is the reason, as a sentence.
     """
+    load_metrics()  # a metric that cannot be used ends the command before any run
     prepare()
     limits = longest_first(
         need for claim in of for need in claim.needs if isinstance(need, RunSpec)

@@ -1,15 +1,15 @@
-"""Names under which modules could be imported before they moved into optional parts.
+"""Names of version 0.1.0: of modules that moved into optional parts, and of constants.
 
-The documentation of version 0.1.0 names each of them, so that code of users imports them. Suites,
-stored campaigns and kept tables (``comparisons/policy.parquet``) name ``vsconstraints.learning``,
-and are part of an identity that a new name would change. Nothing in the package uses them.
-Importing such a name gives the module of today, no second copy of it.
+The documentation of that version names each of them, so that code of users imports them. Nothing
+in the package uses them. Importing the name of a module gives the module of today, no second copy
+of it. Suites, stored campaigns and kept tables (``comparisons/policy.parquet``) name
+``vsconstraints.learning``, and are part of an identity that a new name would change.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -69,3 +69,19 @@ def install() -> None:
     """Let earlier names be imported, once."""
     if EarlierNames not in sys.meta_path:
         sys.meta_path.insert(0, EarlierNames)
+
+
+def earlier_constants(
+    module: str, functions: Mapping[str, Callable[[], Any]]
+) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module whose constants are the values of functions today.
+
+    ``functions`` maps the name of each constant to the function that returns its value.
+    """
+
+    def get(name: str) -> Any:
+        if name not in functions:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        return functions[name]()
+
+    return get

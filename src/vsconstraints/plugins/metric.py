@@ -46,6 +46,8 @@ class Metric:
     converged runs that are compared: ``any``; those ``inside``, which violated no row; or, of
     these, the ones ``sliding``, which never lost a sliding mode.
 
+    ``package`` is the name of the other package that adds the metric, which its part sets.
+
     Raises ConfigurationError if an entry is not one of its choices.
     """
 
@@ -66,6 +68,7 @@ class Metric:
     column_order: int = 0
     required: bool = False
     without_samples: bool = False
+    package: str = ""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.column, str) and re.fullmatch(r"[A-Za-z]\w*", self.column)):
@@ -88,11 +91,23 @@ class Metric:
                 raise unknown_name(f"{name} of the metric {self.column}", value, get_args(kinds))
         if self.value is None and not self.over:
             raise ConfigurationError(f"the metric {self.column} has neither a value nor 'over'")
+        if self.value is not None and self.over:
+            raise ConfigurationError(
+                f"the metric {self.column} has a value and 'over', which a ratio alone has"
+            )
         if self.value is not None and not callable(self.value):
             raise ConfigurationError(
                 f"the value of the metric {self.column} must be a function of a run, not "
                 f"{format_value(self.value)}"
             )
+
+    def __str__(self) -> str:
+        return f"metric {self.column}" + (f" of {self.package}" if self.package else "")
+
+    @property
+    def is_number(self) -> bool:
+        """True if values are numbers, times included."""
+        return self.kind in ("number", "time")
 
     @property
     def empty(self) -> Any:
@@ -120,7 +135,7 @@ class Metric:
             each = []
         if len(each) != rows:
             raise ConfigurationError(
-                f"the metric {self.column} must return one value for each of {rows} rows, not "
+                f"the {self} must return one value for each of {rows} rows, not "
                 f"{format_value(values)}"
             )
         for value in each:
@@ -131,9 +146,9 @@ class Metric:
         assert self.value is not None
         try:
             return self.value(inputs)
-        except Exception as error:  # a metric of another package can fail in any way
+        except (Exception, SystemExit) as error:  # code of others may fail in any way
             raise ConfigurationError(
-                f"the metric {self.column} cannot be computed: {described(error)}"
+                f"the {self} cannot be computed: {described(error)}"
             ) from error
 
     def _require_kind(self, value: Any) -> None:
@@ -143,8 +158,6 @@ class Metric:
             "flag": is_flag,
             "number": isinstance(value, Real) and not is_flag,
         }
-        kind = "number" if self.kind == "time" else self.kind
+        kind = "number" if self.is_number else self.kind
         if not is_valid[kind]:
-            raise ConfigurationError(
-                f"the metric {self.column} must return a {kind}, not {format_value(value)}"
-            )
+            raise ConfigurationError(f"the {self} must return a {kind}, not {format_value(value)}")

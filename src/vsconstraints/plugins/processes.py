@@ -6,6 +6,7 @@ SIGTERM and SIGHUP act as Ctrl-C: finished results are kept, and the exit code i
 from __future__ import annotations
 
 import ctypes
+import math
 import multiprocessing
 import os
 import signal
@@ -143,14 +144,14 @@ def is_stopped(process: int) -> bool:
 
 
 @contextmanager
-def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
-    """End this process if a step exceeds its limit [s], also in compiled code; None means no limit.
+def deadline(limit: float) -> Iterator[Callable[[], None]]:
+    """End this process if a step exceeds its limit [s], also in compiled code; inf means no limit.
 
     Call the yielded function at the start of each step, which ends the previous one. Time during
     which the process is stopped does not count. A thread ends steps that wait; the system ends
     steps that compute, even if they block other threads.
     """
-    if limit is None:
+    if limit == math.inf:
         yield lambda: None
         return
     allowed = limit + SLACK

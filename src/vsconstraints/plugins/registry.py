@@ -12,7 +12,7 @@ still has them. Another package registers its part by an entry point of the grou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -199,7 +199,7 @@ def added_metrics(table: Literal["metrics", "row_metrics"]) -> list[Metric]:
                 raise ConfigurationError(f"{where} cannot be used: {error}") from error
             if not isinstance(metric, Metric):
                 raise ConfigurationError(f"{where} must be a Metric, not {format_value(metric)}")
-            found.append(metric)
+            found.append(replace(metric, package=installed.package))
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..comparisons import StoredComparison
-from ..comparisons.metrics import DEFINITIONS, METRICS, NEGLIGIBLE, TOLERANCES, TOLERANT
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANCES, TOLERANT, definitions, run_metrics
 from ..comparisons.runs.folder import locked
 from ..comparisons.suite import BASELINE
 from ..errors import StorageError
@@ -93,8 +93,8 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         drawn=drawn,
         nothing=Drawn(),
         readings=readings,
-        definitions=DEFINITIONS,
-        metrics=METRICS,
+        definitions=definitions(),
+        metrics=run_metrics(),
         tolerances=TOLERANCES,
         controller_cells=controller_cells,
         tolerant=of_length(TOLERANT),

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from ..comparisons.metrics import METRICS, Metric
+from ..comparisons.metrics import Metric, run_metrics
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .markdown import Table, code, plain
@@ -58,7 +58,7 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     is_ranked = results.is_ranked(scenario)
     are_comparable = comparable(runs)
     numbers = {}
-    for metric in METRICS:
+    for metric in run_metrics():
         if metric.group != group or not metric.header:
             continue
         show = FORMATS[metric.style]

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANT, Metric, run_metrics
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
 from .markdown import Table, code
@@ -257,7 +257,7 @@ def _overall(
     """
     columns = {}
     complete = _complete(results, names)
-    for metric in METRICS:
+    for metric in run_metrics():
         if not metric.overall or not chosen(metric):
             continue
         condense = largest if metric.condensed == "worst" else median

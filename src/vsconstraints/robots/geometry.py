@@ -89,6 +89,11 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
+    def of(cls, placement: pin.SE3) -> Pose:
+        """Return a copy of Pinocchio's placement."""
+        return cls(np.array(placement.rotation), np.array(placement.translation))
+
+    @classmethod
     def from_xyz_rpy(cls, xyz: Vector3, rpy: Vector3) -> Pose:
         """Build a pose from a translation [m] and roll, pitch, yaw [rad].
 

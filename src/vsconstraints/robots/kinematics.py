@@ -110,9 +110,9 @@ class KinematicsEvaluator:
 
     def _tip_of_data(self) -> tuple[Pose, Array]:
         placement = pin.updateFramePlacement(self._model, self._data, self._tip)
-        tip = Pose(np.array(placement.rotation), np.array(placement.translation))
         local = pin.ReferenceFrame.LOCAL
-        return tip, as_matrix(pin.getFrameJacobian(self._model, self._data, self._tip, local))
+        J = as_matrix(pin.getFrameJacobian(self._model, self._data, self._tip, local))
+        return Pose.of(placement), J
 
 
 def as_matrix(jacobian: Array) -> Array:

@@ -280,7 +280,7 @@ class Robot:
         """Return the pose of a link in the base frame at ``q`` (n,)."""
         pin.forwardKinematics(self.model, self._data, self.configuration(q))
         placement = pin.updateFramePlacement(self.model, self._data, self.frame_id(link))
-        return Pose(np.array(placement.rotation), np.array(placement.translation))
+        return Pose.of(placement)
 
     def jacobian(
         self,

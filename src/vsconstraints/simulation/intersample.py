@@ -59,15 +59,15 @@ def intersample_clearance(
 
         They are infinite where the scene cannot be seen.
         """
-        clearance = np.full((len(samples), m), np.inf)
+        at_share = np.full((len(samples), m), np.inf)
         q, qd = plant.within(states, samples, share)
         t = (samples + share) * setup.Ts
         pixels, points, seen = control.views(t, q)
         if seen.any():
             of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
-            clearance[seen] = setup.clearance(*of_seen)
-        least[samples] = np.minimum(least[samples], clearance)
-        return clearance
+            at_share[seen] = setup.clearance(*of_seen)
+        least[samples] = np.minimum(least[samples], at_share)
+        return at_share
 
     if not len(periods):
         return least

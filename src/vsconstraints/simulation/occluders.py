@@ -73,8 +73,8 @@ class LinesOfSight:
         markers = []
         places = []
         for configuration, time in zip(q, t, strict=True):
-            at = camera.fixed or self.scene.robot.pose(configuration) @ camera.mount.inverse
-            eyes.append(at.t)
+            tip = self.scene.robot.pose(configuration)
+            eyes.append(camera.pose(tip).t)
             markers.append(self.scene.markers_at(configuration, time))
             places.append(self._places(configuration))
         near = self._near(np.array(eyes), np.array(markers), places)

@@ -25,14 +25,17 @@ PLAIN = (bool, int, float, str, np.ndarray, np.generic, RobotPoint)
 def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
     """Return the data before a run that a stack has declared, as JSON has them.
 
-    Camera and target are those that the controller believes in. Limits that do not exist, and
-    actuator limits that the controller does not know, are None.
+    ``uses`` are names of :data:`.USES`: :func:`.checked_declaration` refuses all others. Camera and
+    target are those that the controller believes in. Limits that do not exist, and actuator limits
+    that the controller does not know, are None.
     """
     scene = setup.sensor().believed
     data: dict[str, Any] = {"period": setup.Ts, "joints": scene.robot.joint_names}
     for name in uses:
-        if name in SECTIONS:
+        if name in SECTIONS:  # others are data in each period
             data |= SECTIONS[name](setup, scene)
+    # a stack in this process gets the same lists and None as one in another process, and copies of
+    # the scene's arrays
     plain: dict[str, Any] = decode(encode(data))
     return plain
 

@@ -71,11 +71,17 @@ class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
 
 def _listed(value: object) -> object:
-    """Return an array as a list, and None instead of an object that JSON does not have."""
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else None
+    """Return an array as a list; raises TypeError for any other object that JSON does not have."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(
+        f"messages to a stack hold numbers, texts, arrays, lists and tables, and nothing of type "
+        f"{type(value).__name__}"
+    )
 
 
-#: Encode data as JSON, with arrays as lists, and null for numbers that are not finite.
+#: Encode data as JSON, with arrays as lists, and null for numbers that are not finite. Raises
+#: TypeError for an object that JSON does not have.
 encode = msgspec.json.Encoder(enc_hook=_listed).encode
 decode = msgspec.json.decode
 _decode_reply = msgspec.json.Decoder(_Reply).decode

@@ -38,15 +38,11 @@ def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     J = np.asarray(data.J).reshape(6, -1)
-    poses = [_pose(placement) for placement in data.oMi]
+    poses = [Pose.of(placement) for placement in data.oMi]
     linear = J[:3]
     angular = J[3:]
     axes = np.where(np.array(robot.prismatic), linear, angular).T
     return poses, axes
-
-
-def _pose(placement: pin.SE3) -> Pose:
-    return Pose(np.array(placement.rotation), np.array(placement.translation))
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
@@ -131,7 +127,7 @@ def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
         for body in link_geometry(robot.source, "visual").geometryObjects:
             mesh = mesh_of(body.geometry)
             if mesh is not None:
-                in_joint = mesh.moved(_pose(body.placement))
+                in_joint = mesh.moved(Pose.of(body.placement))
                 parts.append(Part(in_joint, LINK, f"joint {body.parentJoint}"))
     except ConfigurationError as error:
         remark = f"Bars follow the axes of its joints instead of meshes: {error}."

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
+from ..errors import ConfigurationError
 from ..images.detectors import DETECTORS, Pixels, Tags
 from ..simulation import Setup, Trajectory
-from .replay.film import film_kind, write_pictures
+from .replay.film import FILMS, film_kind, write_pictures
 
 EXPECTED = (40, 180, 60)  #: Colours of the task's tags, of all others, and of the time.
 FOREIGN = (230, 60, 40)
@@ -57,7 +58,11 @@ def kind_of(path: Path) -> str:
 
     Raises ConfigurationError for any other suffix.
     """
-    return film_kind(path, ("",), ", and a folder in neither")
+    if path.suffix and path.suffix.lower() not in FILMS:
+        raise ConfigurationError(
+            f"a film ends in {' or '.join(FILMS)}, and a folder in neither, not {path.name!r}"
+        )
+    return film_kind(path) if path.suffix else ""
 
 
 def write_frames(

@@ -26,6 +26,9 @@ OBSTACLE = "#F0A202"
 GLASS = 0.4  # opacity of obstacles
 # Depth of the pyramid that represents the camera, for an arm of :data:`.REACH` [m].
 CAMERA_SIZE = 0.12
+#: Radii of the edges and markers of the target, for an arm of :data:`.REACH` [m].
+EDGE_RADIUS = 0.003
+MARKER_RADIUS = 0.015
 MIN_DEPTH = 0.05  # least depth of the drawn view [m], for markers behind the camera
 #: Half the height of a view relative to half the side of its cube; allowance for thick links.
 IN_VIEW = 1.16
@@ -44,13 +47,11 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
     camera = scene.camera
     frames = arm_frames(scene.robot, q)
     tip = frames["tip"].pose
+    target = tip
     if camera.fixed is None:
-        frames["camera"] = Placement(tip @ camera.mount.inverse)
         target = Pose.identity() if scene.motion is None else scene.motion.pose(t)
-        frames["target"] = Placement(target)
-    else:
-        frames["camera"] = Placement(camera.fixed)
-        frames["target"] = Placement(tip)
+    frames["camera"] = Placement(camera.pose(tip))
+    frames["target"] = Placement(target)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
         shift = np.zeros(3)
@@ -77,8 +78,8 @@ def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OB
     """Add obstacles and the target; ``size`` is half the side of the shown cube [m]."""
     for k, mesh in obstacle_meshes(setup, size).items():
         scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS)
-    edge_radius = 0.003 * size / REACH
-    marker_radius = 0.015 * size / REACH
+    edge_radius = EDGE_RADIUS * size / REACH
+    marker_radius = MARKER_RADIUS * size / REACH
     scene.target(setup.scene.markers, edge_radius, marker_radius, "target")
 
 
@@ -192,11 +193,11 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
 
 def view_axes(elevation: float, azimuth: float) -> Array:
     """Return directions right, up and towards the viewer as columns (3, 3), for angles [deg]."""
-    elevation, azimuth = np.deg2rad([elevation, azimuth])
-    cos = np.cos(azimuth)
-    sin = np.sin(azimuth)
-    level = np.cos(elevation)
+    elevation_rad, azimuth_rad = np.deg2rad([elevation, azimuth])
+    cos = np.cos(azimuth_rad)
+    sin = np.sin(azimuth_rad)
+    level = np.cos(elevation_rad)
     right = np.array([-sin, cos, 0.0])
-    towards = np.array([level * cos, level * sin, np.sin(elevation)])
+    towards = np.array([level * cos, level * sin, np.sin(elevation_rad)])
     up = np.cross(towards, right)
     return np.column_stack((right, up, towards))

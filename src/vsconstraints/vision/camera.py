@@ -87,6 +87,10 @@ class Camera:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in self.focal_px))
         return f"<Camera {width:g} × {height:g} px, focal length {focal} px{lens}, {place}>"
 
+    def pose(self, tip: Pose) -> Pose:
+        """Return the pose in the base frame while the tip is at ``tip``; a fixed camera stays."""
+        return tip @ self.mount.inverse if self.fixed is None else self.fixed
+
     @classmethod
     def from_calibration(
         cls,

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...comparisons.metrics import load_metrics
 from ...comparisons.runs.folder import MANIFEST, manifest_of
 from ...comparisons.runs.pool import Failure, OpenWorkers
 from ...comparisons.runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming, prepare_laws
@@ -137,9 +138,10 @@ def _stored(folder: Path) -> object:
 def _measured(
     campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]
 ) -> CallTimes:
+    load_metrics()  # as a campaign does, before any run
     prepare_laws(campaign.controllers)
     training = campaign.changed(half="training", scenes=SCENES, scenes_in={})
-    batches = plan_batches(training, limit="own")
+    batches = plan_batches(training, limit=None)
     calls = {i: (batch,) for i, batch in enumerate(batches)}
     measured = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:

@@ -8,6 +8,7 @@ continues.
 from __future__ import annotations
 
 import logging
+import math
 import multiprocessing
 import operator
 import os
@@ -122,12 +123,11 @@ def _answer(
     pool: Pool[Any],
     function: Callable[..., Any],
     arguments: Any = (),
-    limit: float | None = None,
+    limit: float = math.inf,
     again: bool = True,
 ) -> Any:
     calls = {0: (function, *arguments)}
-    limits = {} if limit is None else {0: limit}
-    ((_, answer),) = pool.run(calls, limits, again=again)
+    ((_, answer),) = pool.run(calls, {0: limit}, again=again)
     return answer
 
 
@@ -301,8 +301,9 @@ class _Cluster:
                 most = PER_THREAD * sum(threads.values())
                 while waiting and len(under_way) < most:
                     key = waiting.popleft()
+                    limit = limits.get(key, math.inf)
                     try:
-                        packed = self._packed(function, calls[key], limits.get(key), again)
+                        packed = self._packed(function, calls[key], limit, again)
                     except Exception as error:  # pickling custom parts can raise anything
                         yield key, Failure.of(error, "it cannot be sent to a worker: ")
                         continue

@@ -21,8 +21,7 @@ from ...scenarios.reading import from_table
 from . import parquet
 from .campaign import Campaign
 from .own_files import changed, contents, own_folders
-from .parquet import RUNS, TABLES
-from .work import Batch, Limit, batch_name, benches, make_batch
+from .work import Batch, batch_name, benches, make_batch
 
 MARK = "runs"  # the table that is written last: a batch is complete if it has this file
 
@@ -88,7 +87,7 @@ class StoredBatch(NamedTuple):
         if columns is not None and not self.whole:
             names = [*columns, "scene"]
         file = batch_file(self.folder, name, self.name)
-        lines = parquet.read([file], TABLES[name], names)
+        lines = parquet.read([file], parquet.tables()[name], names)
         if not self.whole:
             wanted = set(self.scenes)
             is_wanted = [number in wanted for number in lines["scene"].to_pylist()]
@@ -135,7 +134,7 @@ def stored_files(folder: Path) -> list[Path]:
     The manifest comes first, followed by the files that are written once.
     """
     files = [folder / MANIFEST]
-    for table in TABLES:
+    for table in parquet.tables():
         files += sorted((folder / table).glob("part-*.parquet"))
     files += sorted((folder / TRAJECTORIES).glob("*.npz"))
     return files
@@ -144,7 +143,7 @@ def stored_files(folder: Path) -> list[Path]:
 def write_batch(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
     """Write the files of a batch, the table that marks it as complete last. Raises OSError."""
     files = []
-    for table in sorted(TABLES, key=lambda table: table == MARK):
+    for table in sorted(parquet.tables(), key=lambda table: table == MARK):
         file = batch_file(folder, table, name)
         file.parent.mkdir(exist_ok=True)
         parquet.write(file, tables[table], vars(facts))
@@ -183,7 +182,7 @@ def _complete_batches(folder: Path) -> list[StoredBatch]:
     complete = []
     for name in batch_names(folder):
         with suppress(ConfigurationError):  # a truncated file has no footer
-            for table in TABLES:
+            for table in parquet.tables():
                 parquet.line_count(batch_file(folder, table, name))
             complete.append(_stored_batch(folder, name))
     return complete
@@ -232,7 +231,7 @@ def require_same_files(stored: Iterable[StoredBatch]) -> None:
 
 def clear(folder: Path) -> None:
     """Remove all tables, trajectories and checksums of a campaign."""
-    for name in (*TABLES, TRAJECTORIES):
+    for name in (*parquet.tables(), TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
     (folder / SUMS).unlink(missing_ok=True)
 
@@ -262,7 +261,8 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     files = [batch_file(folder, MARK, name) for name in batch_names(folder)]
     names = (*RunKey._fields, "status", "violation_depth", "duration_s")
     # runs without a sample have no duration
-    runs = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
+    columns = parquet.tables()["runs"]
+    runs = parquet.read(files, columns, names).to_pandas().dropna(subset="duration_s")
     order = ["family", "scene", "condition", "controller"]
     lines = runs.sort_values(order, ignore_index=True).to_dict("records")
     group = ("family", "condition", "controller")
@@ -275,12 +275,12 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(
-    folder: Path, keep: Keep, campaign: Campaign, limit: Limit, workers: OpenWorkers
+    folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers
 ) -> int:
     """Repeat runs whose trajectories are to be kept but missing, and remove all other trajectories.
 
     Returns the number of trajectories that are stored afterwards. If ``keep`` is "none", nothing is
-    repeated or removed.
+    repeated or removed. ``limit`` is the time limit of a run [s]; None is that of each law.
     """
     if keep == "none":
         return 0

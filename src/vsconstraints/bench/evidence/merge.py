@@ -12,6 +12,8 @@ from ...comparisons.runs.files import TRAJECTORIES, replaced, require_unchanged
 from ...comparisons.runs.folder import locked, manifest_of
 from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
+from ...plugins.registry import packages_with_metrics
+from . import parquet
 from .folder import (  # fmt: skip
     MARK,
     StoredBatch,
@@ -22,7 +24,7 @@ from .folder import (  # fmt: skip
     trajectory_file,
     write_batch,
 )
-from .parquet import TABLES, column_names
+from .parquet import column_names
 from .stored import Evidence
 from .together import combined_manifest
 
@@ -45,8 +47,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     ``out`` is a new or empty folder, or that of an earlier merge, which is replaced. Raises
     ConfigurationError, before anything is written, if the folders cannot be read as one campaign,
     see :meth:`.Evidence.load`, if scenes are missing, or if tables have columns of metrics that are
-    not installed. Raises StorageError if a file cannot be
-    written.
+    not installed. Raises StorageError if a file cannot be written.
     """
     if not folders:
         raise ConfigurationError(
@@ -72,7 +73,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         runs = 0
         with store.storing():
             for batch in evidence.batches:
-                tables = {name: batch.table(name) for name in TABLES}
+                tables = {name: batch.table(name) for name in parquet.tables()}
                 n_runs = tables[MARK].num_rows
                 facts = replace(batch.facts, scenes=batch.scenes, runs=n_runs)
                 write_batch(out, batch.name_of_scenes, tables, facts)
@@ -109,14 +110,17 @@ def _require_all(evidence: Evidence) -> None:
 
 def _require_known_columns(batch: StoredBatch) -> None:
     """Raise ConfigurationError if a table has columns that would be lost, with the remedy."""
-    for name, columns in TABLES.items():
+    for name, columns in parquet.tables().items():
         path = batch_file(batch.folder, name, batch.name)
         known = {column.name for column in columns}
         unknown = [column for column in column_names(path) if column not in known]
         if not unknown:
             continue
-        versions = batch.facts.identity.get("metrics", {})
-        packages = [f"{package} {version}" for package, version in versions.items()]
+        installed = packages_with_metrics()
+        packages = []
+        for package, version in batch.facts.identity.get("metrics", {}).items():
+            if installed.get(package) != version:
+                packages.append(f"{package} {version}")
         remedy = "merge with the version that wrote it"
         if packages:
             remedy = f"install {', '.join(packages)}, and merge again"

@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...comparisons.metrics import (
-    CONSTRAINT_COLUMNS,
-    METRICS,
     REQUIRED_COLUMNS,
-    RESULT_COLUMNS,
-    ROW_METRICS,
     RUN,
-    TIMING_COLUMNS,
+    constraint_columns,
+    result_columns,
+    row_metrics,
+    run_metrics,
 )
 from ...comparisons.runs.files import replaced
+from ...comparisons.tables import missing_columns
 from ...errors import ConfigurationError, one_line
 from ...plugins.extras import demand
 from ...plugins.regular_files import require_regular
@@ -92,7 +92,7 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     kinds: dict[str, Kind] = {}
     for metric in metrics:
         if metric.value is not None:
-            kinds[metric.column] = "number" if metric.kind == "time" else metric.kind
+            kinds[metric.column] = "number" if metric.is_number else metric.kind
     columns = list(KEYS)
     for name in names:
         if name not in RUN:
@@ -101,11 +101,6 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     return tuple(columns)
 
 
-#: Columns of the table with one line for each run: keys, then the columns of results.csv.
-RUNS = _columns(RESULT_COLUMNS, METRICS)
-#: Columns of the table with one line for each challenged, active or violated row of a run: keys,
-#: then the columns of constraints.csv.
-ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 #: Columns of the table with one line for each scene; ``rejected`` and ``values`` are JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
@@ -118,8 +113,21 @@ SCENES = (
     Column("least_time_s", "number"),
     Column("duration_s", "number"),
 )
-TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the batches.
-TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are reproducible.
+
+
+def tables() -> dict[str, tuple[Column, ...]]:
+    """Return the columns of each table, by the folder of its batches.
+
+    ``runs`` has one line for each run: keys, then the columns of results.csv. ``rows`` has one line
+    for each challenged, active or violated row of a run: keys, then the columns of constraints.csv.
+    ``scenes`` has one line for each scene. Raises ConfigurationError if a metric of another package
+    cannot be used.
+    """
+    return {
+        "runs": _columns(result_columns(), run_metrics()),
+        "rows": _columns(constraint_columns(), row_metrics()),
+        "scenes": SCENES,
+    }
 
 
 def schema(columns: Sequence[Column]) -> Any:
@@ -195,34 +203,29 @@ def read(
     """Read the lines of all files into one table, with the named columns or all.
 
     A missing column is read as empty: a text as "", all others as null. Raises ConfigurationError
-    if a file cannot be read or has no required column.
+    if a file cannot be read, has no required column, or lacks a column beside an unknown one.
     """
     selected = columns
     if names is not None:
         selected = [column for column in columns if column.name in names]
     wanted = schema(selected)
-    tables = [wanted.empty_table()]
+    known = [column.name for column in columns]
+    required = [column.name for column in columns if column.required]
+    parts = [wanted.empty_table()]
     for path in paths:
         # read single files: pyarrow would derive partition columns from the names of folders
         with _reading(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
             _require_small(file.metadata)
             lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
-            unknown = set(file.schema_arrow.names).difference(column.name for column in columns)
+            missing = missing_columns(file.schema_arrow.names, wanted.names, known, required)
             for column in selected:
-                if column.name in lines.column_names:
-                    continue
-                # beside an unknown column, a missing one may be a damaged name
-                if column.required or unknown:
-                    raise ValueError(
-                        f"it has no column {column.name!r}: it was written by another version, "
-                        "which can report on it"
-                    )
-                empty_cell = "" if column.kind == "text" else None
-                empty = pa.array([empty_cell] * len(lines), _TYPES[column.kind])
-                lines = lines.append_column(column.name, empty)
-            tables.append(lines.select(wanted.names).cast(wanted))
-    return pa.concat_tables(tables)
+                if column.name in missing:
+                    empty_cell = "" if column.kind == "text" else None
+                    empty = pa.array([empty_cell] * len(lines), _TYPES[column.kind])
+                    lines = lines.append_column(column.name, empty)
+            parts.append(lines.select(wanted.names).cast(wanted))
+    return pa.concat_tables(parts)
 
 
 def _require_small(metadata: Any) -> None:

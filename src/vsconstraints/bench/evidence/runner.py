@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ...comparisons.metrics import load_metrics
 from ...comparisons.runs.folder import Keep, locked, manifest_of, parse_keep
 from ...comparisons.runs.machine import loaded_versions, machine, new_manifest
 from ...comparisons.runs.pool import Failure, OpenWorkers, Workers, processes
@@ -24,7 +25,7 @@ from .folder import (
     write_batch,
 )
 from .own_files import contents, own_folders, require_unchanged_files
-from .work import Batch, Limit, Part, Shard, failed, plan_batches, scored
+from .work import Batch, Part, Shard, failed, plan_batches, scored
 
 # manifest entries of the last command that made runs; a command without runs keeps them
 OF_WORK = ("wall_time_s", "runs_per_s")
@@ -125,11 +126,12 @@ def collect(
     """Run a campaign and store its batches in ``folder``, without repeating scenes that are stored.
 
     ``on_progress`` is called once at the start and after every batch. Raises ConfigurationError if
-    the folder cannot be used or a family has no scene. Raises StorageError if a file cannot be
-    written; stored batches remain.
+    the folder cannot be used, a family has no scene, or a metric of another package cannot be used.
+    Raises StorageError if a file cannot be written; stored batches remain.
     """
     plan = plan or Plan()
     parse_keep(plan.keep)
+    load_metrics()  # a metric that cannot be used ends the command before any run
     with locked(folder, "evidence"):
         folder = folder.absolute()  # custom parts may change the working directory
         store = Store(folder, "evidence", stored_files)
@@ -137,8 +139,7 @@ def collect(
             clear(folder)
         before = finished_batches(folder, campaign)
         finished_scenes = {(facts.family, scene) for facts in before for scene in facts.scenes}
-        limit: Limit = "own" if plan.limit is None else plan.limit
-        batches = plan_batches(campaign, plan.shard, limit, finished_scenes)
+        batches = plan_batches(campaign, plan.shard, plan.limit, finished_scenes)
         families = {batch.family.name: batch.family for batch in batches}
         for family in families.values():
             family.require_scenes(campaign.half, campaign.seed)
@@ -162,7 +163,7 @@ def collect(
                         progress.add(batch, part)
                         on_progress(progress)
             with store.storing():
-                kept = keep_trajectories(folder, plan.keep, campaign, limit, plan.workers)
+                kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
         finished = Finished(folder, progress, store.seconds, kept, store.interrupted)
         rates: dict[str, float] = {}
         if progress.runs:
@@ -218,22 +219,28 @@ def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, P
     Batches whose process died are repeated run by run when all others are finished, in one queue. A
     run whose process dies again fails with the reason.
     """
-    pieces: dict[tuple[int, int], Batch] = {}
-    limits: dict[tuple[int, int], float] = {}
-    batch_calls = {i: (batch,) for i, batch in enumerate(batches)}
-    for i, answer in workers.run(batch_calls, again=False):
+    died: dict[int, Batch] = {}
+    calls = {i: (batch,) for i, batch in enumerate(batches)}
+    for i, answer in workers.run(calls, again=False):
         if isinstance(answer, Failure):
-            for j, (piece, limit) in enumerate(batches[i].pieces()):
-                pieces[i, j] = piece
-                if limit is not None:
-                    pieces[i, j] = replace(piece, limit=limit + GRACE)
-                    limits[i, j] = limit
+            died[i] = batches[i]
         else:
             yield i, answer
+    yield from _run_by_run(died, workers)
+
+
+def _run_by_run(batches: Mapping[int, Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
+    """Make each run of the batches in a call of its own; yield their numbers and results."""
+    pieces: dict[tuple[int, int], Batch] = {}
+    limits: dict[tuple[int, int], float] = {}
+    for i, batch in batches.items():
+        for j, (piece, limit) in enumerate(batch.pieces()):
+            pieces[i, j] = replace(piece, limit=limit + GRACE)
+            limits[i, j] = limit
     count = Counter(i for i, _ in pieces)
     parts = defaultdict[int, dict[int, Part]](dict)
-    piece_calls = {key: (piece,) for key, piece in pieces.items()}
-    for (i, j), answer in workers.run(piece_calls, limits):
+    calls = {key: (piece,) for key, piece in pieces.items()}
+    for (i, j), answer in workers.run(calls, limits):
         if isinstance(answer, Failure):
             answer = failed(pieces[i, j], answer.reason)
         parts[i][j] = answer

@@ -40,7 +40,7 @@ from .folder import (  # fmt: skip
     stored_files,
     trajectory_file,
 )
-from .parquet import KEYS, TABLES
+from .parquet import KEYS
 from .together import combined_batches, combined_manifest, in_order
 
 MAX_ROWS = 1000  # maximum number of constraint rows of a run in a batch
@@ -73,6 +73,7 @@ class Evidence(StoredResults):
     """
 
     parts: tuple[Evidence, ...] = ()
+    combined: tuple[StoredBatch, ...] = ()  #: Batches of all ``parts``, which have each scene once.
 
     with_code = ("families", "controllers")
 
@@ -97,9 +98,7 @@ class Evidence(StoredResults):
         manifests = {part.folder: part.manifest for part in parts}
         batches = combined_batches(manifests, stored)
         manifest = combined_manifest(manifests, batches)
-        evidence = cls(folders[0], manifest, trust, tuple(remarks), parts)
-        vars(evidence)["batches"] = batches  # the cached property, which would compare them again
-        return evidence
+        return cls(folders[0], manifest, trust, tuple(remarks), parts, batches)
 
     @property
     def manifests(self) -> Mapping[Path, Mapping[str, Any]]:
@@ -109,10 +108,7 @@ class Evidence(StoredResults):
     @cached_property
     def batches(self) -> tuple[StoredBatch, ...]:
         """Batches of all folders, which have each scene once."""
-        if self.parts:
-            stored = [batch for part in self.parts for batch in part.batches]
-            return combined_batches(self.manifests, stored)
-        return in_order(stored_batches(self.folder))
+        return self.combined or in_order(stored_batches(self.folder))
 
     @cached_property
     def _folders(self) -> Mapping[tuple[str, int], Path]:
@@ -211,7 +207,8 @@ class Evidence(StoredResults):
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        empty = parquet.table(TABLES[name], [])
+        columns = parquet.tables()[name]
+        empty = parquet.table(columns, [])
         tables = [batch.table(name) for batch in self.batches]
         table = parquet.joined([empty, *tables]).to_pandas()
         orders: dict[str, Sequence[str]] = {
@@ -220,7 +217,7 @@ class Evidence(StoredResults):
             "controller": self.controllers,
             "status": get_args(Outcome),
         }
-        for column in TABLES[name]:
+        for column in columns:
             if column.category:
                 values = table[column.name]
                 order = orders.get(column.name, sorted(values.unique()))
@@ -244,7 +241,7 @@ class Evidence(StoredResults):
         for batch in self.batches:
             facts = batch.facts
             path = batch.path
-            for table in TABLES:
+            for table in parquet.tables():
                 file = batch_file(self.folder, table, batch.name)
                 if table != MARK and Facts.of(file) != facts:
                     raise ConfigurationError(
@@ -350,7 +347,7 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
     facts = batch.facts
     half = configuration["half"]
     counts = {}
-    for table in TABLES:
+    for table in parquet.tables():
         file = batch_file(batch.folder, table, batch.name)
         counts[table] = parquet.line_count(file)
     planned = _planned_runs(facts, configuration)

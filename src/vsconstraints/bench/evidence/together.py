@@ -6,10 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...comparisons.metrics import timing_columns
 from ...comparisons.runs.identity import differences, in_words
 from ...errors import ConfigurationError
 from .folder import MARK, StoredBatch, require_same_files
-from .parquet import TABLES, TIMING
+from .parquet import tables
 
 #: Entries of a manifest that may differ between the folders of a campaign.
 OWN = (
@@ -69,6 +70,8 @@ def _require_one_campaign(stored: Sequence[StoredBatch], manifests: Manifests) -
         of_family.append((batch.folder, batch_identity))
         of_all_families = {name: batch_identity.get(name) for name in COMMON}
         common.append((batch.folder, of_all_families))
+    # two folders may have no family in common, and families differ in their tables and conditions:
+    # whole identities are compared within a family, and what all families share across them
     for identities in by_family.values():
         _require_equal(identities)
     _require_equal(common)
@@ -89,8 +92,11 @@ def _require_equal(tables: Sequence[FolderTable]) -> None:
     for folder, table in tables[1:]:
         first_folder, first = tables[0]
         if table != first:
-            texts = [f"{text} ({first_folder} and {folder})" for text in differences(first, table)]
-            raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
+            found = differences(first, table, "in the first", "in the second")
+            raise ConfigurationError(
+                f"{first_folder} and {folder} are not parts of one campaign: "
+                f"{in_words(list(found))}"
+            )
 
 
 def _each_once(stored: Sequence[StoredBatch]) -> tuple[StoredBatch, ...]:
@@ -117,7 +123,7 @@ def _each_once(stored: Sequence[StoredBatch]) -> tuple[StoredBatch, ...]:
 
 def _require_same_results(first: StoredBatch, second: StoredBatch, scenes: list[int]) -> None:
     """Raise ConfigurationError if two batches hold different results of the same scenes."""
-    for name in TABLES:
+    for name in tables():
         if _differ(first, second, name, scenes):
             at = next(number for number in scenes if _differ(first, second, name, [number]))
             problem = (
@@ -130,7 +136,8 @@ def _require_same_results(first: StoredBatch, second: StoredBatch, scenes: list[
 
 def _differ(first: StoredBatch, second: StoredBatch, name: str, scenes: list[int]) -> bool:
     """Return True if tables differ in these scenes, except in columns of times."""
-    columns = [column.name for column in TABLES[name] if column.name not in TIMING]
+    times = timing_columns()
+    columns = [column.name for column in tables()[name] if column.name not in times]
     lines = first.of(scenes).table(name, columns)
     other_lines = second.of(scenes).table(name, columns)
     return not lines.equals(other_lines)
@@ -163,6 +170,5 @@ def combined_manifest(manifests: Manifests, stored: Sequence[StoredBatch]) -> di
         "finished": finished,
         "stored_before": finished,
         "runs": sum(map(_run_count, stored)),
-        "trajectories": sum(manifest.get("trajectories", 0) for manifest in every),
         "shard": [1, 1],
     }

@@ -6,13 +6,13 @@ A batch is the unit of work that is sent to a worker.
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import chdir, nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
-from math import ceil
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from ...comparisons.experiment import Entries
 from ...comparisons.metrics import score
@@ -31,7 +31,6 @@ from ..families import Drawn, Family
 from . import parquet
 from .campaign import Campaign
 from .own_files import has_own_parts, named, own_folders, require_unchanged_files
-from .parquet import TABLES
 
 # Maximum number of runs of a batch, unless a single scene has more. It limits what an interrupt
 # loses to some 12 s, and the size of a file to a hundred kilobytes. Results do not depend on it.
@@ -41,8 +40,6 @@ MIN_BATCHES = 16  # minimum number of batches of a family; results do not depend
 NO_FILES: Files = {}
 
 Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
-#: Time limit [s]; "own" is that of each law, see :meth:`.ControllerSpec.run_limit`; None is none.
-Limit = float | Literal["own"] | None
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,8 @@ class Batch:
     """Scenes of one family with all data that a worker needs to run them.
 
     Each of the ``scenes`` is run in every condition with every controller, the unconstrained
-    baseline first. ``limit`` is the time limit for drawing one scene and for making one run. The
+    baseline first. ``limit`` is the time limit [s] for drawing one scene and for making one run;
+    None derives it from the number of samples, for each law, and infinity means no limit. The
     process that exceeds it ends, so only batches for workers have one. ``single`` is the only
     controller whose runs are requested; None requests the runs of all controllers and the line of
     each scene. ``drawn`` is the only scene, if it is already drawn.
@@ -93,7 +91,7 @@ class Batch:
     controllers: Entries
     half: str
     seed: int
-    limit: Limit = None
+    limit: float | None = math.inf
     single: str | None = None
     drawn: Drawn | None = None
 
@@ -103,13 +101,13 @@ class Batch:
         return batch_name(self.family.name, self.scenes)
 
     @property
-    def drawing_limit(self) -> float | None:
-        """Time limit for drawing one scene [s]; None means no limit."""
-        return run_limit(self._tables) if self.limit == "own" else self.limit
+    def drawing_limit(self) -> float:
+        """Time limit for drawing one scene [s]; infinite if there is none."""
+        return run_limit(self._tables) if self.limit is None else self.limit
 
-    def run_limit(self, entry: ControllerSpec) -> float | None:
-        """Return the time limit of one run of a controller [s]; None means no limit."""
-        return entry.run_limit(self._tables) if self.limit == "own" else self.limit
+    def run_limit(self, entry: ControllerSpec) -> float:
+        """Return the time limit of one run of a controller [s]; infinite if there is none."""
+        return entry.run_limit(self._tables) if self.limit is None else self.limit
 
     @property
     def _tables(self) -> Table:
@@ -118,13 +116,13 @@ class Batch:
             return self.family.tables
         return self.drawn.tables[self.conditions[0]]
 
-    def pieces(self) -> list[tuple[Batch, float | None]]:
+    def pieces(self) -> list[tuple[Batch, float]]:
         """Split the batch into one batch for each run; return each with its time limit [s].
 
         For each scene, a further batch without runs returns the line of the scene.
         """
         scenes = [replace(self, scenes=(number,)) for number in self.scenes]
-        pieces: list[tuple[Batch, float | None]] = []
+        pieces: list[tuple[Batch, float]] = []
         for scene in scenes:
             pieces.append((replace(scene, conditions=()), self.drawing_limit))
         for scene, condition, entry in product(scenes, self.conditions, self.controllers):
@@ -142,9 +140,9 @@ WHOLE_CAMPAIGN = Shard()
 
 
 def make_batch(
-    campaign: Campaign, family: Family, scenes: Sequence[int], limit: Limit = None
+    campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = math.inf
 ) -> Batch:
-    """Return the batch of scenes that are run in the same conditions."""
+    """Return the batch of scenes that are run in the same conditions; ``limit`` is its limit."""
     return Batch(
         family,
         tuple(scenes),
@@ -159,12 +157,13 @@ def make_batch(
 def plan_batches(
     campaign: Campaign,
     shard: Shard = WHOLE_CAMPAIGN,
-    limit: Limit = None,
+    limit: float | None = math.inf,
     finished: Collection[tuple[str, int]] = (),
 ) -> list[Batch]:
     """Split the scenes of a campaign, except the ``finished`` ones, into batches.
 
     Families are interleaved, so that a slow family does not end up alone in the last batches.
+    ``limit`` is that of each :class:`Batch`.
     """
     scenes = shard.scenes(campaign.scenes)
     by_family = []
@@ -182,7 +181,7 @@ def plan_batches(
 def _batch_size(campaign: Campaign, family: Family, scenes: int) -> int:
     """Return the largest number of scenes of a batch of a family."""
     runs_of_scene = len(campaign.conditions_of(family)) * len(campaign.controllers)
-    most = min(RUNS_OF_BATCH // runs_of_scene, ceil(scenes / MIN_BATCHES))
+    most = min(RUNS_OF_BATCH // runs_of_scene, math.ceil(scenes / MIN_BATCHES))
     return max(1, most)
 
 
@@ -218,7 +217,7 @@ class Part(NamedTuple):
     def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
         """Return the result built from lines by table."""
         tables = {}
-        for name, columns in TABLES.items():
+        for name, columns in parquet.tables().items():
             tables[name] = parquet.table(columns, lines[name])
         return cls(**tables, seconds=seconds, files=dict(files))
 
@@ -243,7 +242,7 @@ class Part(NamedTuple):
     @property
     def tables(self) -> dict[str, Any]:
         """Arrow tables by name."""
-        return {name: getattr(self, name) for name in TABLES}
+        return {name: getattr(self, name) for name in parquet.tables()}
 
 
 def scored(batch: Batch) -> Part:
@@ -253,7 +252,7 @@ def scored(batch: Batch) -> Part:
     The caller handles failures that end the process.
     """
     begun = time.perf_counter()
-    lines: Lines = {name: [] for name in TABLES}
+    lines: Lines = {name: [] for name in parquet.tables()}
     own_parts = has_own_parts(batch.controllers, [batch.family])
     with own_parts_noted() if own_parts else nullcontext(NO_FILES) as files:
         for scene in batch.scenes:
@@ -287,7 +286,7 @@ def _score_scene(lines: Lines, batch: Batch, number: int) -> None:
 
 def failed(batch: Batch, reason: str) -> Part:
     """Return the result of a batch of one scene, or of one of its runs, whose process died."""
-    lines: Lines = {name: [] for name in TABLES}
+    lines: Lines = {name: [] for name in parquet.tables()}
     (number,) = batch.scenes
     if batch.single is None:
         lines["scenes"].append(_scene_line(batch, number, reason))

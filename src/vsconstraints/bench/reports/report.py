@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
+from ...comparisons.metrics import NEGLIGIBLE, TOLERANCES, TOLERANT, definitions
 from ...comparisons.runs.files import write_json
 from ...comparisons.runs.folder import MANIFEST, make_folder
 from ...errors import ConfigurationError, StorageError
@@ -109,14 +109,15 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "answers": list(map(finite, context["answers"])),
         "situations": list(map(finite, failures.situation_data(dataset))),
     }
-    definitions = {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS}
+    known = definitions()
+    defined = {name: known[name] for name in DEFINED if name in known}
     call_times = dataset.configuration.get("call_times")
     if call_times:
-        definitions["call_time"] = from_table(CallTimes, call_times, "call_times").sentence
+        defined["call_time"] = from_table(CallTimes, call_times, "call_times").sentence
     context |= {
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
-        "definitions": definitions,
+        "definitions": defined,
         "tables": tables,
         "failures": failures,
         "across": across,

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...comparisons.metrics import METRICS, Metric
+from ...comparisons.metrics import Metric, run_metrics
 from ...comparisons.rates import checked_confidence
 from ...errors import ConfigurationError, InvalidInput, format_value, unknown_name
 from ...rows import Array, BoolArray
@@ -175,7 +175,7 @@ def judged_metrics() -> dict[str, Metric]:
     The name is the column, or ``column / column`` for a ratio of two.
     """
     judged = {}
-    for metric in METRICS:
+    for metric in run_metrics():
         if metric.kind != "number" or not metric.header or metric.better is None:
             continue
         name = f"{metric.column} / {metric.over}" if metric.over else metric.column

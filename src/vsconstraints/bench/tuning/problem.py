@@ -311,7 +311,7 @@ class Problem:
                     controllers=(self.baseline,),
                     half=TRAINING,
                     seed=campaign.seed,
-                    limit="own",
+                    limit=None,
                     drawn=scene,
                 )
                 batches.append(batch)

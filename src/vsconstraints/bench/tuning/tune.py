@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...comparisons.metrics import load_metrics
 from ...comparisons.runs.files import plain, replaced, storing, write_json
 from ...comparisons.runs.folder import MANIFEST, locked, manifest_of
 from ...comparisons.runs.identity import Identity, differences, in_words
@@ -287,6 +288,7 @@ def tune(
     evaluations cannot be written; those stored before remain.
     """
     demand("tune")
+    load_metrics()  # a metric that cannot be used ends the command before any run
     with locked(folder, "a tuning"):
         prepare_laws(problem.campaign.controllers)
         claim(folder, plain(problem.configuration()), _facts(problem), command)

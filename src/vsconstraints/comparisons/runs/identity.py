@@ -131,14 +131,16 @@ def _is_list_of_tables(value: Any) -> bool:
     return all(isinstance(entry, Mapping) for entry in value)
 
 
-def differences(there: Any, here: Any) -> Iterator[str]:
-    """Yield a sentence for each difference, with both values."""
-    for path, old, new in different(there, here):
+def differences(
+    first: Any, second: Any, in_first: str = "there", in_second: str = "here"
+) -> Iterator[str]:
+    """Yield a sentence for each difference, with both values and words for where they are."""
+    for path, old, new in different(first, second):
         name = ".".join(path)
         if old is None or new is None:
-            yield f"{name} is only {'there' if new is None else 'here'}"
+            yield f"{name} is only {in_first if new is None else in_second}"
         else:
-            said = f"{name} is {format_value(old)} there and {format_value(new)} here"
+            said = f"{name} is {format_value(old)} {in_first} and {format_value(new)} {in_second}"
             yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
 
 

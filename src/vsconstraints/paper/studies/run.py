@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...comparisons.metrics import load_metrics
 from ...comparisons.record import RunRecord
 from ...comparisons.run import perform
 from ...comparisons.runs.files import write_arrays
@@ -94,6 +95,7 @@ def run_studies(
     baselines = {run.name: RunSpec(run.name, ControllerSpec(BASELINE)) for run in drift_noted}
     first = longest_first(baselines.values())
     limits = longest_first(drift_noted)
+    load_metrics()  # a metric that cannot be used ends the command before any run
     prepare()
     with nullcontext(kept) if kept else unfinished(folder) as store:
         answers = run_all(

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from ...comparisons import StoredComparison, Suite
 from ...comparisons import compare as compare_suite
-from ...comparisons.metrics import METRICS
+from ...comparisons.metrics import run_metrics
 from ...comparisons.runs.spec import BASELINE
 from ...errors import ConfigurationError, FolderTaken, unknown_name
 from ...reports.figures import View
@@ -236,7 +236,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: outcomes of laws on scenarios, and main scores."""
-        metrics = [metric for metric in METRICS if metric.column in FIRST]
+        metrics = [metric for metric in run_metrics() if metric.column in FIRST]
         results = self._lines
         header = ["scenario", "law", "outcome"]
         header += [metric.header for metric in metrics]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...comparisons import RunRecord, RunSpec, score
-from ...comparisons.metrics import METRICS, Score
+from ...comparisons.metrics import Score, run_metrics
 from ...comparisons.run import Run, perform
 from ...comparisons.runs.spec import BASELINE
 from ...controllers import Controller, Tracking
@@ -194,7 +194,7 @@ class NotebookRun(Run):
             self.plot.tracks().savefig(file, format="png", dpi=PICTURE_DPI)
         picture = base64.b64encode(file.getvalue()).decode()
         lines = []
-        for metric in METRICS:
+        for metric in run_metrics():
             if metric.header and metric.group in SHOWN:
                 text = metric_text(metric, [result])
                 if text != DASH:

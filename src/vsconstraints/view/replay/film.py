@@ -189,14 +189,14 @@ class _Column:
         )
 
 
-def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
-    """Return the suffix of a film, .gif or .mp4 or one of ``other``.
+def film_kind(path: Path) -> str:
+    """Return the suffix of a film, .gif or .mp4.
 
-    Raises ConfigurationError for any other suffix.
+    Raises ConfigurationError for any other suffix, or if a package for .mp4 is missing.
     """
     kind = path.suffix.lower()
-    if kind not in (*FILMS, *other):
-        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}{or_else}, not {path.name!r}")
+    if kind not in FILMS:
+        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, not {path.name!r}")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise ConfigurationError(
             "a film as MP4 needs imageio_ffmpeg: pip install 'vsconstraints[replay]'"

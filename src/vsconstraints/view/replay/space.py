@@ -16,6 +16,7 @@ from ...rows import Array, BoolArray, IntArray
 from ..arm import REACH, joint_poses, visuals
 from ..scene3d import Part, Placement, Scene3D, Viewpoint
 from ..setup_scene import (
+    EDGE_RADIUS,
     add_robot,
     add_surroundings,
     obstacle_meshes,
@@ -28,8 +29,10 @@ from ..solids import ball, bar
 from .runs import HIGHLIGHTS, Frames, ReplayRun, ThingOfRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted; opacity of the arms after the first.
-OBSTACLE = "#8FA3BF"
+NOT_HIGHLIGHTED = "#8FA3BF"
 OTHERS = 0.45
+#: Radius of the markers of the targets after the first, for an arm of :data:`.REACH` [m].
+OTHER_MARKER_RADIUS = 0.013
 #: Distance between the surfaces of successive arms, for an arm of :data:`.REACH` [m]. Coinciding
 #: surfaces would flicker. With this inset the first arm is visible where arms coincide.
 INSET = 1.5e-3
@@ -97,8 +100,11 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
         camera_colour = colour if is_first or not camera_is_fixed else ""
         add_robot(scene, setup, parts, (1.0 - 0.03 * k) * scale, camera_colour, f"{k} ")
         if camera_is_fixed and not is_first:
-            scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
-    add_surroundings(scene, setup, scale * REACH, OBSTACLE)
+            # smaller markers: coinciding surfaces would flicker
+            edge_radius = EDGE_RADIUS * scale
+            marker_radius = OTHER_MARKER_RADIUS * scale
+            scene.target(setup.scene.markers, edge_radius, marker_radius, f"{k} target")
+    add_surroundings(scene, setup, scale * REACH, NOT_HIGHLIGHTED)
     return scene, remark
 
 

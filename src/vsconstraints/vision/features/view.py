@@ -57,8 +57,7 @@ class View(NamedTuple):
 
         The twist is that of the camera relative to the target, in the camera frame.
         """
-        motion = pin.exp6(time * twist)
-        step = Pose(np.asarray(motion.rotation), np.asarray(motion.translation))
+        step = Pose.of(pin.exp6(time * twist))
         points = np.column_stack((self.xy, np.ones(len(self.xy)))) * self.depth[:, None]
         P = (points - step.t) @ step.R
         camera = None if self.camera is None else self.camera @ step
