@@ -471,6 +471,31 @@ def test_an_answer_has_one_number_per_joint(setup, answer):
     assert "its velocity must be 6 numbers, one per joint" in simulate(setup, Shaped()).reason
 
 
+SERVED = f"""
+import sys
+sys.path.insert(0, {str(external.ADAPTERS)!r})
+from stack_io import serve
+class Along:
+    name = "along"
+    output = "velocity"
+    uses = ["jacobian"]
+    def start(self, setup):
+        pass
+    def step(self, now):
+        return now["jacobian"][0]
+serve(Along())
+"""
+
+
+@pytest.mark.parametrize("json_of", ["msgspec", "the standard library"])
+def test_a_served_class_gets_and_gives_the_same_numbers_with_either_json(setup, json_of):
+    hidden = "" if json_of == "msgspec" else "import sys\nsys.modules['msgspec'] = None\n"
+    answer = asked(setup, hidden + SERVED, periods=2)
+    J = Measured(setup, ("jacobian",))(observed(setup))["jacobian"]
+    assert np.array_equal(answer.command, J[0])
+    assert 0.0 < answer.compute_time < 1.0
+
+
 def test_rows_and_a_task_are_refused(setup):
     with pytest.raises(InvalidInput, match="gets measurements"):
         Posed().command(Rows.none(6), Task(np.eye(6), np.zeros(6)))
@@ -698,7 +723,9 @@ def test_later_goals_a_fixed_camera_and_what_controllers_believe():
     )
 
 
-def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(setup):
+@pytest.mark.parametrize("scenario", ["ur5-fov", "eye-to-hand-ibvs"])
+def test_the_jacobian_is_that_of_the_camera_in_its_own_frame(scenario):
+    setup = Scenario.load(scenario).setup()
     q = setup.q0
     step = 1e-6
     J = Measured(setup, ("jacobian",))(observed(setup))["jacobian"]

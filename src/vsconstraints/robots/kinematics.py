@@ -78,9 +78,7 @@ class KinematicsEvaluator:
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
-        placement = pin.updateFramePlacement(model, data, self._tip)
-        tip = Pose.of(placement)
-        J = as_matrix(pin.getFrameJacobian(model, data, self._tip, local))
+        tip, J = self._tip_of_data()
         acceleration = pin.getFrameAcceleration(model, data, self._tip, local)
         k = len(self._points)
         points = np.empty((k, 3))
@@ -104,6 +102,17 @@ class KinematicsEvaluator:
             point_J=point_J,
             point_drift=point_drift,
         )
+
+    def tip_jacobian(self, q: Array) -> tuple[Pose, Array]:
+        """Return the tip's pose and Jacobian (6, n) of :class:`Kinematics` at ``q`` (n,)."""
+        pin.computeJointJacobians(self._model, self._data, q)
+        return self._tip_of_data()
+
+    def _tip_of_data(self) -> tuple[Pose, Array]:
+        placement = pin.updateFramePlacement(self._model, self._data, self._tip)
+        local = pin.ReferenceFrame.LOCAL
+        J = as_matrix(pin.getFrameJacobian(self._model, self._data, self._tip, local))
+        return Pose.of(placement), J
 
 
 def as_matrix(jacobian: Array) -> Array:

@@ -72,7 +72,7 @@ class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
 def _listed(value: object) -> object:
     """Return an array as a list; raises TypeError for any other object that JSON does not have."""
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     raise TypeError(
         f"messages to a stack hold numbers, texts, arrays, lists and tables, and nothing of type "
@@ -180,9 +180,10 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
         raise StackFailedError(
             f"its {output} must be {n} numbers, one per joint; it has the shape {numbers.shape}"
         )
-    if not np.isfinite(numbers).all():
+    greatest = np.abs(numbers).max(initial=0.0)  # NaN if an entry is
+    if not math.isfinite(greatest):
         raise StackFailedError(f"its {output} is not finite: {numbers}")
-    if np.abs(numbers).max(initial=0.0) > LARGEST:
+    if greatest > LARGEST:
         raise StackFailedError(
             f"its {output} is beyond {LARGEST:g}, which no arm reaches: {numbers}"
         )

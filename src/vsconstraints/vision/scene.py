@@ -195,8 +195,8 @@ class Scene:
 
         The twist is relative to a target that does not move by itself, in the camera frame.
         """
-        robot = self._evaluate_robot(q, np.zeros(self.robot.n))
-        J: Array = self._twist_of_camera(robot.tip) @ robot.J
+        tip, tip_J = self._evaluate_robot.tip_jacobian(q)
+        J: Array = self._twist_of_camera(tip) @ tip_J
         return J
 
     def _twist_of_camera(self, tip: Pose) -> Array:

@@ -1,4 +1,4 @@
-"""The protocol of docs/stacks.md for a class, with the standard library alone.
+"""The protocol of docs/stacks.md for a class; the standard library is enough.
 
 Copy this file beside a program of your own, or let Python find it beside the adapters. It runs in
 any environment: it imports nothing of vsconstraints.
@@ -12,6 +12,15 @@ import time
 
 PROTOCOL = 1
 
+try:  # several times faster than json, where it is installed
+    from msgspec.json import decode, encode
+except ImportError:
+    decode = json.loads
+
+    def encode(message):
+        """Return a message as JSON in bytes."""
+        return json.dumps(message).encode()
+
 
 class NoAnswer(Exception):
     """There is no command for this period; the message is the reason."""
@@ -24,20 +33,20 @@ def serve(stack):
     ``step(now)``, which returns n numbers or raises :class:`NoAnswer`. What it prints goes to the
     standard error, since the standard output is for answers alone.
     """
-    answers = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+    answers = os.dup(1)
     os.dup2(2, 1)
     sys.stdout = sys.stderr
 
     def say(message):
-        answers.write(json.dumps(message) + "\n")
+        os.write(answers, encode(message) + b"\n")
 
     say({"protocol": PROTOCOL, "name": stack.name, "uses": stack.uses, "output": stack.output})
-    setup = sys.stdin.readline()
+    setup = sys.stdin.buffer.readline()
     if not setup:
         return
-    stack.start(json.loads(setup))
-    for line in sys.stdin:
-        now = json.loads(line)
+    stack.start(decode(setup))
+    for line in sys.stdin.buffer:
+        now = decode(line)
         begun = time.perf_counter()
         try:
             command = [float(number) for number in stack.step(now)]
