@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["cbfpy==0.1.0", "numpy"]
+# dependencies = ["cbfpy==0.1.0", "msgspec", "numpy"]
 # ///
 """cbfpy: control barrier functions in JAX, as a filter of resolved-rate control.
 

@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["mink==1.3.0", "daqp", "numpy"]
+# dependencies = ["mink==1.3.0", "daqp", "msgspec", "numpy"]
 # ///
 """mink: differential inverse kinematics on MuJoCo as a QP, with its own limits.
 

@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["machinevision-toolbox-python==2.4.1", "numpy"]
+# dependencies = ["machinevision-toolbox-python==2.4.1", "msgspec", "numpy"]
 # ///
 """machinevision-toolbox-python: image-based servoing with its interaction matrix, without limits.
 

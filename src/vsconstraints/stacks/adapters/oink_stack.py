@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["roboplan-oink==0.7.0", "numpy"]
+# dependencies = ["roboplan-oink==0.7.0", "msgspec", "numpy"]
 # ///
 """roboplan-oink (OInK): optimal inverse kinematics as a QP, with its own limits.
 

@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["pin-pink==4.4.0", "daqp", "proxsuite", "numpy"]
+# dependencies = ["pin-pink==4.4.0", "daqp", "proxsuite", "msgspec", "numpy"]
 # ///
 """Pink: differential inverse kinematics as a QP, with its own limits and barriers.
 

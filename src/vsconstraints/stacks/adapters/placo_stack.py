@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["placo==0.10.2", "numpy"]
+# dependencies = ["placo==0.10.2", "msgspec", "numpy"]
 # ///
 """placo: inverse kinematics with weighted tasks and hard constraints as a QP.
 

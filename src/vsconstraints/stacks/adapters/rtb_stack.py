@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.10"
-# dependencies = ["roboticstoolbox-python==1.5.0", "qpsolvers", "daqp", "numpy"]
+# dependencies = ["roboticstoolbox-python==1.5.0", "qpsolvers", "daqp", "msgspec", "numpy"]
 # ///
 """robotics-toolbox-python: resolved-rate control as a QP with slack, as in its example NEO.
 
