@@ -96,6 +96,11 @@ def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]
     return [*texts[:most], f"… and {more:,} more {what}"] if more > 0 else list(texts)
 
 
+def encodable(text: str) -> str:
+    """Return a text that UTF-8 can encode: other characters become backslash escapes."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def one_line(text: str, most: int = MAX_REASON_LENGTH) -> str:
     """Return a text as one line that any file and terminal accepts.
 
@@ -103,8 +108,7 @@ def one_line(text: str, most: int = MAX_REASON_LENGTH) -> str:
     otherwise control the terminal. The line is cut after ``most`` characters.
     """
     # cut twice: the first cut limits the work
-    encodable = text[: 2 * most].encode("utf-8", "backslashreplace").decode()
-    lines = " ".join(encodable.splitlines())
+    lines = " ".join(encodable(text[: 2 * most]).splitlines())
     line = "".join(letter if letter.isprintable() else " " for letter in lines).strip()
     return line if len(line) <= most else f"{line[:most]}… ({len(text)} characters)"
 

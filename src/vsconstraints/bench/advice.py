@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -47,6 +47,14 @@ class Judged(NamedTuple):
     call_us: float  #: Median time of a controller call [µs].
 
 
+class SimilarScenes(NamedTuple):
+    """Scenes of a study that are similar to a situation, and how they may differ from it."""
+
+    scenes: Any  #: DataFrame with the keys of the scenes, each in its most similar condition.
+    widened: tuple[str, ...]  #: See :class:`Advice`.
+    unlike: tuple[str, ...]  #: See :class:`Advice`.
+
+
 class Advice(NamedTuple):
     """Ranking of laws, the recommended one first, then by success, and the scenes it rests on."""
 
@@ -78,47 +86,51 @@ def distance(name: str, asked: Any, other: Any) -> int:
     return 1 if ratio <= NEAR else 2
 
 
-def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
+def similar(scenes: Any, situation: Situation) -> SimilarScenes:
     """Select the scenes of a study that are similar to a situation.
 
-    Return the keys of the scenes, each in the condition most similar to the situation, and
-    ``widened`` and ``unlike`` of :class:`Advice`.
+    ``scenes`` is a DataFrame with the properties of each scene in each condition. The search takes
+    scenes that share all properties, then widens by one of :data:`STEPS` after the other, until it
+    has found :data:`ENOUGH`.
     """
-    #: For each property, the number of the step from which a scene is permitted, 0 from the start.
-    steps = {}
+    first_steps = {}  # for each property, the number of the step from which each scene is permitted
     unlike = []
     for name, asked in situation.specified.items():
         values = scenes[name].dropna().unique()
         unlike += _unlike(name, asked, values)
-        distances = {value: distance(name, asked, value) for value in values}
-        if not distances:
-            continue
-        # a property that no scene shares does not distinguish scenes at the smallest distance
-        nearest = min(distances.values())
-        step_of = {}
-        for value, how_far in distances.items():
-            step_of[value] = 0
-            if how_far != nearest:
-                step_of[value] = 1 + STEPS.index((name, how_far))
-        steps[name] = scenes[name].map(step_of)
+        if len(values):
+            first_steps[name] = scenes[name].map(_first_steps(name, asked, values))
     from_start = np.zeros(len(scenes), int)
-    level = np.max([from_start, *steps.values()], axis=0)
-    levels = scenes.assign(**steps, level=level)
-    ordered = levels.sort_values("level", kind="stable").drop_duplicates(SCENE)
-    last = min(ENOUGH, len(ordered)) - 1
-    last_level = ordered["level"].iloc[last]
-    taken = ordered[ordered["level"] <= last_level]
-    n_similar = int((ordered["level"] <= FAR).sum())
+    # a scene is taken with the step that permits the last of its properties
+    step = np.max([from_start, *first_steps.values()], axis=0)
+    by_step = scenes.assign(**first_steps, step=step).sort_values("step", kind="stable")
+    in_best_condition = by_step.drop_duplicates(SCENE)
+    steps = in_best_condition["step"]
+    last_step = steps.iloc[min(ENOUGH, len(steps)) - 1]
+    taken = in_best_condition[steps <= last_step]
+    n_similar = int((steps <= FAR).sum())
     if n_similar < ENOUGH:
         unlike.append(f"only {n_similar} scenes are similar, fewer than {ENOUGH}")
-    reached: set[int] = set()
-    for name in steps:
-        reached.update(taken[name])
+    used = {int(number) for name in first_steps for number in taken[name]} - {0}
     widened = []
-    for step in sorted(reached - {0}):
-        name, how_far = STEPS[step - 1]
+    for number in sorted(used):
+        name, how_far = STEPS[number - 1]
         widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
-    return taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike)
+    return SimilarScenes(taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike))
+
+
+def _first_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any, int]:
+    """Return for each value of a property the number of the step from which it is permitted.
+
+    It is 0, permitted from the start, for the nearest values, however far they are from the one
+    that is asked: a property that no scene shares does not distinguish these scenes.
+    """
+    distances = {value: distance(name, asked, value) for value in values}
+    nearest = min(distances.values())
+    steps = {}
+    for value, how_far in distances.items():
+        steps[value] = 0 if how_far == nearest else 1 + STEPS.index((name, how_far))
+    return steps
 
 
 def _unlike(name: str, asked: Any, values: Collection[Any]) -> list[str]:

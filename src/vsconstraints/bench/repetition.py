@@ -14,7 +14,7 @@ from ..comparisons.runs.spec import BASELINE, ControllerSpec
 from ..controllers import MOVED
 from ..plugins.classes import untrusted
 from .evidence import Batch, scored
-from .evidence.own_files import changed, contents, own_folders
+from .evidence.own_files import changed, current_hashes, own_folders
 from .families import Family
 from .study import CONDITION, OUTCOME, SCENE, Study
 
@@ -145,7 +145,7 @@ def changed_files(study: Study) -> tuple[str, ...]:
     own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
     if not own_laws:
         return ()
-    now = contents(study.files, own_folders(own_laws, ()))
+    now = current_hashes(study.files, own_folders(own_laws, ()))
     return tuple(changed(study.files, now))
 
 

@@ -233,9 +233,10 @@ def verify(folders: list[Path]) -> None:
     from ..comparisons.runs.folder import kind_of
 
     for folder in folders:
+        kind = kind_of(folder)
         # an unreadable manifest does not tell the kind of results
-        kind = kind_of(folder) or ("a comparison" if (folder / "results.csv").is_file() else None)
-        if kind is None or kind == "a tuning":
+        is_comparison = kind is None and (folder / "results.csv").is_file()
+        if (kind is None and not is_comparison) or kind == "a tuning":
             raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     names = ", ".join(map(str, folders))
     problems: list[tuple[object, str]] = []
@@ -244,7 +245,9 @@ def verify(folders: list[Path]) -> None:
         for folder in folders:
             own = [path for path in files if folder in path.parents]
             wrong, remark = check_sums(folder, own)
-            problems += [(folder, text) for text in wrong or [remark] if text]
+            if remark and not wrong:
+                wrong = [remark]
+            problems += [(folder, text) for text in wrong]
         problems += [(names, text) for text in missing]
     except ConfigurationError as error:
         contents = ""
@@ -297,16 +300,17 @@ def _comparison(folders: Sequence[Path]) -> tuple[str, list[Path], list[str]]:
     from ..reports.results import Results
 
     folder = _single(folders)
-    # no part of it is built
+    # trust: reading builds none of its scenarios and laws
     results = Results(StoredComparison.load(folder, trust=True))
     problems = []
     if results.finished < results.planned:
         problems.append(f"{results.finished} of {results.planned} runs have a line in results.csv")
-    for line in (line for law in results.controllers for line in results.all_runs(law)):
-        key = line["scenario"], line["controller"], int(line["trial"])
-        path = run_file(folder, *key)
-        if path.is_file() and results.stored.run(*key) is None:
-            problems.append(f"{path.name} cannot be read")
+    for law in results.controllers:
+        for line in results.all_runs(law):
+            key = line["scenario"], line["controller"], int(line["trial"])
+            path = run_file(folder, *key)
+            if path.is_file() and results.stored.run(*key) is None:
+                problems.append(f"{path.name} cannot be read")
     contents = f"{results.finished} runs of {len(results.scenarios)} scenarios"
     return contents, stored_files(folder), problems
 

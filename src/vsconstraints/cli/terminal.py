@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
+from ..errors import encodable
 from ..plugins.processes import INTERRUPTS, exit_code, signal_of
 
 # no markup and no emoji: names and paths may contain square brackets, or text such as
@@ -115,8 +116,7 @@ def note(*remarks: str) -> None:
 
 def typed_command() -> list[str]:
     """Return the command as typed, in a form that UTF-8 files can store."""
-    words = [word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:]]
-    return ["vsconstraints", *words]
+    return ["vsconstraints", *map(encodable, sys.argv[1:])]
 
 
 def note_processes(jobs: int | None) -> None:

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from ..errors import ConfigurationError, format_value
+from ..errors import ConfigurationError, encodable, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
 from .metrics import REQUIRED_COLUMNS, Metric, row_metrics, run_metrics
@@ -32,19 +32,22 @@ def _metrics() -> dict[str, Metric]:
     return {metric.column: metric for metric in metrics if metric.value is not None}
 
 
-def cell(value: object) -> str:
-    """Format a value as text; empty for None, and for a number that is not finite.
+def is_empty(value: object) -> bool:
+    """True for a value whose cell is empty, in CSV and Parquet: None, or a number not finite."""
+    if isinstance(value, (float, np.floating)):
+        return not math.isfinite(value)
+    return value is None
 
-    One NaN therefore leaves only one cell empty.
-    """
+
+def cell(value: object) -> str:
+    """Format a value as text; empty for None, and for a number that is not finite."""
+    if is_empty(value):
+        return ""
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
-    if value is None:
-        return ""
     if isinstance(value, (float, np.floating)):
-        return f"{value:.9g}" if math.isfinite(value) else ""
-    # a text may contain characters that UTF-8 cannot encode
-    return str(value).encode("utf-8", "backslashreplace").decode()
+        return f"{value:.9g}"
+    return encodable(str(value))
 
 
 def _text(columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> str:

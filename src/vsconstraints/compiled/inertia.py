@@ -163,7 +163,8 @@ def acceleration_at(frame: Frame, r: Vector) -> Vector:
 def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, link: Any) -> Frame:
     """Return the frame of body i behind its joint, from that of the body before.
 
-    Write the twist of the body about the base's origin, for q̇ = 1 of this joint alone, to the link.
+    Write the twist of the body about the base's origin, for q̇ = 1 of this joint alone, to
+    ``link``.
     """
     is_prismatic = bodies.prismatic[i]
     axis = vector(bodies.axis[i])

@@ -82,9 +82,9 @@ class Limits(NamedTuple):
 class Space(NamedTuple):
     """Workspace of the search, with p unknowns.
 
-    ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇ at
-    every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held`` is
-    their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
+    ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇
+    at every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held``
+    is their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
     and ``slack_unit`` the excess that a slack z = 1 allows. See :func:`.pull_on` for ``adjoint``.
     """
 

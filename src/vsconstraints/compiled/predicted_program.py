@@ -37,8 +37,8 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays) -> None:
     """Write value and gradient of the rows along the plan.
 
     A row with K > 0 is linearised as σ(q), with ∂σ/∂q = L_gφ/K; a row on φ itself (``by_speed``) as
-    φ(q̇), with ∂φ/∂q̇ = L_gφ. The plan so far has moved q or q̇ by ``space.moved`` at the instant t,
-    and the row there is predicted to be x_t. With another plan, which moves it by Δ, the row is
+    φ(q̇), with ∂φ/∂q̇ = L_gφ. The plan so far has moved q or q̇ by ``space.moved`` at the instant
+    t, and the row there is predicted to be x_t. With another plan, which moves it by Δ, the row is
     x_t + gradient_t (Δ − moved_t). Hence value_t = x_t − gradient_t moved_t: the row without a
     plan.
 
@@ -144,9 +144,10 @@ def write_cost(plans: PlanArrays, count: int, task: TaskArrays) -> float:
     """Write the cost of the blocks that begin where the task is predicted; return λ.
 
     The residual of block k is J u − b with b as tracking with feedback demands it: another plan,
-    which moves q by Δq and q̇ by Δq̇, has b − J (K_p Δq + K_v Δq̇), where b is the one without a plan.
-    The prediction b_t includes the feedback of the plan so far, which ``space.moved`` removes. The
-    cost holds ``square`` = JᵀJ and ``pull`` = Jᵀb, and :class:`.Cost` adds feedback by ``gains``.
+    which moves q by Δq and q̇ by Δq̇, has b − J (K_p Δq + K_v Δq̇), where b is the one without a
+    plan. The prediction b_t includes the feedback of the plan so far, which ``space.moved``
+    removes. The cost holds ``square`` = JᵀJ and ``pull`` = Jᵀb, and :class:`.Cost` adds feedback by
+    ``gains``.
     """
     H = plans.plan.shape[0]
     total = 0.0

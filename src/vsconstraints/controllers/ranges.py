@@ -202,7 +202,8 @@ class Part:
             for key, each in vars(cls).items()
             if isinstance(each, Field)
         }
-        ranges = {**super(cls, cls).ranges, **own, **vars(cls).get("ranges", {})}  # type: ignore[misc]
+        inherited = super(cls, cls).ranges  # type: ignore[misc]
+        ranges = {**inherited, **own, **vars(cls).get("ranges", {})}
         cls.ranges = {
             key: search
             for key, search in ranges.items()

@@ -138,19 +138,19 @@ def spec_of(module: str) -> ModuleSpec | None:
     return spec
 
 
-def code_named(tables: object, typed: bool = False) -> Iterator[str]:
+def code_named(value: object, names_class: bool = False) -> Iterator[str]:
     """Yield every custom class that is named as a type or a feature in nested tables.
 
-    Classes of this package are trusted.
+    Classes of this package are trusted. ``names_class`` is True inside a type or a feature.
     """
-    if isinstance(tables, Mapping):
-        for key, inner in tables.items():
-            yield from code_named(inner, typed or key in ("type", "feature", "features"))
-    elif isinstance(tables, list | tuple):
-        for inner in tables:
-            yield from code_named(inner, typed)
-    elif typed and isinstance(tables, str) and ":" in tables and not _is_own(tables):
-        yield tables
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from code_named(inner, names_class or key in ("type", "feature", "features"))
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from code_named(inner, names_class)
+    elif names_class and isinstance(value, str) and ":" in value and not _is_of_package(value):
+        yield value
 
 
 def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
@@ -162,18 +162,21 @@ def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Split a name into its module or path and its class; ConfigurationError if it has none."""
+    """Split a name into its module or path and its class.
+
+    Raises ConfigurationError if it has not this form.
+    """
     where, _, class_name = name.rpartition(":")
     is_module = re.fullmatch(r"\w+(\.\w+)*", where) is not None
     if not ((is_module or _is_path(where)) and re.fullmatch(r"\w+", class_name)):
         raise ConfigurationError(
             f"{name!r} must be module:Class or FILE.py:Class, for example my_laws:Cautious or "
-            f"controllers/cautious.py:Cautious"
+            "controllers/cautious.py:Cautious"
         )
     return where, class_name
 
 
-def _is_own(name: str) -> bool:
+def _is_of_package(name: str) -> bool:
     """True if a name denotes a class of this package, which no file beside results replaces."""
     where = name.rpartition(":")[0]
     return where.startswith(OF_PACKAGE) and not _is_path(where)
@@ -184,7 +187,7 @@ def _is_path(where: str) -> bool:
 
 
 def _path_of(where: str, folder: Path | None) -> Path:
-    return Path() / where if folder is None else folder / where
+    return (folder or Path()) / where
 
 
 def _module_from(file: Path) -> ModuleType:

@@ -50,8 +50,11 @@ def exit_code(number: int) -> int:
     return 128 + number
 
 
-class _Held:  # nesting depth of blocks that hold signals of this process, and the pending signal
-    depth = waiting = 0
+class _Held:
+    """State of :func:`signals_held` in this process."""
+
+    depth = 0  #: Number of nested blocks that hold signals.
+    waiting = 0  #: Signal to deliver at the end of the block; 0 if there is none.
 
 
 def obey_signals() -> None:

@@ -83,16 +83,16 @@ def noted() -> Iterator[Files]:
         sys.addaudithook(_note)
         _hooked = True
     files: Files = {}
-    note = files, set[str]()
+    written = set[str]()
+    note = files, written
     _notes.append(note)
     try:
         yield files
     finally:
         _notes[:] = [another for another in _notes if another is not note]
-        for path in [
-            path for path, content in files.items() if content and not os.path.exists(path)
-        ]:
-            del files[path]
+        for path, content in list(files.items()):
+            if content and not os.path.exists(path):
+                del files[path]
 
 
 def add_to_notes(files: Files) -> None:
@@ -124,7 +124,7 @@ def noted_import(module: str) -> Iterator[None]:
         opened_by_imports.update(files)
     # modules imported earlier, for example by the program that started the comparison
     for path in _loaded().values():
-        if path not in read_by_imports and _own(path):
+        if path not in read_by_imports and _is_custom(path):
             read_by_imports[path] = digest(path)
 
 
@@ -137,37 +137,38 @@ def imported() -> Files:
 
 
 def modules_of_imports() -> dict[str, str]:
-    """Return the modules that custom modules have imported in this process, by source file.
+    """Return custom modules and those that they have imported in this process, by source file.
 
     Included are those that the program had imported before, as far as import statements or global
-    names of the custom modules show them.
+    names of the custom modules show them. Libraries, and what they import, are left out.
     """
-    files = _loaded()
+    file_of = _loaded()
     waiting = [
-        name for name, path in files.items() if path in opened_by_imports or name in _own_modules
+        name for name, file in file_of.items() if file in opened_by_imports or name in _own_modules
     ]
-    found: dict[str, str] = {}
-    seen = set(waiting)
+    reached = set(waiting)
+    module_of: dict[str, str] = {}
     while waiting:
         name = waiting.pop(0)
-        path = files[name]
-        if not _own(path):
+        file = file_of[name]
+        if not _is_custom(file):
             continue
-        found[path] = name
-        more = _imported_by(sys.modules[name]) & files.keys() - seen
-        seen |= more
-        waiting += sorted(more)
-    return found
+        module_of[file] = name
+        for other in sorted(_imported_by(sys.modules[name])):
+            if other in file_of and other not in reached:
+                reached.add(other)
+                waiting.append(other)
+    return module_of
 
 
 def _loaded() -> dict[str, str]:
     """Return the source files of the modules that this process has imported, by module."""
-    found = {}
+    file_of = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__dict__", {}).get("__file__")
         if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
-            found[name] = _resolved(file)
-    return found
+            file_of[name] = _resolved(file)
+    return file_of
 
 
 @cache
@@ -228,7 +229,7 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
         writes = (
             any(letter in mode for letter in "wax+") if mode else flags & (os.O_WRONLY | os.O_RDWR)
         )
-        if _own(name) and not name.endswith(COMPILED):
+        if _is_custom(name) and not name.endswith(COMPILED):
             for files, written in notes:
                 if writes:
                     written.add(name)
@@ -241,7 +242,11 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
         _notes.extend(notes)
 
 
-def _own(path: str) -> bool:
+def _is_custom(path: str) -> bool:
+    """True for a file of no library: in none of :data:`LIBRARIES`, nor of an installed package.
+
+    Packages of custom parts are no libraries, even if they are installed.
+    """
     for folder, inside in pairwise(path.split(os.sep)):
         if folder in INSTALLED:
             return inside.removesuffix(".py") in _own_packages

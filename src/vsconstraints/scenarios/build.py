@@ -91,26 +91,23 @@ def build(
         for i, table in enumerate(file.constraints)
     ]
     scene = Scene(robot, camera, bare.markers, robot_points(constraints), bare.motion)
+    sensor = {"type": file.sensor} if isinstance(file.sensor, str) else file.sensor
     return Setup(
-        scene,
-        ConstraintSet(constraints, scene),
-        task,
-        q0,
-        qd0,
-        file.sampling_time,
-        file.duration,
-        file.on_rank_loss,
-        file.tolerances,
-        disturbances,
-        file.actuation,
-        file.on_hidden_markers,
-        _limits(file.limits, robot, f"{where}.limits"),
-        _by_type(file.plant, "plant", where),
-        _by_type(
-            {"type": file.sensor} if isinstance(file.sensor, str) else file.sensor,
-            "sensor",
-            where,
-        ),
+        scene=scene,
+        constraints=ConstraintSet(constraints, scene),
+        task=task,
+        q0=q0,
+        qd0=qd0,
+        sampling_time=file.sampling_time,
+        duration=file.duration,
+        on_rank_loss=file.on_rank_loss,
+        tolerances=file.tolerances,
+        disturbances=disturbances,
+        actuation=file.actuation,
+        on_hidden_markers=file.on_hidden_markers,
+        limits=_limits(file.limits, robot, f"{where}.limits"),
+        dynamics=_by_type(file.plant, "plant", where),
+        images=_by_type(sensor, "sensor", where),
         arm=file.arm,
     )
 
@@ -124,10 +121,8 @@ def build_scene(tables: Table, where: str, folder: Path) -> Scene:
     if missing:
         raise ConfigurationError(f"{where}: the key {missing[0]!r} is missing")
     robot = _robot(checked(tables["robot"], str | Table, where, "robot"), f"{where}.robot", folder)
-    camera = make_camera(
-        require_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder
-    )
-    markers, motion = _target(require_table(tables["target"], f"{where}.target"), f"{where}.target")
+    camera = make_camera(tables["camera"], f"{where}.camera", folder)
+    markers, motion = _target(tables["target"], f"{where}.target")
     return Scene(robot, camera, markers, (), motion)
 
 
@@ -163,32 +158,33 @@ def _robot(value: str | Table, where: str, folder: Path) -> Robot:
 class Turn:
     """Rotation of a moving target, about the mean of its markers unless ``centre`` is given."""
 
-    angular_velocity: Vector3 = (0.0, 0.0, 0.0)
-    centre: Vector3 | None = None
+    angular_velocity: Vector3 = (0.0, 0.0, 0.0)  #: [rad/s]
+    centre: Vector3 | None = None  #: [m]
 
 
 @dataclass(frozen=True)
 class Square:
     """Four markers at the corners of a square."""
 
-    side: float
-    xyz: Vector3
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    side: float  #: [m]
+    xyz: Vector3  #: Centre [m].
+    rpy: Vector3 = (0.0, 0.0, 0.0)  #: Roll, pitch and yaw [rad].
 
 
-def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
-    make = _square_target if "square" in table else _markers
-    of_markers, of_motion = split(table, where, make, _moving)
+def _target(table: object, where: str) -> tuple[Array, TargetMotion | None]:
+    """Return the markers (M, 3) of a target's table [m], and how they move."""
+    values = require_table(table, where)
+    make = _square_target if "square" in values else _markers
+    of_markers, of_motion = split(values, where, make, _moving)
     markers = from_table(make, of_markers, where)
     if not of_motion:
         return markers, None
-    of_motion_table = f"{where}.motion"
-    of_translation, of_turn = split(of_motion["motion"], of_motion_table, Motion, Turn)
-    turn = from_table(Turn, of_turn, of_motion_table)
+    in_motion = f"{where}.motion"
+    of_translation, of_turn = split(of_motion["motion"], in_motion, Motion, Turn)
+    translation = from_table(Motion, of_translation, in_motion)
+    turn = from_table(Turn, of_turn, in_motion)
     centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
-    return markers, TargetMotion(
-        from_table(Motion, of_translation, of_motion_table), np.array(turn.angular_velocity), centre
-    )
+    return markers, TargetMotion(translation, np.array(turn.angular_velocity), centre)
 
 
 def _moving(motion: Table) -> None:
@@ -201,15 +197,15 @@ def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) 
 
 def _square_target(square: Square) -> Array:
     require_positive(square.side, "side of a square target")
-    corners = (
-        0.5
-        * square.side
-        * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    half = 0.5 * square.side
+    corners = np.array(
+        [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]
     )
     return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
 
 
-def _task(table: Table, where: str, scene: Scene, camera: Camera, folder: Path) -> VisualTask:
+def _task(table: Table, where: str, scene: Scene, believed: Camera, folder: Path) -> VisualTask:
+    """Return the task of a table; the controller knows its goals by the camera it ``believed``."""
     values = dict(table)
     feature = feature_named(values, where, folder)
     of_feature, of_gains, of_task = split(
@@ -219,7 +215,7 @@ def _task(table: Table, where: str, scene: Scene, camera: Camera, folder: Path) 
     context = {
         "feature": make_feature(feature, of_feature, where, folder),
         "goals": [
-            make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)
+            make_goal(goal, f"{where}.goals[{i}]", scene, believed) for i, goal in enumerate(goals)
         ],
         "gains": from_table(TrackingGains, of_gains, where),
     }

@@ -89,9 +89,9 @@ def make_constraint(
     Raises ConfigurationError for unknown types and keys.
     """
     values = require_table(table, where)
-    motion = (
-        from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
-    )
+    motion = None
+    if "motion" in values:
+        motion = from_table(Motion, values.pop("motion"), f"{where}.motion")
     kind = values.get("type")
     is_custom = isinstance(kind, str) and ":" in kind
     if is_custom:
@@ -130,11 +130,10 @@ def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
     for name, key in parameters(make).items():
         is_optional = key.annotation in STEPS and not STEPS[key.annotation].required
         found[name] = key.replace(default=()) if is_optional else key
-    further = [
-        key for step in _steps(make) for made in step.makes for key in parameters(made).values()
-    ]
-    for key in further:
-        found.setdefault(key.name, key)
+    for step in _steps(make):
+        for made in step.makes:
+            for name, key in parameters(made).items():
+                found.setdefault(name, key)
     return {
         name: key
         for name, key in found.items()
@@ -163,9 +162,8 @@ def _curve(table: Table, where: str, context: Context) -> dict[str, Any]:
     curve, place = _inner(table, "curve", where)
     kind = chosen(curve, "shape", SHAPES, place)
     of_shape, of_curve = split(curve, place, kind, Curve, without=["shape"])
-    return {
-        "curve": from_table(Curve, of_curve, place, {"shape": from_table(kind, of_shape, place)})
-    }
+    shape = from_table(kind, of_shape, place)
+    return {"curve": from_table(Curve, of_curve, place, {"shape": shape})}
 
 
 def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
@@ -180,10 +178,8 @@ def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
             f'{where}: points must be a list of tables, or "links", not {format_value(points)}'
         )
     if not isinstance(points, str):
-        return {
-            "points": tuple(checked(points, Sequence[RobotPoint], where, "points"))
-            or (RobotPoint(),)
-        }
+        listed = tuple(checked(points, Sequence[RobotPoint], where, "points"))
+        return {"points": listed or (RobotPoint(),)}
     along = from_table(link_points, _taken(table, link_points), where, context)
     margin = checked(table.pop("margin", 0.0), float, where, "margin")
     return {"points": along.points, "margin": margin + along.enlargement}
@@ -226,6 +222,7 @@ def named(name: str = "") -> str:
 def _solid(
     table: Table, where: str, context: Context, further: Callable[..., Any]
 ) -> tuple[coal.CollisionGeometry, Pose, Any]:
+    """Return the solid of a table, its pose, and what ``further`` makes of its other keys."""
     kind = chosen(table, "shape", SOLIDS, where)
     of_solid, of_pose, rest = split(table, where, kind, placed, further)
     solid = from_table(kind, of_solid, where, {"folder": context["folder"]})
@@ -233,10 +230,12 @@ def _solid(
 
 
 def _taken(table: Table, make: Callable[..., Any]) -> Table:
+    """Remove the parameters of a function from a table, and return them."""
     return {key: table.pop(key) for key in parameters(make) if key in table}
 
 
 def _inner(table: Table, key: str, where: str) -> tuple[Table, str]:
+    """Remove a table from a table, and return it with its name in messages."""
     if key not in table:
         raise ConfigurationError(f"{where}: the key {key!r} is missing")
     return require_table(table.pop(key), f"{where}.{key}"), f"{where}.{key}"

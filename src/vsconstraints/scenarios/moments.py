@@ -20,14 +20,14 @@ from ..vision.measurement import estimated_pose
 from ..vision.scene import MINIMUM_DEPTH, Scene
 from .inverse_kinematics import inverse_kinematics, tip_of
 
-ROUNDING = 1e-9  # largest σ, relative to the row's scale, that counts as zero
-#: Number of random configurations from which inverse kinematics starts, after the near ones; and
-#: number of rotations about the optical axis from which the pose behind an image is estimated.
+ROUNDING = 1e-9  #: Largest σ, relative to the row's scale, that counts as zero.
+#: Number of random configurations from which inverse kinematics starts, after the near ones.
 TRIES = 20
+#: Number of rotations about the optical axis from which the pose behind an image is estimated.
 TURNS = 4
-#: Largest distance of two poses [m, rad] that count as equal; and largest distance of the markers
-#: from a goal image, relative to the image width, at the pose that explains it best.
-SAME = 1e-6
+SAME = 1e-6  #: Largest distance of two poses [m, rad] that count as equal.
+#: Largest distance of the markers from a goal image, relative to the image width, at the pose that
+#: explains it best.
 MAX_MISS = 0.1
 
 
@@ -59,7 +59,9 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
     seen = P[:, 2] >= MINIMUM_DEPTH
     pixels = np.full((len(P), 2), np.nan)
     pixels[seen] = camera.pixels(P[seen, :2] / P[seen, 2:])
-    phi = clearance = np.full(len(constraints.labels), np.nan)
+    unknown = np.full(len(constraints.labels), np.nan)
+    phi = unknown
+    clearance = unknown
     problems = robot.outside_ranges(q)
     for i, (u, v) in enumerate(pixels, 1):
         if not seen[i - 1]:
@@ -91,8 +93,8 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
     return Moment(name, t, q, pixels, phi, clearance, tuple(problems))
 
 
-def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> Moment:
-    """Return the state at a goal of which only the image (M, 2) [px] is known."""
+def moment_without_q(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> Moment:
+    """Return the state at a goal whose image (M, 2) [px] is known, and no configuration."""
     unknown = np.full(len(setup.constraints.labels), np.nan)
     problems = [problem]
     for constraint in setup.constraints.constraints:
@@ -116,7 +118,7 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
     missed = 0.0
     camera = goal.camera
     if camera is None:
-        camera, missed = _seen_from(scene, goal, q0)
+        camera, missed = _pose_behind(scene, goal, q0)
     elif goal.q is not None and max(distance(scene.camera_pose(goal.q, t), camera)) < SAME:
         return goal.q, 0.0
     tip = tip_of(scene, camera)
@@ -138,7 +140,7 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
     )
 
 
-def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
+def _pose_behind(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
     """Return the pose that explains a goal's image best, and the largest marker error [px]."""
     camera = scene.camera
     best = None
@@ -177,7 +179,7 @@ def moments_at_goals(setup: Setup) -> Iterator[Moment]:
         try:
             q, missed = goal_configuration(setup.scene, goal, setup.q0, t)
         except SceneError as error:
-            yield nowhere(setup, name, t, goal.pixels, str(error))
+            yield moment_without_q(setup, name, t, goal.pixels, str(error))
             continue
         moment = moment_at(setup, name, t, q, np.zeros_like(q))
         if missed > setup.tolerances.feature_px:

@@ -22,7 +22,7 @@ from ..errors import ConfigurationError, format_value, unknown_name
 from ..robots.geometry import Pose, Vector3
 from ..vision.motion import Motion
 
-Table = dict[str, Any]  #: a table of a file, by its keys
+Table = dict[str, Any]  #: A table of a file, by its keys.
 
 #: Arguments that do not come from the table: the robot, the camera, the folder of files.
 Context = Mapping[str, Any]
@@ -94,17 +94,15 @@ def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter
         signature = inspect.signature(make, eval_str=True)
     except NameError:  # a custom annotation may name a type that is imported for type checkers only
         signature = inspect.signature(make)
-    named = {
-        name: parameter.replace(annotation=Any)
-        if isinstance(parameter.annotation, str)
-        else parameter
-        for name, parameter in signature.parameters.items()
-        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
-    any_key = any(
-        parameter.kind is parameter.VAR_KEYWORD for parameter in signature.parameters.values()
-    )
-    return types.MappingProxyType(named), any_key
+    named = {}
+    accepts_any = False
+    for name, parameter in signature.parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            accepts_any = True
+        elif parameter.kind is not parameter.VAR_POSITIONAL:
+            is_evaluated = not isinstance(parameter.annotation, str)
+            named[name] = parameter if is_evaluated else parameter.replace(annotation=Any)
+    return types.MappingProxyType(named), accepts_any
 
 
 def require_table(value: object, where: str) -> Table:
@@ -159,24 +157,21 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
                 from_table(make, table, f"{where}.{key}[{i}]", inner)
                 for i, table in enumerate(tables)
             ]
-        if (
-            get_origin(option) is Literal
-            and isinstance(value, str)
-            and value not in get_args(option)
-        ):
+        names_choice = get_origin(option) is Literal and isinstance(value, str)
+        if names_choice and value not in get_args(option):
             raise unknown_name(f"{key} in {where}", value, get_args(option))
         if option is Path:
             return context["folder"] / checked(value, str, where, key)
         if several and Path in get_args(part):
             return [context["folder"] / path for path in checked(value, list[str], where, key)]
     try:
-        whole, raw = _of_files(kind)
+        type_in_file, may_be_infinite = _type_in_file(kind)
     except TypeError:  # a custom annotation may be unhashable, so that it cannot be cached
-        whole, raw = _of_files.__wrapped__(kind)
-    if whole is None:
+        type_in_file, may_be_infinite = _type_in_file.__wrapped__(kind)
+    if type_in_file is None:
         return value
     try:
-        return msgspec.convert(value if raw else _finite(value), whole)
+        return msgspec.convert(value if may_be_infinite else _finite(value), type_in_file)
     except FloatingPointError as error:
         raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
     except msgspec.ValidationError as error:
@@ -191,39 +186,30 @@ def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Po
 
 
 def _options(kind: Any) -> list[Any]:
+    """Return the types of a union, or the one type; without arrays, which files do not hold."""
     options = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
     return [option for option in options if get_origin(option) is not np.ndarray]
 
 
 @lru_cache(maxsize=512)
-def _of_files(kind: Any) -> tuple[Any, bool]:
+def _type_in_file(kind: Any) -> tuple[Any, bool]:
     """Return the type that msgspec checks, and True if numbers are checked later.
 
     The type is None if the annotation allows anything that a file cannot hold.
     """
     options = _options(kind)
-    whole = Union[tuple(options)] if all(map(_plain, options)) else None  # noqa: UP007
-    return whole, any(Any in get_args(option) for option in options)
+    can_be_in_file = all(map(_can_be_in_file, options))
+    type_in_file = Union[tuple(options)] if can_be_in_file else None  # noqa: UP007
+    return type_in_file, any(Any in get_args(option) for option in options)
 
 
-def _plain(kind: Any) -> bool:
+def _can_be_in_file(kind: Any) -> bool:
+    """True if a file can hold values of a type, and of all types inside it."""
     if get_origin(kind) in (Annotated, tuple, list, dict, Sequence, Mapping):
-        inner = (
-            part
-            for part in get_args(kind)
-            if part is not Ellipsis and not isinstance(part, msgspec.Meta)
-        )
-        return all(map(_plain, inner))
-    return get_origin(kind) is Literal or kind in (
-        float,
-        int,
-        str,
-        bool,
-        dict,
-        list,
-        Any,
-        types.NoneType,
-    )
+        parts = [part for part in get_args(kind) if part is not Ellipsis]
+        return all(_can_be_in_file(part) for part in parts if not isinstance(part, msgspec.Meta))
+    plain = (float, int, str, bool, dict, list, Any, types.NoneType)
+    return get_origin(kind) is Literal or kind in plain
 
 
 def _finite(value: Any) -> Any:
@@ -237,9 +223,9 @@ def _finite(value: Any) -> Any:
         raise FloatingPointError
     if isinstance(value, list | tuple):
         return [_finite(inner) for inner in value]
-    return (
-        {key: _finite(inner) for key, inner in value.items()} if isinstance(value, dict) else value
-    )
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    return value
 
 
 #: Names of types in messages, singular and plural.
@@ -256,6 +242,7 @@ _NAMES = {
 
 
 def _words(kind: Any, several: bool = False) -> str:
+    """Describe a type in messages: one value of it, or ``several``."""
     origin = get_origin(kind)
     inner = get_args(kind)
     if origin in UNIONS:
@@ -276,4 +263,6 @@ def _words(kind: Any, several: bool = False) -> str:
         return f"{len(inner)} {_words(inner[0], several=True)}"
     if origin in (tuple, list, Sequence) and inner[0] is not Any:
         return f"{'lists' if several else 'a list'} of {_words(inner[0], several=True)}"
-    return _NAMES[list if origin in (tuple, list, Sequence) else origin or kind][several]
+    plain = list if origin in (tuple, list, Sequence) else origin or kind
+    singular, plural = _NAMES[plain]
+    return plural if several else singular

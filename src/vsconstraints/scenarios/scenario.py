@@ -92,7 +92,8 @@ class Scenario(Described):
         tables = copy.deepcopy(self.tables)
         value = value if base is None else _from_base(key.rpartition(".")[2], value, base)
         if key.startswith("task.feature") and isinstance(tables.get("task"), dict):
-            tables["task"] = without_replaced_feature(tables["task"], {key[5:]: value})
+            changed = {key.removeprefix("task."): value}
+            tables["task"] = without_replaced_feature(tables["task"], changed)
         override(tables, key, value, self.name)
         return replace(self, tables=tables)
 
@@ -105,12 +106,12 @@ class Scenario(Described):
     def own_parts(self) -> tuple[str, ...]:
         """Custom constraints and features, as ``module:Class``."""
         constraints = self.tables.get("constraints", [])
-        kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
+        types = [str(table.get("type", "")) for table in constraints if isinstance(table, dict)]
         task = self.tables.get("task")
         features = {}
         if isinstance(task, dict):
             features = {key: task[key] for key in ("feature", "features") if key in task}
-        return (*(kind for kind in kinds if ":" in kind), *code_named(features))
+        return (*(name for name in types if ":" in name), *code_named(features))
 
     @property
     def in_session(self) -> bool:
@@ -123,25 +124,19 @@ class Scenario(Described):
 
         These are the URDF and its meshes, the meshes of obstacles, the SRDF and custom modules.
         """
-        files = [
-            path
-            for path in (self.folder / text for text in _texts(self.tables))
-            if _mode(path, stat.S_ISREG)
-        ]
+        named = [self.folder / text for text in _texts(self.tables)]
+        files = [path for path in named if _has_mode(path, stat.S_ISREG)]
         robot = self.tables.get("robot")
         packages = robot.get("package_dirs") if isinstance(robot, dict) else None
-        folders = (
-            [self.folder / path for path in packages if isinstance(path, str)]
-            if isinstance(packages, list)
-            else None
-        )
-        urdfs = [file for file in files if file.suffix.lower() in (".urdf", ".xml")]
-        meshes = [
-            mesh
-            for file in urdfs
-            for mesh in mesh_files(file, mesh_folders(file, folders, os.environ))
-        ]
-        return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
+        folders = None
+        if isinstance(packages, list):
+            folders = [self.folder / path for path in packages if isinstance(path, str)]
+        meshes: list[Path] = []
+        for file in files:
+            if file.suffix.lower() in (".urdf", ".xml"):
+                meshes += mesh_files(file, mesh_folders(file, folders, os.environ))
+        modules = module_files(self.own_parts, self.folder) if self.trusted else []
+        return (*files, *meshes, *modules)
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """Build the simulation setup.
@@ -181,13 +176,18 @@ def require_data(what: str, tables: dict[str, Any], folder: Path) -> None:
     if code := list(code_named(tables)):
         raise untrusted(what, code)
     for text in _texts(tables):
-        if _mode(folder / text, lambda mode: not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))):
+        if _has_mode(folder / text, _is_special):
             raise ConfigurationError(
                 f"{what} names {format_value(text)}, which is neither a file nor a folder"
             )
 
 
-def _mode(path: Path, test: Any) -> bool:
+def _is_special(mode: int) -> bool:
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _has_mode(path: Path, test: Callable[[int], bool]) -> bool:
+    """True if a path exists and the mode of its file passes a test."""
     with suppress(OSError, ValueError):  # the text is not a valid path
         return bool(test(path.stat().st_mode))
     return False
@@ -195,11 +195,13 @@ def _mode(path: Path, test: Any) -> bool:
 
 def _from_base(key: str, value: object, base: Path) -> object:
     """Return a value with its file paths, also in nested tables, resolved against ``base``."""
-    if isinstance(value, str):
-        return str(base.absolute() / value) if key in FILE_KEYS else value
+    if isinstance(value, str) and key in FILE_KEYS:
+        return str(base.absolute() / value)
     if isinstance(value, dict):
         return {name: _from_base(name, inner, base) for name, inner in value.items()}
-    return [_from_base(key, inner, base) for inner in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_from_base(key, inner, base) for inner in value]
+    return value
 
 
 def scenario_file(name: str, base: Path | None) -> Path:
@@ -246,6 +248,7 @@ def extended_tables(
 
 
 def _texts(value: object) -> Iterator[str]:
+    """Yield all texts in nested tables and lists, which may name files."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, (dict, list)):

@@ -60,17 +60,14 @@ def pose_from(
             "a pose needs exactly one of rpy, quaternion_wxyz, quaternion_xyzw, "
             "rotation_vector, matrix and file"
         )
-    if file is not None:
-        if any(xyz):
+    for name, whole in (("file", file), ("matrix", matrix)):
+        if whole is not None and any(xyz):
             raise InvalidInput(
-                "a pose with file must not have xyz: the file contains the translation"
+                f"a pose with {name} must not have xyz: the {name} contains the translation"
             )
+    if file is not None:
         return file
     if matrix is not None:
-        if any(xyz):
-            raise InvalidInput(
-                "a pose with matrix must not have xyz: the matrix contains the translation"
-            )
         return Pose.from_matrix(matrix)
     if quaternion_wxyz is not None or quaternion_xyzw is not None:
         return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
@@ -86,14 +83,14 @@ def pose_from(
 
 def without_replaced(under: Table, over: Table) -> Table:
     """Return a camera's table without the keys that ``over`` replaces by equivalent ones."""
-    words: set[str] = set()
-    if over.keys() & parameters(Places).keys():
-        words |= parameters(Places).keys()
+    replaced: set[str] = set()
+    if over.keys() & set(PLACES):
+        replaced.update(PLACES)
     if "calibration" in over:
-        words |= {*CALIBRATED, "size_px"}
+        replaced |= {*CALIBRATED, "size_px"}
     if over.keys() & set(CALIBRATED):
-        words |= {"calibration", "distortion_model"}
-    return {key: value for key, value in under.items() if key not in words or key in over}
+        replaced |= {"calibration", "distortion_model"}
+    return {key: value for key, value in under.items() if key not in replaced or key in over}
 
 
 def make_camera(table: Table, where: str, folder: Path) -> Camera:
@@ -103,14 +100,12 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     unusable values.
     """
     values = require_table(table, where)
-    places = parameters(Places)
-    require_known(
-        values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where
-    )
-    mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
-    if len(mounts) > 1:
+    keys = {**parameters(Camera), **parameters(Camera.from_calibration), **parameters(Places)}
+    require_known(values, keys, where)
+    poses: dict[str, Any] = {key: values.pop(key) for key in PLACES if key in values}
+    if len(poses) > 1:
         raise ConfigurationError(
-            f"{where}: give only one key for the camera's pose, not {' and '.join(mounts)}"
+            f"{where}: give only one key for the camera's pose, not {' and '.join(poses)}"
         )
     if "calibration" in values:
         twice = [key for key in CALIBRATED if key in values]
@@ -124,7 +119,7 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
             camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
         camera = from_table(Camera, values, where)
-    for key, pose in mounts.items():
+    for key, pose in poses.items():
         try:
             place = from_table(pose_from, pose, f"{where}.{key}", {"folder": folder})
             with warnings.catch_warnings(action="ignore", category=CalibrationWarning):

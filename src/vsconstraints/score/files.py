@@ -42,13 +42,13 @@ class Table(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Recorded samples: times t (N,) from the first one [s], and the columns of a table.
+    """Recorded samples: times t (N,) from the first one [s], and the columns of a :class:`Table`.
 
     ``unit_stated`` is True if the file states the unit of its times, as the column ``t_s`` does.
     """
 
     t: Array
-    columns: Mapping[str, Array]
+    numbers: Mapping[str, Array]
     others: Mapping[str, str] = {}
     unit_stated: bool = False
 
@@ -58,8 +58,8 @@ class Columns(NamedTuple):
         Raises ConfigurationError if that column is not of numbers, or if two have its name.
         """
         for name in names:
-            if name in self.columns:
-                return self.columns[name]
+            if name in self.numbers:
+                return self.numbers[name]
         for name in names:
             if name in self.others:
                 raise ConfigurationError(self.others[name])
@@ -71,41 +71,41 @@ def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Column
 
     Raises ConfigurationError if it cannot be read.
     """
-    reader = READERS.get(path.suffix.lower())
-    if path.is_dir() or path.suffix.lower() in BAGS:
+    ending = path.suffix.lower()
+    if path.is_dir() or ending in BAGS:
         return _bag(path, clock, topic)
-    if reader is None:
+    if ending not in READERS:
         known = ", ".join((*READERS, *BAGS))
         raise ConfigurationError(
             f"{path}: a recording ends in {known}, or is the folder of a bag, not in "
             f"{format_value(path.suffix)}"
         )
     try:
-        found = reader(path)
+        table = READERS[ending](path)
     except ConfigurationError:
         raise
     except Exception as error:  # a damaged file can raise any error
         raise ConfigurationError(f"cannot read {path}: {described(error)}") from error
-    return _timed(path, found)
+    return _timed(path, table)
 
 
 def _timed(path: Path, table: Table) -> Columns:
-    """Split the column of times from the others."""
-    columns = dict(table.numbers)
+    """Split the column of times from the others. Raises ConfigurationError if there is none."""
+    numbers = dict(table.numbers)
     for name, unit in TIMES.items():
-        if name in columns:
-            t = columns.pop(name)
+        if name in numbers:
+            t = numbers.pop(name)
             if not len(t):
                 raise ConfigurationError(f"{path} has no samples")
             # differences first: nanoseconds since 1970 exceed the precision of seconds
             since_first = unit * (t - t[0])
-            return Columns(since_first, columns, table.others, name not in WITHOUT_UNIT)
+            return Columns(since_first, numbers, table.others, name not in WITHOUT_UNIT)
     for name in TIMES:
         if name in table.others:
             raise ConfigurationError(table.others[name])
     raise ConfigurationError(
         f"{path} has no column of times: one of {', '.join(TIMES)}. Its columns are "
-        f"{', '.join((*columns, *table.others)) or 'none'}"
+        f"{', '.join((*numbers, *table.others)) or 'none'}"
     )
 
 
@@ -230,9 +230,9 @@ def _npz(path: Path) -> Table:
 
 
 def _numbers_of(path: Path, arrays: Mapping[str, Any], name: str, axes: int, samples: int) -> Array:
-    """Return an array of numbers.
+    """Return an array of numbers (samples, …) with this many axes.
 
-    Raises ConfigurationError unless it has so many axes, the first of them time.
+    Raises ConfigurationError if it has another number of axes or of samples.
     """
     values = np.asarray(arrays[name], dtype=np.float64)
     if values.ndim != axes or len(values) != samples:
@@ -285,6 +285,7 @@ def _bag(path: Path, clock: Clock, topic: str) -> Columns:
 
 
 def _joint_values(message: Any) -> Iterator[tuple[str, float]]:
+    """Yield the names of columns with their values; none for a field without a value per joint."""
     for name, field in (("position", message.position), ("velocity", message.velocity)):
         if len(field) == len(message.name):
             for joint, value in zip(message.name, field, strict=True):

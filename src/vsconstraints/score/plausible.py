@@ -16,8 +16,9 @@ from ..simulation.units import degrees_question
 #: position from the middle of its range, in half ranges, beyond which another unit is suspected.
 IMPLAUSIBLE = 3.0
 SLOW = 1.0  #: Median period [s] from which on times seem to be in another unit.
-#: The same, if in addition no joint is faster than the second number [rad/s or m/s].
-SLOW_AND_STILL = 0.05, 5e-3
+#: The same, if in addition no joint is faster than :data:`STILL` [rad/s or m/s].
+SLOW_IF_STILL = 0.05
+STILL = 5e-3
 AT_REST = 2e-3  #: Range of a joint at rest with the noise of its encoder [rad or m].
 #: Similarity of successive steps from which on motion is steady: 1 for equal ones, and about −0.5
 #: for white noise.
@@ -43,8 +44,8 @@ def require_radians(path: Path, robot: Robot, q: Array) -> None:
         raise ConfigurationError(f"{question} --degrees converts them")
 
 
-def seconds(path: Path, t: Array, unit_stated: bool = False) -> Array:
-    """Return increasing times from 0; raise ConfigurationError if they cannot be seconds.
+def require_seconds(path: Path, t: Array, unit_stated: bool = False) -> None:
+    """Raise ConfigurationError if increasing times (N,) cannot be seconds.
 
     Their unit is not questioned if the file states it.
     """
@@ -64,25 +65,26 @@ def seconds(path: Path, t: Array, unit_stated: bool = False) -> Array:
             "after the first: a clock was set, or a first stamp is 0. Score one part with --start "
             "and --end; for a bag, --clock log takes the times of recording"
         )
-    since: Array = t - t[0]
-    return since
 
 
 def require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> None:
-    """Raise ConfigurationError if speeds contradict the positions in size or in sign."""
+    """Raise ConfigurationError if speeds contradict the positions in size or in sign.
+
+    Samples have times ``t`` (N,), positions ``q`` (N, n) and speeds ``qd`` (N, n).
+    """
     moved = np.diff(q, axis=0)
     mean_speed = 0.5 * (qd[1:] + qd[:-1])
-    told = mean_speed * np.diff(t)[:, None]
+    by_speed = mean_speed * np.diff(t)[:, None]
     way = np.abs(moved).sum(axis=0)
     total = float(way.sum())
-    ratio = float(np.abs(told).sum()) / total if total > MOVED else 1.0
+    ratio = float(np.abs(by_speed).sum()) / total if total > MOVED else 1.0
     if not 1.0 / CONTRADICTION < ratio < CONTRADICTION:
         raise ConfigurationError(
             f"{path}: speeds are {ratio:.3g} times what the positions change: are they in degrees "
             "per second or in revolutions per minute, or the times in another unit?"
         )
-    product = (told * moved).sum(axis=0)
-    sizes = np.linalg.norm(told, axis=0) * np.linalg.norm(moved, axis=0)
+    product = (by_speed * moved).sum(axis=0)
+    sizes = np.linalg.norm(by_speed, axis=0) * np.linalg.norm(moved, axis=0)
     turned = (product < OPPOSITE * sizes) & (way > MOVED)
     if turned.any():
         joints = ", ".join(robot.joint_names[j] for j in np.flatnonzero(turned))
@@ -95,7 +97,8 @@ def require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> N
 def sustained_speeds(t: Array, q: Array) -> Array:
     """Return the largest speed (n,) of each joint over :data:`SUSTAINED` [rad/s or m/s].
 
-    One in a hundred of the intervals may be faster, as a glitch or a singularity may cause it.
+    ``q`` (N, n) are the positions at the times ``t`` (N,). One in a hundred of the intervals may be
+    faster, as a glitch or a singularity may cause it.
     """
     period = float(np.median(np.diff(t)))
     width = min(max(1, round(SUSTAINED / period)), len(t) - 1)
@@ -108,13 +111,13 @@ def sustained_speeds(t: Array, q: Array) -> Array:
 def time_questions(path: Path, robot: Robot, t: Array, q: Array, speeds: Array) -> Iterator[str]:
     """Yield the question whether times are milliseconds, for rare samples of slow joints.
 
-    ``speeds`` (n,) are those of :func:`sustained_speeds`. Raises ConfigurationError if that is
+    ``q`` (N, n) are the positions at the times ``t`` (N,), and ``speeds`` (n,) those of
+    :func:`sustained_speeds`. Raises ConfigurationError if that is
     likely: a joint moves steadily, and a thousand times its speed is a speed of the robot. An arm
     at rest moves as slowly, but only by the noise of its encoders.
     """
     period = float(np.median(np.diff(t)))
-    rare, still = SLOW_AND_STILL
-    if period < rare or not 0.0 < speeds.max() < still:
+    if period < SLOW_IF_STILL or not 0.0 < speeds.max() < STILL:
         return
     question = (
         f"samples are {period:.4g} s apart, and no joint is faster than {speeds.max():.3g} rad/s "
@@ -129,7 +132,8 @@ def time_questions(path: Path, robot: Robot, t: Array, q: Array, speeds: Array) 
 def moves_steadily(q: Array) -> BoolArray:
     """Return (n,) flags of joints that move farther than a joint at rest, and in steady steps.
 
-    Two successive steps of a motion that is sampled often are alike, and those of noise are not.
+    ``q`` (N, n) are their positions. Two successive steps of a motion that is sampled often are
+    alike, and those of noise are not.
     """
     steps = np.diff(q, axis=0)
     first = steps[:-1]

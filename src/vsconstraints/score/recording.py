@@ -17,15 +17,16 @@ from .files import Clock, Columns, read_columns
 from .plausible import (
     motion_questions,
     require_radians,
+    require_seconds,
     require_speeds,
-    seconds,
     sustained_speeds,
     time_questions,
 )
 
-#: Two samples have a gap between them if they are farther apart than this factor times the median
-#: period, and than this time [s].
-GAP = 5.0, 0.02
+#: Two samples have a gap between them if they are farther apart than this number of median periods,
+#: and than this time [s].
+GAP_PERIODS = 5.0
+GAP_TIME = 0.02
 #: Recorded quantities of joints: the words for each in names of columns, and its plural.
 QUANTITIES = {
     "q": ("position", "positions"),
@@ -48,11 +49,11 @@ class Recording:
     begin: float = 0.0  #: Time of the first of these samples, after the first one of the file [s].
 
     def on_grid(self, Ts: float) -> Recording:
-        """Return the motion at the times k T_s; unchanged if it is recorded at these.
+        """Return the motion at the times k T_s, with speeds; unchanged if it is recorded like this.
 
         Positions are interpolated by cubics with the recorded speeds or, without, by those of
-        Akima. Commands hold, and pixels are interpolated linearly. Raises ConfigurationError if
-        the recording is shorter than T_s.
+        Akima. Speeds are derivatives of the cubics. Commands hold, and pixels are interpolated
+        linearly. Raises ConfigurationError if the recording is shorter than T_s.
         """
         N = math.floor(self.t[-1] / Ts + ON_GRID) + 1
         grid = Ts * np.arange(N)
@@ -60,11 +61,11 @@ class Recording:
             raise ConfigurationError(
                 f"the recording lasts {self.t[-1]:.3g} s, less than a sampling time, {Ts} s"
             )
-        as_it_is = len(self.t) == N and np.abs(self.t - grid).max() <= ON_GRID * Ts
+        is_on_grid = len(self.t) == N and np.abs(self.t - grid).max() <= ON_GRID * Ts
         pixels = self.pixels
-        if pixels is not None and not as_it_is:
+        if pixels is not None and not is_on_grid:
             pixels = _pixels_at(grid, self.t, pixels)
-        if as_it_is and self.qd is not None:
+        if is_on_grid and self.qd is not None:
             return replace(self, t=grid, pixels=pixels)
         if self.qd is not None:
             curve = CubicHermiteSpline(self.t, self.q, self.qd)
@@ -84,8 +85,8 @@ class Recording:
 
 def _pixels_at(grid: Array, t: Array, pixels: Array) -> Array:
     """Interpolate pixels (N, M, 2) linearly; NaN unless seen at the samples on both sides."""
-    columns = pixels.reshape(len(t), -1).T
-    found: Array = np.column_stack([np.interp(grid, t, values) for values in columns])
+    coordinates = pixels.reshape(len(t), -1).T
+    found: Array = np.column_stack([np.interp(grid, t, values) for values in coordinates])
     return found.reshape(-1, *pixels.shape[1:])
 
 
@@ -122,11 +123,12 @@ def read_recording(
 def _convert(
     path: Path, robot: Robot, motion: dict[str, Array], degrees: bool, unit_stated: bool
 ) -> list[str]:
-    """Convert the times of a motion to seconds from its first sample, and angles to radians.
+    """Let the times of a motion begin at 0, and convert its angles to radians, in place.
 
     Return questions about its units. Raises as :func:`read_recording`.
     """
-    t = seconds(path, motion["t"], unit_stated)
+    require_seconds(path, motion["t"], unit_stated)
+    t = motion["t"] - motion["t"][0]
     if degrees:
         factor = np.where(robot.prismatic, 1.0, np.pi / 180.0)
         for name in QUANTITIES:
@@ -173,11 +175,11 @@ def _usable(path: Path, motion: Mapping[str, Array]) -> tuple[dict[str, Array], 
         remarks.append(f"{unknown} samples without all joints are left out")
     if known.sum() < 2:
         raise ConfigurationError(f"{path} has less than two samples with all joints")
-    again = _repeated(path, motion["t"][known])
-    repeated = np.count_nonzero(again)
+    repeats = _repeats(path, motion["t"][known])
+    repeated = np.count_nonzero(repeats)
     if repeated:
         remarks.append(f"{repeated} samples repeat a time and are left out")
-    usable = {name: values[known][~again] for name, values in motion.items()}
+    usable = {name: values[known][~repeats] for name, values in motion.items()}
     for name in ("qd", "qdd"):
         if name in usable and not np.isfinite(usable[name]).all():
             remarks.append(f"incomplete columns of {name} are left out")
@@ -190,8 +192,8 @@ def _part(recorded: Columns, start: float, end: float) -> Columns:
     t = recorded.t
     begin = _first(t >= start)
     part = slice(begin, begin + _first(t[begin:] >= end))
-    columns = {name: values[part] for name, values in recorded.columns.items()}
-    return recorded._replace(t=t[part], columns=columns)
+    numbers = {name: values[part] for name, values in recorded.numbers.items()}
+    return recorded._replace(t=t[part], numbers=numbers)
 
 
 def _first(flags: BoolArray) -> int:
@@ -200,7 +202,10 @@ def _first(flags: BoolArray) -> int:
 
 
 def _of_joints(robot: Robot, columns: Columns, name: str, what: str) -> dict[str, Array]:
-    """Return the columns (N,) of a quantity by joint, of the joints that have one."""
+    """Return the columns (N,) of a quantity by joint, of the joints that have one.
+
+    ``name`` is its key in :data:`QUANTITIES`, and ``what`` its word in names of columns.
+    """
     found = {}
     for number, joint in enumerate(robot.joint_names, start=1):
         names = [f"{joint}.{what}", f"{what}.{joint}", f"{name}[{joint}]"]
@@ -217,7 +222,7 @@ def _missing_joints(
     path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
 ) -> ConfigurationError:
     """Return the error for a recording without the positions of some joints."""
-    names = [*columns.columns, *columns.others]
+    names = [*columns.numbers, *columns.others]
     there = ", ".join(listed(names, "columns")) or "none"
     return ConfigurationError(
         f"{path} has no positions of {', '.join(missing)}, joints of {robot.name}: name the "
@@ -247,7 +252,7 @@ def _markers(path: Path, columns: Columns, count: int) -> Array | None:
     return np.stack(found, axis=1).reshape(-1, count, 2)
 
 
-def _repeated(path: Path, t: Array) -> BoolArray:
+def _repeats(path: Path, t: Array) -> BoolArray:
     """Return flags (N,) of the samples that repeat a time.
 
     Raises ConfigurationError if times run backwards.
@@ -267,10 +272,10 @@ def _repeated(path: Path, t: Array) -> BoolArray:
 def _gaps(t: Array) -> list[str]:
     """Return sentences on gaps between samples."""
     steps = np.diff(t)
-    wide = np.flatnonzero(steps > max(GAP[0] * float(np.median(steps)), GAP[1]))
+    longest = max(GAP_PERIODS * float(np.median(steps)), GAP_TIME)
     gaps = [
         f"no sample for {steps[k]:.3g} s from t = {t[k]:.4g} s on, a gap or a jump of the clock: "
         "motion there is interpolated"
-        for k in wide
+        for k in np.flatnonzero(steps > longest)
     ]
     return listed(gaps, "gaps")

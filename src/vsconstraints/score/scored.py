@@ -54,8 +54,8 @@ def recorded_trajectory(
     time than the scenario and the scenario depends on time, or if it starts at q0 in another unit.
     """
     late = recording.begin - zero
-    elsewhere = abs(late) > setup.Ts
-    if elsewhere:
+    begins_elsewhere = abs(late) > setup.Ts
+    if begins_elsewhere:
         change = _dependence_on_time(setup)
         if change:
             raise _at_another_time(late, change)
@@ -63,9 +63,9 @@ def recorded_trajectory(
     motion = recording.on_grid(setup.Ts)
     assert motion.qd is not None
     remarks = [f"recorded in {where}", *motion.remarks]
-    apart = float(np.abs(motion.q[0] - setup.q0).max())
-    if apart > SAME_START:
-        remarks.append(f"the recording starts {apart:.3g} rad or m from that of the baseline, q0")
+    from_q0 = float(np.abs(motion.q[0] - setup.q0).max())
+    if from_q0 > SAME_START:
+        remarks.append(f"the recording starts {from_q0:.3g} rad or m from that of the baseline, q0")
     qdd = motion.qdd
     commanded = qdd is not None
     if qdd is None:
@@ -74,8 +74,8 @@ def recorded_trajectory(
         qdd = np.concatenate((differences, differences[-1:]))
     states = np.stack([motion.q, motion.qd], axis=1)
     run = follow_measured(setup, states, qdd, commanded=commanded, limited=commanded)
-    if elsewhere:
-        remarks += _remarks_on_custom_rows(setup, run, late, len(motion.t))
+    if begins_elsewhere:
+        remarks.append(_remark_on_custom_rows(setup, run, late, len(motion.t)))
     if motion.pixels is not None:
         run, remark = _with_pixels(setup, run, motion.pixels[: len(run.t)])
         remarks.append(remark)
@@ -106,31 +106,32 @@ def _at_another_time(late: float, what: str) -> ConfigurationError:
     )
 
 
-def _remarks_on_custom_rows(setup: Setup, run: Trajectory, late: float, samples: int) -> list[str]:
-    """Return remarks on custom rows of a run that begins ``late`` [s] after the scenario.
+def _remark_on_custom_rows(setup: Setup, run: Trajectory, late: float, samples: int) -> str:
+    """Return a remark on the custom rows of a run that begins ``late`` [s] after the scenario.
 
-    Any constraint may depend on time, a custom one in a way that only its values show. They are
-    compared at all samples of the run, at both times: where none differs, neither do the scores.
-    The run ends before one of the recorded ``samples`` at which rows cannot be evaluated. Raises
-    ConfigurationError if rows differ.
+    Only the values of a custom row show whether it depends on time. All rows are therefore
+    evaluated twice at each sample: at its time in the run, which begins at t = 0, and ``late``
+    later, at its time in the scenario. Scores are those of the former: raises ConfigurationError if
+    a row differs. The run may have fewer than the recorded ``samples``, because it ends where rows
+    cannot be evaluated. The remark is empty without custom rows.
     """
     custom = own_constraints(setup.constraints)
     if not custom:
-        return []
+        return ""
     changed = _rows_that_differ(setup, run, run.t + late) if len(run.t) else []
     if changed:
         raise _at_another_time(late, f"rows {', '.join(listed(changed, 'rows'))} have changed")
     kinds = ", ".join(dict.fromkeys(constraint.kind for constraint in custom))
     if len(run.t) == samples:
-        return [f"custom rows, {kinds}, were found not to depend on time in this motion"]
-    return [
+        return f"custom rows, {kinds}, were found not to depend on time in this motion"
+    return (
         f"custom rows, {kinds}, could be evaluated at {len(run.t)} of {samples} samples: if they "
         "depend on time at the others is not known"
-    ]
+    )
 
 
 def _rows_that_differ(setup: Setup, run: Trajectory, later: Array) -> list[str]:
-    """Return the labels of the rows that differ at the states of a run at other times (N,)."""
+    """Return the labels of the rows that differ if a run has its states at ``later`` times (N,)."""
     motion = run.q, run.qd, run.features_px, run.points
     clearance = setup.clearance(run.t, *motion)
     clearance_later = setup.clearance(later, *motion)

@@ -17,7 +17,7 @@ from ...scenarios import Scenario
 from ...scenarios.reading import Table, from_table, require_known, require_table
 from ...scenarios.toml import read_toml
 from ..families import HALVES, SHIPPED, Family
-from .own_files import contents, files_of_laws, own_folders
+from .own_files import current_hashes, files_of_laws, own_folders
 
 MAX_SCENES = 10_000_000  # maximum number of scenes of a family in a campaign
 
@@ -234,7 +234,7 @@ class Campaign(Experiment):
 
 
 def _on_this_machine(campaign: Campaign, own_files: Sequence[str]) -> Identity:
-    files = contents(own_files, own_folders(campaign.controllers, campaign.families))
+    files = current_hashes(own_files, own_folders(campaign.controllers, campaign.families))
     return {**campaign.identities(), "own files": files}
 
 

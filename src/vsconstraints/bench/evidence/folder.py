@@ -20,7 +20,7 @@ from ...plugins.provenance import Files
 from ...scenarios.reading import from_table
 from . import parquet
 from .campaign import Campaign
-from .own_files import changed, contents, own_folders
+from .own_files import changed, current_hashes, own_folders
 from .work import Batch, batch_name, benches, make_batch
 
 MARK = "runs"  # the table that is written last: a batch is complete if it has this file
@@ -213,7 +213,7 @@ def _differences(stored: Sequence[Facts], campaign: Campaign) -> list[str]:
 def content_changes(files: Files, campaign: Campaign) -> list[str]:
     """Return a sentence for each custom file of a campaign that has other content now."""
     folders = own_folders(campaign.controllers, campaign.families)
-    now = contents(files, folders)
+    now = current_hashes(files, folders)
     return [f"the content of {name} has changed" for name in changed(files, now)]
 
 

@@ -72,22 +72,25 @@ def _name_in(folders: Folders, path: str) -> str:
     return path
 
 
-def contents(names: Iterable[str], folders: Folders) -> Files:
-    """Return hashes of the current content of the named files on this machine.
+def current_hashes(names: Iterable[str], folders: Folders) -> Files:
+    """Return hashes of the current content of the named files, of those known on this machine."""
+    paths = {name: _path_named(name, folders) for name in names}
+    return {name: digest(path) for name, path in paths.items() if path is not None}
 
-    Names whose folder is unknown are left out. So are missing files with absolute paths: they may
-    be files of another machine.
+
+def _path_named(name: str, folders: Folders) -> str | None:
+    """Return the path of a file named as by :func:`named` or :func:`files_of_laws`.
+
+    It is None if the folder is unknown, and for a missing file with an absolute path, which may be
+    a file of another machine. It is empty for a module that cannot be imported here.
     """
-    now: Files = {}
-    for name in names:
-        folder, _, inside = name.partition("/")
-        if name.startswith(IMPORT):
-            now[name] = digest(_source_file(name.removeprefix(IMPORT)))
-        elif folder in folders:
-            now[name] = digest(os.path.join(folders[folder], inside))
-        elif os.path.isabs(name) and os.path.exists(name):
-            now[name] = digest(name)
-    return now
+    if name.startswith(IMPORT):
+        return _source_file(name.removeprefix(IMPORT))
+    folder, _, inside = name.partition("/")
+    if folder in folders:
+        return os.path.join(folders[folder], inside)
+    is_of_this_machine = os.path.isabs(name) and os.path.exists(name)
+    return name if is_of_this_machine else None
 
 
 def changed(files: Files, others: Files) -> Iterator[str]:

@@ -6,10 +6,8 @@ The footer of each file holds facts about the batch.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -22,8 +20,8 @@ from ...comparisons.metrics import (
     run_metrics,
 )
 from ...comparisons.runs.files import replaced
-from ...comparisons.tables import missing_columns
-from ...errors import ConfigurationError, one_line
+from ...comparisons.tables import is_empty, missing_columns
+from ...errors import ConfigurationError, encodable, one_line
 from ...plugins.extras import demand
 from ...plugins.regular_files import require_regular
 
@@ -47,20 +45,7 @@ _TYPES = {
     "whole": pa.int64(),
     "number": pa.float64(),
 }
-
-
-def _cell(kind: Callable[[Any], Any], value: Any) -> Any:
-    """Return a value of a kind; None for a missing one, which pandas may give as NaN."""
-    return None if value is None or value != value else kind(value)
-
-
-_CELLS: dict[Kind, Callable[[Any], Any]] = {
-    # a text may hold characters that UTF-8 cannot encode
-    "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),
-    "flag": partial(_cell, bool),
-    "whole": partial(_cell, int),
-    "number": lambda value: float(value) if math.isfinite(value) else None,
-}
+_CONVERTERS: dict[Kind, Callable[[Any], Any]] = {"flag": bool, "whole": int, "number": float}
 
 
 class Column(NamedTuple):
@@ -137,22 +122,25 @@ def schema(columns: Sequence[Column]) -> Any:
 
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
-    """Return an Arrow table of lines.
-
-    Numbers that do not exist or are not finite are missing values, as in results.csv.
-    """
+    """Return an Arrow table of lines. Cells that are empty in results.csv are null."""
     arrays = []
     for column in columns:
-        cell = _CELLS[column.kind]
-        cells = [cell(line[column.name]) for line in lines]
+        cells = [_cell(column.kind, line[column.name]) for line in lines]
         arrays.append(pa.array(cells, _TYPES[column.kind]))
     return pa.Table.from_arrays(arrays, schema=schema(columns))
+
+
+def _cell(kind: Kind, value: Any) -> Any:
+    """Return a value as a cell of a kind; None if it is missing, which pandas may give as NaN."""
+    if kind == "text":
+        return encodable(str(value))
+    return None if is_empty(value) else _CONVERTERS[kind](value)
 
 
 def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
     """Write a table completely or not at all. Raises OSError."""
     text = json.dumps(facts, ensure_ascii=False, default=str)
-    footer = {FACTS: text.encode("utf-8", "backslashreplace")}
+    footer = {FACTS: encodable(text).encode()}
     lines = lines.replace_schema_metadata(footer)
     with replaced(path) as part:
         pq.write_table(lines, part, compression="zstd", write_page_checksum=True)

@@ -24,7 +24,7 @@ from .folder import (
     stored_files,
     write_batch,
 )
-from .own_files import contents, own_folders, require_unchanged_files
+from .own_files import current_hashes, own_folders, require_unchanged_files
 from .work import Batch, Part, Shard, failed, plan_batches, scored
 
 # manifest entries of the last command that made runs; a command without runs keeps them
@@ -196,7 +196,7 @@ def _stored(
         batch = batches[i]
         family = batch.family.name
         # files that no earlier batch has loaded must be the same on this machine
-        files = contents(part.files.keys() - files.keys(), folders) | files
+        files = current_hashes(part.files.keys() - files.keys(), folders) | files
         require_unchanged_files(part.files, files)
         files.update(part.files)
         facts = Facts(

@@ -6,7 +6,7 @@ Each planned run is stored exactly once, and there are no others.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -248,9 +248,7 @@ class Evidence(StoredResults):
                         f"the metadata of {path} contradicts that of its other tables"
                     )
             # lines are read only if the footer is valid
-            problem = _foreign(facts, self.manifest)
-            if not problem:
-                problem = next(_wrong_lines(batch, configuration), "")
+            problem = _foreign(facts, self.manifest) or _wrong_lines(batch, configuration)
             if problem:
                 raise ConfigurationError(
                     f"{path}, a batch: {problem}; {MANIFEST} does not ask for that"
@@ -336,44 +334,50 @@ def _inside(table: Any) -> Mapping[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterator[str]:
-    """Yield problems in the lines of a batch whose footer is valid."""
-
-    def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
-        read = batch.table(table, names)
-        cells = [read[name].to_pylist() for name in names]
-        return list(zip(*cells, strict=True))
-
-    facts = batch.facts
+def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> str:
+    """Return the first problem in the lines of a batch whose footer is valid, or an empty text."""
+    planned = _planned_runs(batch.facts, configuration)
+    # lines are read only if there are as many as the footer states
+    wrong_counts = _wrong_counts(batch, len(planned))
+    if wrong_counts:
+        return wrong_counts
+    scenes = _lines(batch, "scenes", ["family", "half", "scene", "found"])
+    family = batch.facts.family
     half = configuration["half"]
+    keys_in_footer = Counter((family, half, scene) for scene in batch.facts.scenes)
+    if Counter(cells[:-1] for cells in scenes) != keys_in_footer:
+        return "its scenes are not those of its footer"
+    found_scenes = {scene for _, _, scene, found in scenes if found}
+    expected = {run for run in planned if run[SCENE_CELL] in found_scenes}
+    return _wrong_runs(batch, expected, planned)
+
+
+def _wrong_counts(batch: StoredBatch, most_runs: int) -> str:
+    """Return which table of a batch has a wrong number of lines, or an empty text."""
+    facts = batch.facts
     counts = {}
     for table in parquet.tables():
         file = batch_file(batch.folder, table, batch.name)
         counts[table] = parquet.line_count(file)
-    planned = _planned_runs(facts, configuration)
     if counts["scenes"] != len(facts.scenes):
-        yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-    runs_are_wrong = counts[MARK] != facts.runs or facts.runs > len(planned)
+        return f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
+    runs_are_wrong = counts[MARK] != facts.runs or facts.runs > most_runs
     if runs_are_wrong or counts["rows"] > MAX_ROWS * facts.runs:
-        yield (
+        return (
             f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned "
-            f"are {len(planned)} runs"
+            f"are {most_runs} runs"
         )
-    scenes = lines("scenes", "family", "half", "scene", "found")
-    listed_scenes = Counter((family, half, scene) for family, half, scene, _ in scenes)
-    footer_scenes = Counter((facts.family, half, scene) for scene in facts.scenes)
-    if listed_scenes != footer_scenes:
-        yield "its scenes are not those of its footer"
+    return ""
+
+
+def _wrong_runs(batch: StoredBatch, expected: set[RunCells], planned: set[RunCells]) -> str:
+    """Return the first problem in the runs and constraint rows of a batch, or an empty text.
+
+    Runs that are ``expected`` must be there; others that are ``planned`` may be.
+    """
     keys = [column.name for column in KEYS]
-    runs = Counter[RunCells]()
-    violated_rows = set()
-    for *cells, violated in lines(MARK, *keys, "violated"):
-        run = tuple(cells)
-        runs[run] += 1
-        labels = (violated or "").split("; ")
-        violated_rows |= {(*run, label) for label in labels if label}
-    found_scenes = {scene for *_, scene, found in scenes if found}
-    expected = {run for run in planned if run[SCENE_CELL] in found_scenes}
+    lines = _lines(batch, MARK, [*keys, "violated"])
+    runs = Counter(cells[:-1] for cells in lines)
     problems = {
         "no run": expected - runs.keys(),
         "a run": runs.keys() - planned,
@@ -382,13 +386,24 @@ def _wrong_lines(batch: StoredBatch, configuration: Mapping[str, Any]) -> Iterat
     for problem, wrong in problems.items():
         if wrong:
             first = min(wrong, key=str)
-            cells_text = ", ".join(map(str, first))
-            yield f"it has {problem} {cells_text}"
-    rows = Counter(lines("rows", *keys, "constraint"))
+            return f"it has {problem} {', '.join(map(str, first))}"
+    violated_rows = set()
+    for *run, violated in lines:
+        labels = (violated or "").split("; ")
+        violated_rows |= {(*run, label) for label in labels if label}
+    rows = Counter(_lines(batch, "rows", [*keys, "constraint"]))
     is_listed_twice = any(count > 1 for count in rows.values())
     runs_of_rows = {row[:-1] for row in rows}
     if is_listed_twice or not runs_of_rows <= runs.keys() or not violated_rows <= rows.keys():
-        yield "its rows are not those of its runs"
+        return "its rows are not those of its runs"
+    return ""
+
+
+def _lines(batch: StoredBatch, table: str, names: Sequence[str]) -> list[tuple[Any, ...]]:
+    """Return the cells of the named columns in each line of a table of a batch."""
+    read = batch.table(table, names)
+    columns = [read[name].to_pylist() for name in names]
+    return list(zip(*columns, strict=True))
 
 
 def _planned_runs(facts: Facts, configuration: Mapping[str, Any]) -> set[RunCells]:

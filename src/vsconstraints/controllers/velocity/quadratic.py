@@ -218,7 +218,7 @@ class VelocityQP(QuadraticVelocity):
 
 
 class VelocityHierarchicalQP(QuadraticVelocity):
-    """Strict priorities over joint speeds: (1) rows G q̇ ≤ h, (2) the task J q̇ = v, (3) least ‖q̇‖.
+    """Strict priorities of joint speeds: (1) rows G q̇ ≤ h, (2) the task J q̇ = v, (3) least ‖q̇‖.
 
     The levels of :class:`.Hierarchy` with speeds in place of accelerations. Escande, Mansard and
     Wieber, "Hierarchical quadratic programming", International Journal of Robotics Research 33(7),

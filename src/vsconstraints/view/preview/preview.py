@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import VsconstraintsError
 from ...rows import Array
 from ...scenarios import Scenario
-from ...scenarios.moments import Moment, moment_at, moments_at_goals, named_goals, nowhere
+from ...scenarios.moments import Moment, moment_at, moment_without_q, moments_at_goals, named_goals
 from ...simulation import Setup
 
 NEAR = 0.9  # usage 1 − clearance/L from which a row counts as near; 1 is on its boundary
@@ -203,6 +203,6 @@ def _moments_without_goals(setup: Setup, scenario: Scenario) -> tuple[Moment, ..
             moment = moment_at(setup, name, 0.0, q, np.zeros_like(q))
         except (VsconstraintsError, KeyError, TypeError):
             problem = "the robot's configuration there is unknown"
-            moment = nowhere(setup, name, 0.0, unknown_pixels, problem)
+            moment = moment_without_q(setup, name, 0.0, unknown_pixels, problem)
         moments.append(moment)
     return tuple(moments)
