@@ -105,7 +105,8 @@ def clearance_inside(
 
     They are infinite where the scene cannot be seen.
     """
-    found = np.full((len(samples), len(setup.constraints.labels)), np.inf)
+    rows = len(setup.constraints.characteristic_length)
+    found = np.full((len(samples), rows), np.inf)
     q, qd = plant.within(states, samples, share)
     t = (samples + share) * setup.Ts
     pixels, points, seen = control.views(t, q)
