@@ -31,7 +31,7 @@ from .measurements import Measurements
 from .record import ArmLog
 from .stream import Image, Stream, Times
 from .supervision import (
-    Ended,
+    ArmEnd,
     Requests,
     RunEnded,
     Supervision,
@@ -67,6 +67,9 @@ class Job:
 
 def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until an error; end at rest.
+
+    The run is over then, and nothing resumes it. A person starts a new run, which checks again that
+    the arm is at rest and at the start.
 
     ``keep`` saves the log. It is called once the arm stands, before signals are obeyed again.
     Returns the setup with the arm's actual start, and the log. Before anything moves, raises
@@ -156,7 +159,7 @@ class ArmRun:
         # a signal that came while the log was saved
         return replace(log, signal=requests.signal)
 
-    def _log(self, ended: Ended, cause: str, signal_number: int) -> ArmLog:
+    def _log(self, ended: ArmEnd, cause: str, signal_number: int) -> ArmLog:
         stream = self.stream
         return ArmLog(
             ended=ended,
@@ -264,7 +267,7 @@ class ArmRun:
                 raise TakenOver
             yield
 
-    def _periods(self, requests: Requests) -> tuple[Ended, str]:
+    def _periods(self, requests: Requests) -> tuple[ArmEnd, str]:
         k = 0
         try:
             self.driver.begin()

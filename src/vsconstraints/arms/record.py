@@ -25,7 +25,7 @@ from ..reports.plots import Figure, Sheet, decades, logarithmic
 from ..rows import Array, BoolArray
 from ..simulation import Setup, Trajectory
 from ..simulation.measured import follow_measured
-from .supervision import Ended
+from .supervision import ArmEnd
 
 LONG_STOP = 5.0  #: Length of a stop for which the log reserves room [s].
 RESERVED = "arm-log.reserved"  #: File that reserves disk space for the log while the arm moves.
@@ -60,11 +60,13 @@ class Period(NamedTuple):
 class ArmLog:
     """Log of a run on an arm."""
 
-    ended: Ended
+    ended: ArmEnd
     cause: str  #: Reason why it ended; empty if it is done.
     signal: int  #: Number of the signal that requested a stop; 0 if none did.
-    stop: str  #: Description of how the arm came to rest.
-    at_rest: bool  #: True if the arm was observed to be at rest.
+    stop: str  #: Description of the end of its motion, see :class:`.Stop`.
+    #: True if setpoints braked the arm and it was measured at rest; false if it was halted, or
+    #: could not be, without observation.
+    at_rest: bool
     periods: Sequence[Period]  #: All periods, including those of the stop.
     missed: int  #: Number of periods that began later than the next one was due.
     Ts: float  #: Sampling time [s].

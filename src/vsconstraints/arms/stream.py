@@ -34,9 +34,11 @@ FEWEST_REPEATED = 5
 
 
 class Stop(NamedTuple):
-    """Description of how an arm came to rest; ``at_rest`` if setpoints brought it to rest."""
+    """End of the motion of an arm."""
 
     description: str
+    #: True if setpoints braked the arm and it was measured at rest; false if it was halted, or
+    #: could not be, without observation.
     at_rest: bool
 
 
@@ -187,7 +189,9 @@ class Stream:
     def bring_to_rest(self, needs_halt: bool, alive: Callable[[], None]) -> None:
         """Brake the arm by setpoints, or halt it if it ``needs_halt`` or braking fails.
 
-        :attr:`stop` and :attr:`safe` tell the result. ``alive`` is called in each period.
+        :attr:`stop` and :attr:`safe` tell the result. ``alive`` is called in each period. The run
+        is over after this: nothing is sent any more and nothing resumes it. A person starts a new
+        run, which checks again that the arm is at rest and at the start.
         """
         self.safe = False
         trouble = ""

@@ -84,15 +84,15 @@ def require_start(setup: Setup, state: Joints, supervision: Supervision, from_ar
 
 #: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there.
 #: ``failed``: any other cause. ``stopped``: a signal requested it.
-Ended = Literal["done", "aborted", "failed", "stopped"]
+ArmEnd = Literal["done", "aborted", "failed", "stopped"]
 
 
 class RunEnded(Exception):
     """End of the run, with its cause: the arm is to be brought to rest."""
 
-    def __init__(self, ended: Ended, cause: str) -> None:
+    def __init__(self, ended: ArmEnd, cause: str) -> None:
         super().__init__(cause)
-        self.ended: Ended = ended
+        self.ended: ArmEnd = ended
 
 
 class Requests:

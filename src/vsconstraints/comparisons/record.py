@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import one_line
 from ..plugins.provenance import Files, digests
-from ..rows import Array, BoolArray
+from ..rows import Array, BoolArray, IntArray
 from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
 from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
@@ -125,7 +125,7 @@ class RunRecord:
 class StoredArray:
     """Elements and axes of an array or a tuple of texts that a record holds."""
 
-    element: type  #: ``np.float64``, ``np.bool_``, or ``str`` for a tuple of texts.
+    element: type  #: ``np.float64``, ``np.int64``, ``np.bool_``, or ``str`` for a tuple of texts.
     axes: tuple[str, ...]  #: Letter of each axis, or its size in digits.
 
     def empty(self) -> Any:
@@ -136,7 +136,12 @@ class StoredArray:
         return np.empty(shape, self.element)
 
 
-_ELEMENTS: dict[Any, type] = {Array: np.float64, BoolArray: np.bool_, tuple[str, ...]: str}
+_ELEMENTS: dict[Any, type] = {
+    Array: np.float64,
+    IntArray: np.int64,
+    BoolArray: np.bool_,
+    tuple[str, ...]: str,
+}
 
 
 def _declared() -> tuple[dict[str, StoredArray], dict[str, Any]]:
@@ -152,6 +157,8 @@ def _declared() -> tuple[dict[str, StoredArray], dict[str, Any]]:
     for name, annotation in annotations.items():
         if get_origin(annotation) is Annotated:
             kind, axes = get_args(annotation)
+            if kind not in _ELEMENTS:
+                raise TypeError(f"{name}: no run is stored with arrays of the type {kind}")
             arrays[name] = StoredArray(_ELEMENTS[kind], tuple(axes.split()))
         else:
             facts[name] = annotation

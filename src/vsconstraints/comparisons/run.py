@@ -107,13 +107,20 @@ class Run:
         return round(float(self.row(label)["longest_positive_run_s"]) / self.sampling_time)
 
     def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
-        """Return the intervals in which φ ≥ 0 for any of these rows [s], with short gaps closed."""
+        """Return the intervals in which φ ≥ 0 for any of these rows [s], with short gaps closed.
+
+        See :meth:`.Trajectory.active_intervals` for what distinguishes them from
+        :attr:`.Trajectory.active`.
+        """
         rows = [self.index(label) for label in labels]
         is_active = self.trajectory.phi[:, rows] >= 0.0
         return intervals(self.t, np.asarray(is_active.any(axis=1)), gap)
 
     def ever_active(self, kind: str = "") -> list[str]:
-        """Return the labels of the rows of a kind with φ ≥ 0 in any sample."""
+        """Return the labels of the rows of a kind with φ ≥ 0 in any sample.
+
+        They need not have held the arm back, as :attr:`.Trajectory.active` says.
+        """
         return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
 
     def while_sliding(self, label: str, gap: float = 0.1) -> Array:

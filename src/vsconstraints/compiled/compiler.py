@@ -67,7 +67,7 @@ IN_PLACE = {**OPTIONS, **(interface.accelerator.IN_PLACE if interface else {})}
 def compiles() -> bool:
     """True if functions are compiled.
 
-    Otherwise they run in Python, about 200 times slower, with the same results.
+    Otherwise they run in Python, number by number, about 200 times slower, with the same results.
     """
     return interface is not None
 
@@ -112,24 +112,43 @@ def compiled(
 
     If nothing is compiled, the function runs in Python. If the compiler fails for a function with
     ``formulas``, its error is raised. If it fails for another function, a RuntimeWarning gives the
-    reason, and nothing more is compiled in this process.
+    reason, and nothing more is compiled in this process; see :func:`runnable`.
     """
 
     def decorate(function: F) -> F:
         global interface
+        plain = in_python(function, signature if from_python else None)
         if interface is None:
-            return in_python(function, signature if from_python else None)
+            return plain
         register_formulas(*formulas)
         try:
-            return _compiled(function, interface.jit(signature, from_python, options), formulas)
+            made = _compiled(function, interface.jit(signature, from_python, options), formulas)
         except Exception as error:
             if formulas:
                 raise
             interface = None
             _warn(error)
-            return in_python(function, signature if from_python else None)
+            return plain
+        if from_python:
+            _in_python[made] = plain
+        return made
 
     return decorate
+
+
+#: What runs in place of a function that was compiled before the compiler failed.
+_in_python: dict[Callable[..., Any], Callable[..., Any]] = {}
+
+
+def runnable(function: F) -> F:
+    """Return a function of :func:`compiled` as it may run with all functions that exist now.
+
+    Functions compiled before the compiler failed run in Python after that: compiled code would
+    jump to the address of a function that is not compiled. Python calls both kinds by address.
+    """
+    if interface is not None:
+        return function
+    return cast("F", _in_python.get(function, function))
 
 
 def in_python(function: F, signature: Signature | None = None) -> F:

@@ -29,7 +29,7 @@ from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .resolving import acceleration_box, demanded, finished, follow_alone, measurable
 from .scratch import emptied, filled, flags
-from .walls import ALL_MET, Demands, Resolved, count_resisting
+from .walls import Demands, Resolved, try_unconstrained
 from .workspace import Answer, LawArrays, RowArrays, TaskArrays
 
 
@@ -83,7 +83,7 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     aim = aim_at(qdd, scratch)
     code = SOLVED
     answer.iterations[0] = 0
-    if count_resisting(demands, box, aim.X, flags(scratch, m), resolved) != ALL_MET:
+    if not try_unconstrained(demands, box, aim.X, flags(scratch, m), resolved):
         if objective not in (NEAREST, SCALED):
             aim = aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
         priorities = Priorities(box, damping, tolerance, objective == STRICT)

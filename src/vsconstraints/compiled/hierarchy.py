@@ -33,15 +33,14 @@ from .linear import (
 )
 from .scratch import blank, empty_qr, flags, matrix
 from .walls import (
-    ALL_MET,
     Demands,
     Inequalities,
     Resolved,
-    count_resisting,
     gather_walls,
     hold,
     report,
     restate,
+    try_unconstrained,
 )
 from .workspace import Scratch
 
@@ -397,10 +396,9 @@ def hierarchy(
     active-set method in all stages: at least 1 if it was needed, 0 if the rows leave no choice.
     """
     fixed = flags(scratch, demands.c.size)
-    free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)
-    if free == ALL_MET:
+    if try_unconstrained(demands, priorities.box, aim.X, fixed, resolved):
         return SOLVED, 0
-    walls = gather_walls(demands, priorities.box, fixed, free, resolved, scratch)
+    walls = gather_walls(demands, priorities.box, fixed, resolved, scratch)
     code, short, steps = descend_levels(walls, aim, priorities, resolved.qdd, scratch)
     if code != SOLVED:
         return code, steps

@@ -15,7 +15,7 @@ import numpy as np
 from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, extended, newton
 from ..rows import Array
 from .compiler import IN_PLACE, compiled, in_place
-from .parts import address, call_int_pointer, make_part, to_fixed_tuple
+from .parts import address, call_int_pointer, checked, make_part, to_fixed_tuple
 from .signatures import FLAG, INT, MATRIX, VECTOR, signature
 
 #: Entries of an eye: focal lengths, principal point and reach of the lens; then its coefficients.
@@ -81,6 +81,7 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
     return through
 
 
+@checked()
 @compiled(signature(INT, INT, VECTOR, MATRIX, MATRIX, FLAG), IN_PLACE)
 def call_lens(lens: int, eye: Array, pixels: Array, out: Array, back: bool) -> int:
     """Call the function of a lens at an address; see :func:`template`."""

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from ..rows import Array, IntArray
 from . import compiler, entry
 from .cache import identify
-from .compiler import IN_PLACE, OPTIONS, compiled, in_python
+from .compiler import IN_PLACE, OPTIONS, compiled, in_python, runnable
 from .memory import require_workspace, structure_at
 from .signatures import Signature
 from .workspace import Size
@@ -33,7 +33,8 @@ _functions: dict[int, Callable[..., Any]] = {}
 def address(function: Any) -> int:
     """Return the address of a function, valid as long as the function is kept.
 
-    The function is compiled with ``from_python=False``, or stays in Python.
+    The function is compiled with ``from_python=False``, or stays in Python. Compiled code must not
+    receive the address of one that stays in Python: :func:`checked` sees to it.
     """
     is_compiled = hasattr(function, "address")
     at = int(function.address) if is_compiled else id(function)
@@ -105,7 +106,9 @@ def checked(*kinds: type, calls: int | None = None) -> Callable[[Any], Any]:
     ``kinds`` are the classes of these structures. Python calls the result with workspaces instead:
     anything else raises InvalidInput. Its ``bind(*workspaces)`` checks them once, and returns a
     function of the other arguments for loops, whose types are only checked if ``typed``. If the
-    function ``calls`` another one, it takes the address of that one first.
+    function ``calls`` another one, it takes the address of that one first. Every function that
+    calls others by their addresses is decorated, so that it is :func:`.runnable`; it is bound when
+    the workspaces contain all addresses.
     """
 
     def decorate(function: Any) -> Any:
@@ -120,10 +123,12 @@ def checked(*kinds: type, calls: int | None = None) -> Callable[[Any], Any]:
 
         @wraps(getattr(function, "py_func", function))
         def demanding(*arguments: Any) -> Any:
-            return function(*addresses(arguments[: len(kinds)]), *arguments[len(kinds) :])
+            structures = addresses(arguments[: len(kinds)])
+            return runnable(function)(*structures, *arguments[len(kinds) :])
 
         def bind(*workspaces: Any, typed: bool = False) -> Callable[..., Any]:
-            bound = partial(function if typed else entry(function), *addresses(workspaces))
+            now = runnable(function)
+            bound = partial(now if typed else entry(now), *addresses(workspaces))
             # the workspaces live as long as the function
             return _with(bound, workspaces=workspaces)
 

@@ -27,7 +27,7 @@ from .resolving import (
     resolve_otherwise,
 )
 from .scratch import blank, emptied, filled, flags, matrix, vector
-from .walls import ALL_MET, Demands, Resolved, count_resisting
+from .walls import Demands, Resolved, try_unconstrained
 from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Damping relative to that of the hierarchy. The only gain of the task is 1, so that less damping
@@ -141,7 +141,7 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     acted = flags(scratch, m + 2 * n)
     own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
     unscaled = Resolved(qdd, answer.slack, answer.acted)
-    if count_resisting(own, box, X, acted, unscaled) == ALL_MET:
+    if try_unconstrained(own, box, X, acted, unscaled):
         answer.iterations[0] = 0
         return finished(law, rows, qdd, SOLVED)
     T = directions(task.J, task.b, tolerance, X, scratch)

@@ -11,12 +11,9 @@ from .compiler import in_place, inner
 from .least_distance import KINDS, MULTIPLIER, SIDE
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ORIGIN
-from .linear import START, constant, copy, copy_vector, dot, length
+from .linear import START, copy, copy_vector, dot, length
 from .scratch import blank, flags, integers, matrix, vector
 from .workspace import Scratch
-
-#: Answer of :func:`count_resisting` if the unconstrained command meets every demand.
-ALL_MET = constant(-1)
 
 
 class Demands(NamedTuple):
@@ -60,19 +57,18 @@ class Inequalities(NamedTuple):
 
 
 @in_place
-def count_resisting(
+def try_unconstrained(
     demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved
-) -> int:
-    """Count the demands that accelerations influence; ``ALL_MET`` if the command meets all.
+) -> bool:
+    """Write the unconstrained command to q̈. Return True if it meets all demands, in the box.
 
-    The command is the unconstrained one, which is written to q̈. For ``ALL_MET`` it also has to be
-    in the box. Otherwise rows with a finite bound are marked in ``acted``, and rows among them that
-    no acceleration influences in ``fixed`` (m,).
+    No row is active then. Otherwise rows with a finite bound are marked in ``acted``, and rows
+    among them that no acceleration influences in ``fixed`` (m,). The command X[CENTER] also becomes
+    the origin of x, and every slack zero.
     """
     A, c, scale, _ = demands
     qdd, slack, acted = resolved
     n = qdd.size
-    free = 0
     within = True  # in the box
     below = True  # all bounds are met exactly
     tracks = True  # all bounds are met up to rounding
@@ -89,31 +85,41 @@ def count_resisting(
             excess = dot(A, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
+            is_met = excess <= MET * (size * distance + abs(c[i]))
             if fixed[i]:
                 is_met = c[i] >= 0.0
-            else:
-                is_met = excess <= MET * (size * distance + abs(c[i]))
-                free += 1
             tracks = tracks and is_met and excess < math.inf
     if not (within and (below or tracks)):
-        return free
+        return False
     for i in range(c.size):
         acted[i] = False
-    return ALL_MET
+    return True
+
+
+@in_place
+def count_influenced(acted: BoolArray, fixed: BoolArray) -> int:
+    """Count the rows of :func:`try_unconstrained` with a bound that accelerations influence."""
+    count = 0
+    for i in range(acted.size):
+        if acted[i] and not fixed[i]:
+            count += 1
+    return count
 
 
 @inner
 def gather_walls(
-    demands: Demands, box: Array, fixed: BoolArray, free: int, resolved: Resolved, scratch: Scratch
+    demands: Demands, box: Array, fixed: BoolArray, resolved: Resolved, scratch: Scratch
 ) -> Inequalities:
     """Return the demands and the box as inequalities.
 
-    A violated demand that no acceleration influences becomes slack.
+    A violated demand that no acceleration influences becomes slack. ``fixed`` and ``acted`` are
+    those of :func:`try_unconstrained`; all rows become inactive.
     """
     A, c, _, weights = demands
     slack = resolved.slack
     acted = resolved.acted
     n = box.shape[1]
+    free = count_influenced(acted, fixed)
     w = free
     at = START
     for j in range(n):

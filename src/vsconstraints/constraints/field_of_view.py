@@ -30,6 +30,16 @@ class FieldOfView(ImageConstraint):
     u⁺ [1/s]. ``markers`` are the numbers of the markers concerned, counted from 1, all if None.
     Raises ConfigurationError if the margin leaves no image, or leaves a part in which the lens
     cannot be inverted.
+
+    Whoever changes the formula changes these with it:
+
+    - ``formula`` and ``curvature_formula``, in :mod:`vsconstraints.formulas.curves`, and
+      ``parameters`` below;
+    - ``superellipse_on_sensor`` in :mod:`vsconstraints.formulas.lenses`, the formula through each
+      lens, which calls that one;
+    - :meth:`_can_invert_lens`, which finds the boundary from the value on a rectangle;
+    - :mod:`vsconstraints.simulation.start`, for which a field of view is convex and inside the
+      image.
     """
 
     kind = "fov"

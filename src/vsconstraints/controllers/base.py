@@ -124,10 +124,10 @@ class Controller(Part, ABC):
         """
         return ""
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """Return the compiled law on fixed arrays, for loops that refill them in every sample.
 
-        It writes ``active`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole,
+        It writes ``acted`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole,
         and for a controller whose ``command`` was replaced.
         """
         return None

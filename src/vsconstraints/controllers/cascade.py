@@ -146,7 +146,7 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     tracking = least_norm(task.J, task.b, tolerance, task.rest)
     n = task.J.shape[1]
     box = resolver.box(rows, n)
-    center, active = resolver.center(rows, tracking.qdd, c, box)
+    center, acted = resolver.center(rows, tracking.qdd, c, box)
     if resolver.aim in (codes.NEAREST, codes.SCALED):
         cost = Target(center, np.eye(n), np.ones(n), damping, tolerance, strict=False)
     else:
@@ -162,7 +162,7 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     except InvalidInput as error:
         raise SolverError(f"beyond the range of floating point: {error}") from error
     slack = np.zeros(len(rows.labels))
-    active[free] |= best.holding
+    acted[free] |= best.holding
     slack[free] = best.violation
     slack[stuck] = np.maximum(-c[stuck], 0.0)
     status: Literal["ok", "relaxed", "suboptimal"] = "ok"
@@ -174,7 +174,7 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     command = Command(
         best.x,
         status,
-        active,
+        acted,
         rows.labels,
         reason="; ".join(filter(None, reasons)),
         slack=slack,

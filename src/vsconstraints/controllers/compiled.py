@@ -32,13 +32,13 @@ SCRATCH = 32768
 class CompiledAnswer(NamedTuple):
     """Output of a compiled law.
 
-    ``code`` is one of :mod:`vsconstraints.compiled.codes`. ``qdd`` is (n,), ``active`` (m,),
+    ``code`` is one of :mod:`vsconstraints.compiled.codes`. ``qdd`` is (n,), ``acted`` (m,),
     and ``slack`` (m,), or (0,) for laws that do not measure it.
     """
 
     code: int
     qdd: Array
-    active: BoolArray
+    acted: BoolArray
     slack: Array
     iterations: int
 
@@ -86,8 +86,10 @@ class CompiledLaw:
     """Workspace of a demand and a resolver, for rows with fixed labels.
 
     ``workspace`` is the form that compiled functions take. ``arrays`` are the :class:`.LawArrays`,
-    ``remark`` is a remark on labels and options. ``complete`` is true if the whole law is compiled.
-    It is false if numba refuses the formula of the demand, or if a solver is requested by name.
+    ``remark`` is a remark on labels and options. ``complete`` is true if no part of the law needs a
+    step outside the functions of :mod:`vsconstraints.compiled`, also where these run in Python for
+    want of a compiler. It is false if numba refuses the formula of the demand, if a solver is
+    requested by name, or if the law's own class replaces ``solve``.
     Every call writes ``memory`` (m, f) and ``last_rates`` (m,), the memory of the demand.
     ``period`` is T_s [s], or None if it is unknown.
     """
@@ -182,7 +184,7 @@ class CompiledLaw:
         J = task.J
         m = len(rows.labels)
         qdd = EMPTY(J.shape[1])
-        active = EMPTY(m, BOOL)
+        acted = EMPTY(m, BOOL)
         slack = NO_SLACK
         count = NO_COUNT
         if self.measures:
@@ -192,12 +194,12 @@ class CompiledLaw:
             rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
         ):
             _, _, *arguments = self.call(rows, task)
-            code = self._follow_whole(*arguments, qdd, active, slack, count)
+            code = self._follow_whole(*arguments, qdd, acted, slack, count)
         else:  # the same as in call(), inlined because a call takes longer
             of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
-            code = self._follow(of_rows, J, task.b, qdd, active, slack, count)
+            code = self._follow(of_rows, J, task.b, qdd, acted, slack, count)
         iterations = count.item() if self.measures else 0
-        return CompiledAnswer(code, qdd, active, slack, iterations)
+        return CompiledAnswer(code, qdd, acted, slack, iterations)
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
         """Return the bounds c (m,) of the rows by the formula of the demand.
@@ -284,14 +286,14 @@ def _copies(arrays: dict[str, Any]) -> dict[str, Array]:
 class BoundLaw:
     """Compiled law on fixed arrays, for loops: every call overwrites the previous answer.
 
-    ``solve()`` writes ``active`` (m,) and ``qdd`` (n,). It returns 0 if they hold the answer;
+    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,). It returns 0 if they hold the answer;
     otherwise call the ``command`` of the controller. ``arrays`` are those of the law, in its
     ``workspace``. ``slack`` is (m,) or (0,), and ``count`` (1,) is the number of iterations.
     ``answer`` is the workspace of the outputs, see :mod:`vsconstraints.compiled.workspace`.
     """
 
     def __init__(
-        self, resolver: Any, law: Any, rows: Rows, task: Task, active: BoolArray, qdd: Array
+        self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array
     ):
         self.resolver = resolver
         self.law = law
@@ -299,11 +301,11 @@ class BoundLaw:
         self._code = 0
         self.arrays = law.arrays
         self.workspace = law.workspace
-        self.active = active
+        self.acted = acted
         self.qdd = qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
-        outputs = (qdd, active, self.slack, self.count)
+        outputs = (qdd, acted, self.slack, self.count)
         self.answer = Workspace(Answer(*outputs, NO_SLACK))
         function, workspace, *arguments = law.call(rows, task)
         bound = function.bind(workspace)
@@ -328,7 +330,7 @@ class BoundLaw:
             slack = self.slack.copy()
             iterations = self.count.item()
         code = self._code if code is None else code
-        answer = CompiledAnswer(code, self.qdd.copy(), self.active.copy(), slack, iterations)
+        answer = CompiledAnswer(code, self.qdd.copy(), self.acted.copy(), slack, iterations)
         command: Command | None = self.resolver.command(answer, law.labels)
         if command is not None and self._rows.qdd_max is not UNKNOWN:
             keep_box(self._rows, command)

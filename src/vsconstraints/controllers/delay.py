@@ -108,7 +108,7 @@ class DelayCompensated(Wrapper):
         command.remark = "; ".join(filter(None, (remark, command.remark)))
         return command
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         replaced = (
             type(self).command is not Controller.command
@@ -117,13 +117,13 @@ class DelayCompensated(Wrapper):
         if replaced or getattr(self.model, "step", None) is None or self.model.loop is None:
             return None
         then = self.model.step.now
-        inner = self.law.bind(then.rows, then.task, active, qdd)
+        inner = self.law.bind(then.rows, then.task, acted, qdd)
         if inner is None:
             return None
         own = self._arrays(rows, task, inner.workspace.address)
         # the memory of the inner law refers to the predicted rows
         law = Wrapped(inner.law, own, load("delay").compensate, last_rates=UNKNOWN)
-        return BoundLaw(inner.resolver, law, rows, task, active, qdd)
+        return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, task: Task, law: int = 0) -> Any:
         """Return the arrays of pending commands.

@@ -224,7 +224,7 @@ class Law(Controller):
         law.complete &= type(self).solve is Law.solve
         return law
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if (
             type(self).command is not Law.command
@@ -233,4 +233,4 @@ class Law(Controller):
         ):
             return None
         law = self._compile(rows)
-        return BoundLaw(self.resolver, law, rows, task, active, qdd) if law.complete else None
+        return BoundLaw(self.resolver, law, rows, task, acted, qdd) if law.complete else None

@@ -72,9 +72,9 @@ class Observed(Wrapper):
         own.seen[:] = own.after
         return command
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
-        inner = self.law.bind(rows, task, active, qdd)
+        inner = self.law.bind(rows, task, acted, qdd)
         replaced = (
             type(self).command is not Controller.command or type(self).solve is not Observed.solve
         )
@@ -82,7 +82,7 @@ class Observed(Wrapper):
             return None
         own = self._arrays(rows, inner.workspace.address)
         law = Wrapped(inner.law, own, load("observer").observe)
-        return BoundLaw(inner.resolver, law, rows, task, active, qdd)
+        return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, law: int = 0) -> Any:
         """Return the arrays of the observer of these rows.

@@ -147,10 +147,10 @@ class Planner(Wrapped):
         """
         m = len(self.labels)
         qdd = np.zeros(self.shape[1])
-        active = np.zeros(m, dtype=np.bool_)
+        acted = np.zeros(m, dtype=np.bool_)
         slack = np.zeros(m)
-        code = self._make_plan(rows, task, (qdd, active, slack, np.zeros(1, COUNT)))
-        command = self.command(CompiledAnswer(code, qdd, active, slack, 0), self.labels)
+        code = self._make_plan(rows, task, (qdd, acted, slack, np.zeros(1, COUNT)))
+        command = self.command(CompiledAnswer(code, qdd, acted, slack, 0), self.labels)
         if command is not None:
             return command
         if code == NEEDS_PYTHON:
@@ -169,12 +169,12 @@ class Planner(Wrapped):
                 f"then not in front of the camera"
             )
         if has_program and outcome != FAILED:
-            command = self._answer(qdd, active, slack)
+            command = self._answer(qdd, acted, slack)
         else:
             why = f"braking: {short}"
             if has_program:
                 why = "the previous plan is continued: no better one passes the check"
-            command = Command(qdd, "suboptimal", active, self.labels, reason=why)
+            command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
         return command
 
@@ -228,20 +228,20 @@ class Planner(Wrapped):
         """
         if answer.code not in self.answers:
             return None
-        command = self._answer(answer.qdd, answer.active, answer.slack)
+        command = self._answer(answer.qdd, answer.acted, answer.slack)
         command.remark = self.remark
         return command
 
-    def _answer(self, qdd: Array, active: BoolArray, slack: Array) -> Command:
+    def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
         """Return the command of a plan.
 
         Its reason names the rows that no plan satisfies, with their violation.
         """
         if not slack.any():
-            return Command(qdd, "ok", active, self.labels)
+            return Command(qdd, "ok", acted, self.labels)
         amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
         reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
-        return Command(qdd, "relaxed", active, self.labels, reason=reason)
+        return Command(qdd, "relaxed", acted, self.labels, reason=reason)
 
 
 def instants(H: int, T: float, period: float) -> tuple[Array, IntArray]:

@@ -141,7 +141,7 @@ class PredictiveControl(Controller):
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if (
             type(self).command is not PredictiveControl.command
@@ -149,7 +149,7 @@ class PredictiveControl(Controller):
         ):
             return None
         planner = self._ready(rows, task)
-        return BoundLaw(planner, planner, rows, task, active, qdd) if planner.compiled else None
+        return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
 
     def _ready(self, rows: Rows, task: Task) -> Any:
         """Return the planner for these rows.

@@ -95,20 +95,20 @@ class Resolver(Part, ABC):
         if copied is not None:
             rows, task = copied
         qdd = np.full(task.J.shape[1], np.nan)
-        active = np.zeros(m, dtype=np.bool_)
+        acted = np.zeros(m, dtype=np.bool_)
         slack = np.zeros(m if self.measures else 0)
         count = np.zeros(1, dtype=np.int64)
         function, *arguments = law.call(rows, task)
-        code = function(*arguments, qdd, active, slack, count)
+        code = function(*arguments, qdd, acted, slack, count)
         if code == RANK_LOSS:
-            command = Command(qdd, "ok", active, rows.labels)
+            command = Command(qdd, "ok", acted, rows.labels)
             return rank_loss(rows, command, self.options[TOLERANCE])
         if code == NEEDS_PYTHON:
             is_finite = np.isfinite(qdd).all()
             # the caller's check refuses an answer beyond rounding, and names the rows
             if is_finite and beyond_rounding(rows, qdd):
-                return Command(qdd, "ok", active, rows.labels)
-        answer = CompiledAnswer(code, qdd, active, slack, int(count[0]))
+                return Command(qdd, "ok", acted, rows.labels)
+        answer = CompiledAnswer(code, qdd, acted, slack, int(count[0]))
         return self.command(answer, rows.labels)
 
     def tracks(self, demand: Demand) -> bool:
@@ -141,7 +141,7 @@ class Resolver(Part, ABC):
         """Return the command for the output of the compiled form; None if it has no answer."""
         if answer.code not in self.answers:
             return None
-        return Command(answer.qdd, "ok", answer.active, labels)
+        return Command(answer.qdd, "ok", answer.acted, labels)
 
 
 @dataclass(frozen=True)

@@ -163,15 +163,15 @@ class Hierarchy(Resolver):
 
     def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """See :class:`.Resolver`."""
-        code, qdd, active, slack, iterations = answer
+        code, qdd, acted, slack, iterations = answer
         if code not in self.answers:
             return None
         solver = COMPILED if iterations else ""
-        command = Command(qdd, "ok", active, labels, "", slack, solver, iterations)
+        command = Command(qdd, "ok", acted, labels, "", slack, solver, iterations)
         if code:
             command.status = "relaxed" if code in RELAXED else "suboptimal"
             # an unmet row that is not active has no influence of q̈
-            fixed = np.flatnonzero(~active & (slack > 0.0))
+            fixed = np.flatnonzero(~acted & (slack > 0.0))
             reasons = unmet(labels, slack, fixed), UNPROVED if code in SHORT else ""
             command.reason = "; ".join(filter(None, reasons))
         return command

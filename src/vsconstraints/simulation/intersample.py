@@ -40,12 +40,13 @@ def intersample_clearance(
 ) -> Array:
     """Return the smallest clearance (N, m) within the period after each sample.
 
-    It is infinite if no period was inspected. A period is inspected if a row may be violated in it
-    or may have its smallest clearance of the run there. This is the case if the clearance might
-    reach zero at its rate of change there (:data:`DIP_FACTOR`), however far the samples are from
-    the boundary, or if a joint reverses within the period (:data:`BACK_ANYWHERE`). Parts of a
-    period are halved as long as a row may be violated more deeply within a part, at the rate
-    observed in it. Samples have states (N, s, n) and clearances (N, m).
+    It is infinite if the period was not inspected, or if the scene is seen nowhere within it. A
+    period is inspected if a row may be violated in it or may have its smallest clearance of the run
+    there. This is the case if the clearance might reach zero at its rate of change there
+    (:data:`DIP_FACTOR`), however far the samples are from the boundary, or if a joint reverses
+    within the period (:data:`BACK_ANYWHERE`). Parts of a period are halved as long as a row may be
+    violated more deeply within a part, at the rate observed in it. Samples have states (N, s, n)
+    and clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)
@@ -53,26 +54,14 @@ def intersample_clearance(
         return least
     periods = inspected_periods(setup, plant, states, clearance)
     length = setup.constraints.characteristic_length
-
-    def look(samples: IntArray, share: float) -> Array:
-        """Record and return clearances (P, m) at a share of the period after some samples.
-
-        They are infinite where the scene cannot be seen.
-        """
-        at_share = np.full((len(samples), m), np.inf)
-        q, qd = plant.within(states, samples, share)
-        t = (samples + share) * setup.Ts
-        pixels, points, seen = control.views(t, q)
-        if seen.any():
-            of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
-            at_share[seen] = setup.clearance(*of_seen)
-        least[samples] = np.minimum(least[samples], at_share)
-        return at_share
-
     if not len(periods):
         return least
     width = 1.0 / QUARTERS
-    inside = [look(periods, i * width) for i in range(1, QUARTERS)]
+    inside = []
+    for i in range(1, QUARTERS):
+        at_quarter = clearance_inside(setup, control, plant, states, periods, i * width)
+        least[periods] = np.minimum(least[periods], at_quarter)
+        inside.append(at_quarter)
     ends = np.stack([clearance[periods], *inside, clearance[periods + 1]])
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(ends, axis=0))
@@ -93,13 +82,38 @@ def intersample_clearance(
             first = first[kept]
             last = last[kept]
             half = begin + 0.5 * width
-            middle = look(periods[candidates], half)
+            halved = periods[candidates]
+            middle = clearance_inside(setup, control, plant, states, halved, half)
+            least[halved] = np.minimum(least[halved], middle)
             halves.append((begin, candidates, first, middle))
             halves.append((half, candidates, middle, last))
         parts = halves
         width = 0.5 * width
         change = 0.5 * change
     return least
+
+
+def clearance_inside(
+    setup: Setup,
+    control: ControlStep,
+    plant: Plant,
+    states: Array,
+    samples: IntArray,
+    share: float,
+) -> Array:
+    """Return clearances (P, m) at a share of the period after each of P samples.
+
+    They are infinite where the scene cannot be seen.
+    """
+    rows = len(setup.constraints.characteristic_length)
+    found = np.full((len(samples), rows), np.inf)
+    q, qd = plant.within(states, samples, share)
+    t = (samples + share) * setup.Ts
+    pixels, points, seen = control.views(t, q)
+    if seen.any():
+        of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
+        found[seen] = setup.clearance(*of_seen)
+    return found
 
 
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:

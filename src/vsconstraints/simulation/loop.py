@@ -22,7 +22,7 @@ from ..errors import SceneError, VsconstraintsError, described
 from ..robots.geometry import Pose
 from ..rows import Command, Rows, Task
 from .intersample import intersample_clearance
-from .outcome import Ended, judge, scores_of
+from .outcome import EarlyEnd, judge, scores_of
 from .prepared import RunWorkspace, blank_step, make_loop
 from .programs import ProgramLoop, RobotProgram
 from .setup import require_followed
@@ -63,7 +63,7 @@ class Run:
         #: Samples done, samples that another QP solver answered, and unfounded reports of rank
         #: loss.
         self.samples = self.fallbacks = self.unfounded = 0
-        self.ended: Ended = ""
+        self.ended: EarlyEnd = ""
         self.reason = ""
         self.compiled = False
         self.law = 0
@@ -125,7 +125,7 @@ class Run:
     def _outcome(self, dwell: float | None = None) -> tuple[Outcome, str]:
         return judge(self.setup, self.loop, self.samples, self.ended, self.reason, dwell)
 
-    def _end(self, ended: Ended, reason: str) -> None:
+    def _end(self, ended: EarlyEnd, reason: str) -> None:
         self.ended = ended
         self.reason = f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
 

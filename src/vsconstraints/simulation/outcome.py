@@ -15,11 +15,11 @@ from .setup import Setup
 from .trajectory import Outcome, RunScores
 
 #: Early end of the loop; empty if all samples were run.
-Ended = Literal["", "failed", "aborted"]
+EarlyEnd = Literal["", "failed", "aborted"]
 
 
 def judge(
-    setup: Setup, loop: Loop, samples: int, ended: Ended, reason: str, dwell: float | None = None
+    setup: Setup, loop: Loop, samples: int, ended: EarlyEnd, reason: str, dwell: float | None = None
 ) -> tuple[Outcome, str]:
     """Return status and reason of a run of so many samples.
 
@@ -27,46 +27,79 @@ def judge(
     the last goal must have been held [s]; None stands for that of the tolerances.
 
     The first that applies is returned: the status of an early end; ``converged`` if all goals were
-    held; ``unfinished`` if the last one is held, but an earlier one was missed; if the goal has not
-    changed for the setup's ``rest_time``, ``slow`` if the arm approaches at a pace that would
-    arrive in time, or ``trapped`` if it is at rest; ``unfinished`` otherwise.
+    held; ``unfinished`` if the last one is held, but an earlier one was missed; ``slow`` if the
+    goal has not changed for the setup's ``rest_time``, and at the pace in that time the arm would
+    arrive in less time than the run has taken so far; ``trapped`` if joints and camera are at rest,
+    the camera for the ``rest_time``; ``unfinished`` otherwise.
     """
     if ended:
         return ended, reason
-    kept = loop.kept
-    t = np.arange(samples) * setup.Ts
-    unreached = loop.scores.unreached
-    first = first_samples(loop.goals.begins, samples, setup.Ts)
-    settled = settling_times(unreached, loop.goals.begins, samples, setup.Ts)
+    if dwell is None:
+        dwell = setup.tolerances.dwell_s
+    missed = _missed_goals(setup, loop, samples)
+    left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
+    if _holds_last_goal(setup, loop, samples, dwell):
+        return ("unfinished" if left else "converged"), "; ".join(left)
+    final = f"ends {_distance_text(loop, samples)} from the goal"
+    latest = _latest_samples(setup, samples)
+    if latest is not None and _approaches(setup, loop, latest):
+        return "slow", "; ".join([f"still approaching, {final}", *left])
+    fastest = _fastest_joint(loop, samples)
+    joints_rest = fastest <= setup.goal_tolerances[-1, 3]
+    if latest is not None and joints_rest and _camera_rests(setup, loop, latest):
+        return "trapped", "; ".join([f"at rest, {final}", *left])
+    motion = "still moving"
+    if not joints_rest:
+        motion = f"still moving, the fastest joint at {_amount(fastest)} rad/s or m/s"
+    return "unfinished", "; ".join([f"{motion}, {final}", *left])
+
+
+def _missed_goals(setup: Setup, loop: Loop, samples: int) -> IntArray:
+    """Return the numbers, from 0, of the goals that were not reached before the next one began."""
+    begins = loop.goals.begins
+    first = first_samples(begins, samples, setup.Ts)
+    settled = settling_times(loop.scores.unreached, begins, samples, setup.Ts)
     # a goal that begins and ends between two samples is not missed
     is_sampled = first[:-1] < first[1:]
     has_ended = first[1:] < samples
-    missed = np.flatnonzero(is_sampled & has_ended & np.isnan(settled[:-1]))
-    if dwell is None:
-        dwell = setup.tolerances.dwell_s
+    return np.flatnonzero(is_sampled & has_ended & np.isnan(settled[:-1]))
+
+
+def _holds_last_goal(setup: Setup, loop: Loop, samples: int, dwell: float) -> bool:
+    """True if the last goal is the current one and is held, for so long [s] up to the end."""
+    t = np.arange(samples) * setup.Ts
     dwelling = int(np.argmax(t >= t[-1] - dwell))
-    is_reached = first[-1] <= dwelling and unreached[-1] < dwelling
-    if is_reached and not missed.size:
-        return "converged", ""
-    left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
-    if is_reached:
-        return "unfinished", "; ".join(left)
-    final = f"ends {_distance_text(loop, samples)} from the goal"
+    first = first_samples(loop.goals.begins, samples, setup.Ts)
+    return bool(first[-1] <= dwelling and loop.scores.unreached[-1] < dwelling)
+
+
+def _latest_samples(setup: Setup, samples: int) -> IntArray | None:
+    """Return the samples of the last ``rest_time``; None if the run has not taken so long."""
+    t = np.arange(samples) * setup.Ts
     # half a period allows for the rounding of times
+    if t[-1] < setup.rest_time - 0.5 * setup.Ts:
+        return None
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
-    since = np.arange(begin, samples) % len(kept.camera_t)
-    is_long_enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
+    return np.arange(begin, samples)
+
+
+def _approaches(setup: Setup, loop: Loop, latest: IntArray) -> bool:
+    """True if the pace of the latest samples leads to the goal in less time than has passed.
+
+    False if the goal has changed after the first of these samples.
+    """
+    begin = latest[0]
+    samples = latest[-1] + 1
+    first = first_samples(loop.goals.begins, samples, setup.Ts)
     is_same_goal = not ((begin < first) & (first < samples)).any()
-    if is_long_enough and is_same_goal and _time_to_go(setup, loop, since) < t[-1]:
-        return "slow", "; ".join([f"still approaching, {final}", *left])
-    fastest = np.abs(kept.states[(samples - 1) % len(kept.states), 1]).max()
-    is_slow = fastest <= setup.goal_tolerances[-1, 3]
-    if is_long_enough and is_slow and _camera_rests(setup, loop, since):
-        return "trapped", "; ".join([f"at rest, {final}", *left])
-    motion = "still moving"
-    if not is_slow:
-        motion = f"still moving, the fastest joint at {_amount(fastest)} rad/s or m/s"
-    return "unfinished", "; ".join([f"{motion}, {final}", *left])
+    return is_same_goal and _time_to_go(setup, loop, latest) < latest[-1] * setup.Ts
+
+
+def _fastest_joint(loop: Loop, samples: int) -> float:
+    """Return the greatest speed of a joint in the last sample [rad/s or m/s]."""
+    states = loop.kept.states
+    speeds = states[(samples - 1) % len(states), 1]
+    return float(np.abs(speeds).max())
 
 
 def _distance_text(loop: Loop, samples: int) -> str:
@@ -79,16 +112,19 @@ def _distance_text(loop: Loop, samples: int) -> str:
     return f"{_amount(kept.feature_error[last])} px"
 
 
-def _camera_rests(setup: Setup, loop: Loop, since: IntArray) -> bool:
+def _camera_rests(setup: Setup, loop: Loop, latest: IntArray) -> bool:
     """True if the camera has not left its last pose, up to the tolerances, in these samples."""
-    R = loop.kept.camera_R[since]
-    t = loop.kept.camera_t[since]
+    kept = loop.kept
+    # a ring buffer, if only the latest poses are kept
+    at = latest % len(kept.camera_t)
+    R = kept.camera_R[at]
+    t = kept.camera_t[at]
     moved, turned = distances(R, t, Pose(R[-1], t[-1])).max(axis=0)
     tolerances = setup.tolerances
     return bool(moved < tolerances.translation_m and turned < tolerances.rotation_rad)
 
 
-def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
+def _time_to_go(setup: Setup, loop: Loop, latest: IntArray) -> float:
     """Return the time in which the last goal is reached at the pace of these samples [s].
 
     The time is infinite if the goal is not approached. The pace is that of the error in units of
@@ -97,10 +133,11 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
     """
     tolerance = setup.goal_tolerances[-1]
     kept = loop.kept
+    at = latest % len(kept.camera_error)
     if isinstance(setup.task.feature, CameraPose):
-        error = (kept.camera_error[since] / tolerance[:2]).max(axis=1)
+        error = (kept.camera_error[at] / tolerance[:2]).max(axis=1)
     else:
-        error = kept.feature_error[since] / tolerance[2]
+        error = kept.feature_error[at] / tolerance[2]
     half = len(error) // 2
     if not half:
         return np.inf

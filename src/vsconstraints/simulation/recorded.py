@@ -15,7 +15,7 @@ import numpy as np
 from ..controllers import Controller, Tracking
 from ..rows import Array, Rows, Task
 from .loop import Run
-from .outcome import Ended
+from .outcome import EarlyEnd
 from .prepared import RunWorkspace
 from .runs import trajectory_of
 from .setup import Setup
@@ -32,7 +32,7 @@ class Recorded:
     """
 
     qdd: Array  #: (N, n) the commands.
-    ended: Ended  #: Early end of the run; empty if all its samples were run.
+    ended: EarlyEnd  #: Early end of the run; empty if all its samples were run.
     reason: str  #: Reason for an early end.
     remarks: tuple[str, ...]  #: Remarks on the law in this run.
     rows_time: Array  #: (N,) wall time of rows and task [s].

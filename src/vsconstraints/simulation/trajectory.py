@@ -51,7 +51,8 @@ class Trajectory:
     phi: Annotated[Array, "N m"]
     sigma: Annotated[Array, "N m"]  #: Constraint functions.
     clearance: Annotated[Array, "N m"]  #: In the natural unit of each constraint.
-    #: Rows that constrain the arm: :func:`vsconstraints.compiled.samples.mark_acting`.
+    #: Rows that hold the arm back, see :func:`vsconstraints.compiled.samples.mark_acting`; not all
+    #: rows with φ ≥ 0, which are those of :meth:`active_intervals`.
     active: Annotated[BoolArray, "N m"]
     saturated: Annotated[BoolArray, "N"]  #: True if the command is at a limit of the actuators.
     #: Share of the available accelerations that holding φ at zero takes when φ first reaches zero;
@@ -75,7 +76,8 @@ class Trajectory:
         """Return the intervals in which φ of a row was at or above zero [s].
 
         Each interval is given by its first and last sample; intervals closer than ``gap`` are
-        merged.
+        merged. The row need not hold the arm back in them, as :attr:`active` says: tracking may
+        lead away from it.
         """
         return intervals(self.t, self.phi[:, self.labels.index(label)] >= 0.0, gap)
 
@@ -105,7 +107,9 @@ class RunScores:
     switching_rate_hz: float  #: Changes of the set of acting rows per second.
     acceleration_max: Array  #: (n,) largest absolute value of q̈_c for each joint.
     phi_max: Array  #: (m,) largest φ of each row.
-    sigma_max: Array  #: (m,) largest σ of each row; above zero, its violation depth.
+    #: (m,) largest σ of each row in any sample; above zero the row is violated. Not the metric
+    #: ``violation_depth``, which is a depth in clearance, between samples too.
+    sigma_max: Array
     outside_time_s: Array  #: (m,) total of the sampling periods that begin with σ > 0.
     active_time_s: Array  #: (m,) time during which each row constrained the arm.
     first_active_s: Array  #: (m,) time at which each row acted first; NaN if never.

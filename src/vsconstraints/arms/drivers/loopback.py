@@ -22,7 +22,7 @@ Fault = Literal["none", "stall", "drop", "jump", "refuse", "freeze"]
 JUMP = 0.5  #: Position error that the fault ``jump`` reports [rad or m].
 #: Time for which the arm coasts after a period before its watchdog brakes it [s]; ten periods if
 #: that is longer.
-PATIENCE = 0.1
+WATCHDOG_S = 0.1
 #: Delay of a setpoint up to which it is compared with the previous setpoint, not with the arm's
 #: position [s].
 LATE = 0.01
@@ -37,14 +37,14 @@ class FakeArm:
     and the period in which a setpoint is reached.
     """
 
-    def __init__(self, q: Array, envelope: Envelope, patience: float = PATIENCE) -> None:
+    def __init__(self, q: Array, envelope: Envelope, watchdog_s: float = WATCHDOG_S) -> None:
         self.limits = envelope
         self.period = envelope.period
         self.t = 0.0  #: Clock of the arm [s]; :meth:`advance` moves it.
         self.stopped = ""  #: Reason why it stopped; empty if it has not.
         self._begun = -np.inf
-        self._patience = max(patience, 10.0 * envelope.period)
-        self._coasting = self._patience
+        self._watchdog_s = max(watchdog_s, 10.0 * envelope.period)
+        self._coasting = self._watchdog_s
         here: tuple[Array, Array] = np.array(q), np.zeros(len(q))
         self._from = self._to = here
 
@@ -52,8 +52,8 @@ class FakeArm:
         """Let time pass."""
         self.t += max(seconds, 0.0)
         gap = self.t - self._begun - self.period
-        if np.isfinite(self._begun) and gap > self._patience and not self.stopped:
-            self.stopped = f"its watchdog received nothing for {1e3 * self._patience:g} ms"
+        if np.isfinite(self._begun) and gap > self._watchdog_s and not self.stopped:
+            self.stopped = f"its watchdog received nothing for {1e3 * self._watchdog_s:g} ms"
 
     def state(self) -> tuple[Array, Array]:
         """Return q and q̇ (n,) now."""
@@ -97,7 +97,7 @@ class FakeArm:
         self._from = self.state()
         self._to = (np.array(q), np.array(qd))
         self._begun = self.t
-        self._coasting = self._patience
+        self._coasting = self._watchdog_s
 
     def stop(self, why: str) -> None:
         """Brake now, and accept no more setpoints."""
@@ -118,15 +118,15 @@ class LoopbackArm(Driver):
 
     real = False
     known = ("time", "fault", "at", "patience", "off")
-    watchdog = f"the arm's watchdog brakes after {1e3 * PATIENCE:g} ms without a setpoint"
+    watchdog = f"the arm's watchdog brakes after {1e3 * WATCHDOG_S:g} ms without a setpoint"
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
         address.require_none()
         self.simulated_time = address.choice("time", ("real", "simulated")) == "simulated"
-        self._patience = address.number("patience", 0.1)
+        self._answer_s = address.number("patience", 0.1)
         self._at = address.number("at", 0.5)
-        if self._patience == 0.0:
+        if self._answer_s == 0.0:
             raise ConfigurationError(
                 "option patience of loopback must be positive: an answer takes some time"
             )
@@ -150,8 +150,8 @@ class LoopbackArm(Driver):
             self._advance()
             fault = self._fault if self._asked is not None and self.arm.t >= self._at else "none"
         if fault == "stall":
-            time.sleep(self._patience)
-            raise ArmError(f"the arm has not answered within {1e3 * self._patience:g} ms")
+            time.sleep(self._answer_s)
+            raise ArmError(f"the arm has not answered within {1e3 * self._answer_s:g} ms")
         if fault == "drop":
             raise ArmError("the arm closed the connection")
         with self._lock:

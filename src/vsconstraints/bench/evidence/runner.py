@@ -101,11 +101,11 @@ class Finished:
 
 @dataclass(frozen=True)
 class Plan:
-    """Settings for the execution of a campaign that do not change its results.
+    """Settings for the execution of a campaign.
 
-    ``limit`` is the time limit of a run [s]; None derives it from the number of samples, for each
-    law. ``fresh`` replaces the content of the folder. ``workers`` opens the workers that make the
-    runs.
+    They do not change results, with one exception: a run that takes longer than ``limit`` [s] ends
+    as ``failed``. None derives the limit from the number of samples, for each law. ``fresh``
+    replaces the content of the folder. ``workers`` opens the workers that make the runs.
     """
 
     shard: Shard = field(default_factory=Shard)

@@ -41,7 +41,7 @@ THREAD_VARIABLES = (
 
 DIED = "the process that ran it died"
 CHECK = 1.0  # period at which silent processes are checked [s]
-PATIENCE = 5.0  # time that idle processes have to end without being killed [s]
+TIME_TO_END = 5.0  # time that idle processes have to end without being killed [s]
 # announces to a process that the next message is another function to call
 NEXT_FUNCTION = b"function"
 MAX_PLAIN_LENGTH = 2**28  # length of a message of code that is not trusted [bytes]
@@ -117,7 +117,7 @@ class Pool(Generic[Answer]):
         if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
             self._workers = [worker for worker in self._workers if worker not in idle]
-        _end_all(self._workers, 0.0 if at_once else PATIENCE)
+        _end_all(self._workers, 0.0 if at_once else TIME_TO_END)
 
     def run(
         self,
@@ -217,7 +217,7 @@ def processes_kept() -> Iterator[None]:
     try:
         yield
     finally:
-        _end_all(_handed_on, PATIENCE)
+        _end_all(_handed_on, TIME_TO_END)
         _handed_on = before
 
 

@@ -103,12 +103,12 @@ class VelocityController(Controller):
             command.remark = law.remark
         return command
 
-    def bind(self, rows: Rows, task: Task, active: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         if type(self).command is not VelocityController.command:
             return None
         law = self._compiled_for(rows, task)
-        return None if law is None else BoundLaw(law, law, rows, task, active, qdd)
+        return None if law is None else BoundLaw(law, law, rows, task, acted, qdd)
 
     def compiled_form(self, rows: Rows, n: int) -> CompiledSpeeds | None:
         """Create the compiled form for rows like these and n joints; None if there is none."""

@@ -66,12 +66,12 @@ class CompiledSpeeds(Wrapped):
         """Compute the answer for these rows and this task."""
         m = len(rows.labels)
         qdd = EMPTY(task.J.shape[1])
-        active = EMPTY(m, BOOL)
+        acted = EMPTY(m, BOOL)
         slack = EMPTY(m) if self.measures else NO_SLACK
         count = np.zeros(1, COUNT)
         _, _, *arguments = self.call(rows, task)
-        code = self._follow(*arguments, qdd, active, slack, count)
-        return CompiledAnswer(code, qdd, active, slack, count.item())
+        code = self._follow(*arguments, qdd, acted, slack, count)
+        return CompiledAnswer(code, qdd, acted, slack, count.item())
 
     def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
         """Return the command for the output of the compiled form; None if it has no answer."""
