@@ -1,6 +1,8 @@
 # /// script
 # requires-python = ">=3.10,<3.13"
-# dependencies = ["tsid==1.7.1", "pin==3.4.0", "cmeel-urdfdom<5", "cmeel-tinyxml2<11", "msgspec", "numpy"]
+# dependencies = [
+#   "tsid==1.7.1", "pin==3.4.0", "cmeel-urdfdom<5", "cmeel-tinyxml2<11", "msgspec", "numpy"
+# ]
 # ///
 """TSID: inverse dynamics as a QP over accelerations; it commands accelerations.
 
