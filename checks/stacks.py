@@ -3,13 +3,18 @@
 Draws the scenes of ``comparisons/stacks.toml``, tunes two gains of each entry on training scenes,
 and runs it with the chosen gains in held-out scenes. ENVS contains the environments of the adapters
 (``python -m vsconstraints.stacks.environments ENVS``) and, as ``visp_stack``, the program of
-``controllers/visp``. One group after the other is completed: an arm that servoes by one feature
-within one limit of accelerations. Finished runs are in FOLDER, and the same command continues.
-``checks.stacks_page`` makes the kept table and the page from them.
+``controllers/visp``; it takes the place of ``../envs`` in the suite. One group after the other is
+completed: an arm that servoes by one feature within one limit of accelerations. Finished runs are
+in FOLDER, and the same command continues. ``checks.stacks_page`` makes the kept table and the page
+from them.
+
+A stack of your own is an entry of the suite. Its table ``gains`` says which of its options take the
+gains, ``gains = { task = "gain", view = "view_gain" }``; without ``view`` only the task is tuned.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -33,24 +38,34 @@ from vsconstraints.comparisons.runs.folder import locked
 from vsconstraints.comparisons.runs.identity import Identity, identity, scene_identity
 from vsconstraints.comparisons.runs.pool import Failure, Workers, processes
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec, prepare_laws
-from vsconstraints.errors import ConfigurationError, VsconstraintsError, described, unknown_name
+from vsconstraints.errors import (
+    ConfigurationError,
+    VsconstraintsError,
+    described,
+    format_value,
+    unknown_name,
+)
 from vsconstraints.plugins.provenance import digest
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.stacks.environments import interpreter
 
 ROOT = Path(__file__).parents[1]
 SUITE = ROOT / "comparisons" / "stacks.toml"
+ENVIRONMENTS = ROOT / "envs"  #: ``../envs`` in the suite, which stands for the folder of a command.
 RUNS = "runs.jsonl"  #: File of the lines of finished runs.
 
 GAINS = (0.75, 1.5, 3.0)  #: λ of the task [1/s].
 VIEW_GAINS = (2.0, 8.0)  #: α of the field of view [1/s].
-TRAINING = 4  #: Training scenes per family.
+TRAINING = 3  #: Training scenes per family.
 TEST = 20  #: Held-out scenes per family.
 MOST_DRAWN = 200  #: Scenes that are drawn at most to find those that count.
 TIME_LIMIT = 10.0  #: Time in which a run must settle [s].
 SHORTEST = 1.0  #: Shortest duration of a run [s]; a run that has settled ends.
 
-#: Options of adapters for the gain of the field of view; the others have none.
+#: Key of an entry for the options of a stack that take its gains: ``task`` and, if it has a
+#: constraint on the image, ``view``.
+OWN_GAINS = "gains"
+#: Options of adapters for the gain of the field of view; other stacks have none, or name it.
 VIEW_OPTIONS = {
     "pink": "barrier_gain",
     "cbfpy": "barrier_gain",
@@ -78,18 +93,40 @@ class Gains(NamedTuple):
     view: float | None
 
 
+def is_stack(entry: ControllerSpec) -> bool:
+    """True for a program, an adapter or a class outside the package."""
+    return ":" in entry.law
+
+
 def kind_of(entry: ControllerSpec) -> str:
-    """Return the adapter of an entry, ``visp`` for a program, or the type of a law."""
-    if "command" in entry.options:
-        return "visp"
+    """Return the adapter of an entry, or the type of any other one."""
     return str(entry.options.get("adapter", entry.law))
+
+
+def gain_options(entry: ControllerSpec) -> dict[str, str]:
+    """Return the options of a stack for its gains: of the ``task`` and, if it has one, ``view``.
+
+    Raises ConfigurationError if the entry names them in another way.
+    """
+    kind = kind_of(entry)
+    usual = {"task": "gain"}
+    if kind in VIEW_OPTIONS:
+        usual["view"] = VIEW_OPTIONS[kind]
+    own = entry.options.get(OWN_GAINS, usual)
+    named = isinstance(own, dict) and "task" in own and set(own) <= {"task", "view"}
+    if not (named and all(isinstance(option, str) and option for option in own.values())):
+        raise ConfigurationError(
+            f"controllers.{entry.name}.{OWN_GAINS} names the options for the gains, "
+            f'{{ task = "gain", view = "view_gain" }} or without view, not {format_value(own)}'
+        )
+    return dict(own)
 
 
 def grid(entry: ControllerSpec) -> list[Gains]:
     """Return the gains that are tried for an entry."""
-    kind = kind_of(entry)
-    stack = ":" in entry.law
-    has_view = kind in VIEW_OPTIONS if stack else kind not in WITHOUT_VIEW
+    has_view = kind_of(entry) not in WITHOUT_VIEW
+    if is_stack(entry):
+        has_view = "view" in gain_options(entry)
     return [Gains(*pair) for pair in product(GAINS, VIEW_GAINS if has_view else (None,))]
 
 
@@ -116,10 +153,9 @@ def with_gains(entry: ControllerSpec, gains: Gains) -> tuple[ControllerSpec, dic
     view = np.nan if gains.view is None else gains.view
     if kind == "tsid":
         own = {"stiffness": stiffness, "damping": 3.0 * stiffness**0.5}
-    elif ":" in entry.law:
-        own = {"gain": gains.task}
-        if kind in VIEW_OPTIONS:
-            own[VIEW_OPTIONS[kind]] = view
+    elif is_stack(entry):
+        values = {"task": gains.task, "view": view}
+        own = {option: values[gain] for gain, option in gain_options(entry).items()}
     else:
         if kind.startswith(("velocity-", "resolved-rate")):
             own = {"gain": gains.task}
@@ -133,17 +169,33 @@ def with_gains(entry: ControllerSpec, gains: Gains) -> tuple[ControllerSpec, dic
             own["zone"] = 0.6 / view
         elif kind not in WITHOUT_VIEW:
             own["K"] = {"fov": 1.0 / (SCENE_K * view)}
-    return replace(entry, options={**entry.options, **own}), scene
+    options = {**entry.options, **own}
+    if is_stack(entry):
+        options.pop(OWN_GAINS, None)
+    return replace(entry, options=options), scene
 
 
 def installed(entry: ControllerSpec, folder: Path) -> ControllerSpec:
-    """Return an entry with its environment or program below a folder."""
+    """Return an entry with a folder in place of ``../envs``, for environments and programs.
+
+    An adapter without ``python`` gets its environment there. All other commands stay as they are.
+    """
     own = dict(entry.options)
-    if "adapter" in own:
+    if "python" in own:
+        own["python"] = _moved(own["python"], folder)
+    elif "adapter" in own:
         own["python"] = str(interpreter(folder, own["adapter"]))
-    elif "command" in own:
-        own["command"] = [str(folder / Path(own["command"][0]).name)]
+    if isinstance(own.get("command"), list):
+        own["command"] = [_moved(part, folder) for part in own["command"]]
     return replace(entry, options=own)
+
+
+def _moved(part: Any, folder: Path) -> Any:
+    """Return a path in ``../envs`` as one in a folder, and anything else as it is."""
+    if not isinstance(part, str):
+        return part
+    path = Path(os.path.normpath(SUITE.parent / part))
+    return str(folder / path.relative_to(ENVIRONMENTS)) if ENVIRONMENTS in path.parents else part
 
 
 # --- Runs ---

@@ -1,7 +1,8 @@
-"""``python -m checks.stacks_page [--of FOLDER]``: figure and tables of docs/stacks-in-view.md.
+"""``python -m checks.stacks_page``: figure and tables of docs/stacks-in-view.md.
 
-They are made without runs from ``comparisons/stacks.parquet``. With ``--of``, that table is first
-written from the folder of ``python -m checks.stacks run``.
+They are made without runs from ``comparisons/stacks.parquet``. With ``--of FOLDER``, that table is
+first written from the folder of ``python -m checks.stacks run``; with ``--add FOLDER``, the runs of
+the folder join those that it has. An entry that no list here names is shown, too.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import pandas as pd
 from checks.stacks import (
     GAINS,
     SUITE,
+    TIME_LIMIT,
     VIEW_GAINS,
     Group,
     Journal,
@@ -26,6 +28,8 @@ from checks.stacks import (
     chosen,
     feature_of,
     grid,
+    is_stack,
+    kind_of,
     score_of,
 )
 from vsconstraints.bench.evidence import Campaign, parquet
@@ -47,6 +51,11 @@ MARKS = {
     for name in ("answer", "tables", "stacks")
 }
 POSE = ("ur5", "panda")
+#: Families of each feature, and how sentences say what their goals are given by.
+FEATURES: Mapping[str, Sequence[str]] = {
+    "by pose": POSE,
+    "by image points": ("ur5-image", "panda-image"),
+}
 TITLES = {
     "ur5": "UR5, by pose",
     "panda": "Panda, by pose",
@@ -91,6 +100,8 @@ PANELS: Mapping[str, Mapping[str, str]] = {
         "predictive": "olive p -",
     },
 }
+#: Styles of entries that no panel names.
+FURTHER_STYLES = ("vermillion * -", "brown h -", "teal * --", "black h --")
 #: What entries with a constraint on the image command, and know of the arm; in the words of the
 #: answer.
 GROUPS: Mapping[str, Sequence[str]] = {
@@ -112,6 +123,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "laws that command accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
 }
+WITHOUT_IMAGE = "entries without a constraint on the image"
 BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
 FAR_OUTSIDE = 1000  #: Distance outside the image beyond which no number is written [px].
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
@@ -121,33 +133,43 @@ BESIDE = (1.05, 1.55, 1.1)  #: Space for names right of the panels [in].
 LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
 
 
-def keep(folder: Path) -> list[str]:
+def keep(folder: Path, add: bool = False) -> list[str]:
     """Write the table of the complete groups, and return a sentence on each that is left out.
 
-    A group is an arm that servoes by one feature within one limit of accelerations. Raises
-    ConfigurationError if the folder has no complete group.
+    A group is an arm that servoes by one feature within one limit of accelerations. With ``add``,
+    the entries that have runs in the folder join those of the kept table, in the same scenes.
+    Raises ConfigurationError if the folder has no complete group.
     """
     manifest = manifest_of(folder)
     if "tuning" not in manifest or "scenes" not in manifest:
         raise ConfigurationError(f"{folder} has no runs of `python -m checks.stacks run`")
     with locked(folder, "a tuning"):
         lines = list(Journal(folder).values())
+    facts: dict[str, Any] = {"made of": manifest["tuning"]}
     kept: list[Line] = []
+    if add:
+        before = parquet.facts_of(TABLE)
+        facts = {**before, "added": [*before.get("added", ()), manifest["tuning"]]}
+        kept = load().to_dict("records")
+    joined = 0
     left_out = []
     for group in dict.fromkeys(Group(line["family"], line["condition"]) for line in lines):
         own = [line for line in lines if group.includes(line)]
-        lacking = list(incomplete(own, **manifest["scenes"]))
+        names = {line["controller"] for line in own}
+        rest = [line for line in kept if not (group.includes(line) and line["controller"] in names)]
+        beside = [line for line in rest if group.includes(line)]
+        lacking = list(incomplete([*beside, *own], **manifest["scenes"]))
         if lacking:
             left_out.append(f"{group} is left out: {'; '.join(lacking)}")
         else:
-            kept += counted(own)
-    if not kept:
+            kept = rest + counted(own)
+            joined += 1
+    if not joined:
         raise ConfigurationError(f"{folder} has no complete group. {'. '.join(left_out)}")
     table = [
         {**line, "view_gain": line["view_gain"] or np.nan, "success": score_of(line)[0]}
         for line in kept
     ]
-    facts = {"made of": manifest["tuning"]}
     parquet.write(TABLE, parquet.table(COLUMNS, table), facts)
     return left_out
 
@@ -190,6 +212,9 @@ def incomplete(lines: Sequence[Line], training: int, test: int) -> Iterator[str]
         if len(scenes[half]) > count:
             yield f"{len(scenes[half])} {half} scenes instead of {count}"
     for name, (tuned, tests) in by_entry(lines).items():
+        if name not in suite:
+            yield f"{name} is no entry of {SUITE.name}"
+            continue
         needed = training * len(grid(suite[name]))
         if len(tuned) < needed:
             yield f"{name} has {len(tuned)} of {needed} training runs"
@@ -209,18 +234,51 @@ def load() -> Any:
 
 
 def entries(runs: Any) -> list[str]:
-    """Return the entries of the kept runs in the order of the suite."""
-    there = set(runs["controller"])
-    return [
-        each.name
-        for each in Campaign.load(SUITE).controllers
-        if each.name != BASELINE and each.name in there
-    ]
+    """Return the entries of the kept runs in the order of the suite, and then all others."""
+    there = dict.fromkeys(runs["controller"])
+    suite = [each.name for each in Campaign.load(SUITE).controllers if each.name in there]
+    return list(dict.fromkeys([*suite, *there]))
+
+
+def further(runs: Any) -> list[str]:
+    """Return the entries that have no group of the answer."""
+    named = {name for names in (*GROUPS.values(), BLIND) for name in names}
+    return [name for name in entries(runs) if name not in named]
+
+
+def groups_of(runs: Any) -> dict[str, Sequence[str]]:
+    """Return the entries of each group in the answer; those without a group are one by name."""
+    groups = {**GROUPS, WITHOUT_IMAGE: BLIND}
+    names = further(runs)
+    if names:
+        groups[f"further entries ({listed([f'`{name}`' for name in names])})"] = names
+    return groups
+
+
+def panels(runs: Any) -> dict[str, dict[str, str]]:
+    """Return the styles of entries by panel, with those that no panel names."""
+    suite = {entry.name: entry for entry in Campaign.load(SUITE).controllers}
+    styles = {title: dict(own) for title, own in PANELS.items()}
+    named = {name for own in PANELS.values() for name in own}
+    others = [name for name in entries(runs) if name not in named]
+    for number, name in enumerate(others):
+        title = "stacks"
+        if name in suite and not is_stack(suite[name]):
+            of_speeds = kind_of(suite[name]).startswith(("velocity-", "resolved-rate"))
+            title = "laws: velocities" if of_speeds else "laws: accelerations"
+        styles[title][name] = FURTHER_STYLES[number % len(FURTHER_STYLES)]
+    return styles
 
 
 def tested(runs: Any, families: Sequence[str]) -> Any:
     """Return the runs in held-out scenes of families."""
     return runs[(runs["half"] == "held-out") & runs["family"].isin(families)]
+
+
+def features(runs: Any) -> dict[str, Any]:
+    """Return the runs in held-out scenes by feature, ``by pose`` first; those that there are."""
+    every = {feature: tested(runs, families) for feature, families in FEATURES.items()}
+    return {feature: own for feature, own in every.items() if len(own)}
 
 
 def settling(own: Any) -> float:
@@ -232,17 +290,22 @@ def settling(own: Any) -> float:
 
 
 def draw(runs: Any) -> Sheet:
-    """Draw success and settling time over the limit of accelerations, for each arm by pose."""
+    """Draw success and settling time over the limit of accelerations, for each arm by pose.
+
+    Without runs by pose, those by image points are drawn.
+    """
     sheet = Sheet(left=0.5)
-    own = tested(runs, POSE)
+    feature, own = next(iter(features(runs).items()))
     limits = sorted(own["limit"].unique())
     cells = [cell for _, cell in own.groupby(["family", "controller", "limit"])]
-    longest = 1.1 * max(settling(cell) for cell in cells if cell["success"].any())
-    arms = [family for family in POSE if (own["family"] == family).any()]
+    times = [settling(cell) for cell in cells if cell["success"].any()]
+    longest = 1.1 * max(times, default=TIME_LIMIT)
+    styles_by_panel = panels(own)
+    arms = [family for family in FEATURES[feature] if (own["family"] == family).any()]
     for family in arms:
         top = sheet.bottom + ABOVE
         left = sheet.left
-        for column, (title, styles) in enumerate(PANELS.items()):
+        for column, (title, styles) in enumerate(styles_by_panel.items()):
             upper = sheet.axes(left, top, PANEL, HEIGHT)
             lower = sheet.axes(left, top + HEIGHT + GAP, PANEL, HEIGHT)
             upper.set(ylim=(-3.0, 103.0))
@@ -440,47 +503,53 @@ def with_groups(texts: Mapping[str, str]) -> str:
     return listed([f"{text} with {group}" for group, text in texts.items()])
 
 
-def groups_at(runs: Any, limit: float) -> dict[str, str]:
-    """Return the range of successes of each group's entries at a limit, both arms by pose."""
-    own = tested(runs, POSE)
-    own = own[own["limit"] == limit]
+def groups_at(own: Any, limit: float) -> dict[str, str]:
+    """Return the range of successes of each group's entries in held-out runs at a limit."""
+    at_limit = own[own["limit"] == limit]
     texts = {}
-    for group, names in {**GROUPS, "entries without a constraint on the image": BLIND}.items():
-        rates = [
-            share(own[own["controller"] == name])
-            for name in names
-            if (own["controller"] == name).any()
-        ]
+    for group, names in groups_of(at_limit).items():
+        cells = [at_limit[at_limit["controller"] == name] for name in names]
+        rates = [share(cell) for cell in cells if len(cell)]
         if rates:
             texts[group] = between(rates, "%")
     return texts
 
 
-def times_at(runs: Any, limit: float) -> dict[str, str]:
-    """Return the range of median settling times of each group's entries at a limit."""
-    own = tested(runs, POSE)
-    own = own[own["limit"] == limit]
+def times_at(own: Any, limit: float) -> dict[str, str]:
+    """Return the range of median settling times of each group's entries at a limit.
+
+    Entries without a constraint on the image are left out.
+    """
+    at_limit = own[own["limit"] == limit]
     texts = {}
-    for group, names in GROUPS.items():
-        cells = [own[own["controller"] == name] for name in names]
+    for group, names in groups_of(at_limit).items():
+        cells = [at_limit[at_limit["controller"] == name] for name in names]
         times = [settling(cell) for cell in cells if cell["success"].sum() >= SHORTEST_SAMPLE]
-        if times:
+        if times and group != WITHOUT_IMAGE:
             texts[group] = between(times, "s", 1)
     return texts
 
 
 def answer(runs: Any) -> str:
-    """Return the answer of the page."""
-    own = tested(runs, POSE)
-    limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
-    sentences = [
-        f"On arms with {limit:g} rad/s², every marker stays in the image and the goal is reached "
-        f"in these shares of the scenes, from the least to the most successful entry: "
-        f"{with_groups(groups_at(runs, limit))}."
-        for limit in limits
-    ]
-    times = [f"with {limit:g} rad/s² {with_groups(times_at(runs, limit))}" for limit in limits]
-    sentences.append(f"Successes settle within these median times: {'; '.join(times)}.")
+    """Return the answer of the page: for goals by each feature, at the least and highest limit."""
+    sentences = []
+    for feature, own in features(runs).items():
+        limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
+        times = []
+        for limit in limits:
+            sentences.append(
+                f"With goals {feature}, on arms with {limit:g} rad/s², every marker stays in the "
+                f"image and the goal is reached in these shares of the scenes, from the least to "
+                f"the most successful entry: {with_groups(groups_at(own, limit))}."
+            )
+            own_times = times_at(own, limit)
+            if own_times:
+                times.append(f"with {limit:g} rad/s² {with_groups(own_times)}")
+        if times:
+            sentences.append(
+                f"With goals {feature}, successes settle within these median times: "
+                f"{'; '.join(times)}."
+            )
     return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
 
 
@@ -513,16 +582,16 @@ def scenes_text(runs: Any) -> str:
 
 
 def headline(runs: Any) -> str:
-    """Return the sentence of the README."""
-    own = tested(runs, POSE)
+    """Return the sentence of the README, on goals by pose if there are such runs."""
+    feature, own = next(iter(features(runs).items()))
     slow = own["limit"].min()
     scenes = len(own[own["limit"] == slow][["family", "scene"]].drop_duplicates())
-    families = [family for family in POSE if (own["family"] == family).any()]
-    arms = " and ".join(TITLES[family].partition(",")[0] for family in families)
+    families = [family for family in FEATURES[feature] if (own["family"] == family).any()]
+    arms = [TITLES[family].partition(",")[0] for family in families]
     return (
-        f"On {arms} arms that accelerate by at most {slow:g} rad/s², tuned entries keep all "
-        f"markers in the image and reach the goal in these shares of {scenes} drawn scenes: "
-        f"{with_groups(groups_at(runs, slow))}."
+        f"On {listed(arms)} arms that accelerate by at most {slow:g} rad/s², with goals {feature}, "
+        f"tuned entries keep all markers in the image and reach the goal in these shares of "
+        f"{scenes} drawn scenes: {with_groups(groups_at(own, slow))}."
     )
 
 
@@ -552,11 +621,14 @@ def write_page(runs: Any) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command."""
     parser = ArgumentParser(prog="python -m checks.stacks_page", description=__doc__)
-    parser.add_argument("--of", type=Path, help="folder of the runs, of which the table is made")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--of", type=Path, help="folder of the runs, of which the table is made")
+    source.add_argument("--add", type=Path, help="folder of runs that join those of the table")
     asked = parser.parse_args(arguments)
-    if asked.of is not None:
+    folder = asked.of or asked.add
+    if folder is not None:
         try:
-            print(*keep(asked.of), sep="\n")
+            print(*keep(folder, add=asked.add is not None), sep="\n")
         except VsconstraintsError as error:
             parser.exit(2, f"{error}\n")
     write_page(load())

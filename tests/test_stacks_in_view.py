@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -65,6 +66,48 @@ def test_every_entry_has_the_same_gains_and_can_be_made() -> None:
         assert len(tried) == len(stacks.GAINS) * max(len(views), 1)
         for gains in tried:
             with_gains(entry, gains)[0].make()
+
+
+# --- an entry of a user ---
+
+MINE = """
+[controllers.mine]
+command = ["python3", "../examples/stacks/image_based.py"]
+gains = { task = "rate", view = "edge" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "installed"),
+    [
+        ({"command": ["python3", "mine.py"]}, {"command": ["python3", "mine.py"]}),
+        ({"command": ["/opt/mine", "../envs/a"]}, {"command": ["/opt/mine", "/there/a"]}),
+        ({"command": ["../envs/visp_stack"]}, {"command": ["/there/visp_stack"]}),
+        ({"adapter": "mink"}, {"python": "/there/mink/bin/python"}),
+        ({"adapter": "mink", "python": "/opt/python"}, {"python": "/opt/python"}),
+    ],
+)
+def test_only_programs_of_the_environments_are_moved(
+    options: dict[str, Any], installed: dict[str, Any]
+) -> None:
+    entry = ControllerSpec("mine", stack_law(), options)
+    assert stacks.installed(entry, Path("/there")).options == {**options, **installed}
+
+
+def test_an_entry_names_its_options_for_the_gains() -> None:
+    options: dict[str, Any] = {"command": ["mine"], "gains": {"task": "rate", "view": "edge"}}
+    entry = ControllerSpec("mine", stack_law(), options)
+    assert len(grid(entry)) == len(stacks.GAINS) * len(stacks.VIEW_GAINS)
+    tuned, scene = with_gains(entry, Gains(1.5, 8.0))
+    assert tuned.options == {"command": ["mine"], "rate": 1.5, "edge": 8.0}
+    assert not scene
+    unnamed, _ = with_gains(
+        ControllerSpec("mine", stack_law(), {"command": ["mine"]}), Gains(3, None)
+    )
+    assert unnamed.options == {"command": ["mine"], "gain": 3}
+    for wrong in ({"view": "edge"}, {"task": 1.5}, {"task": "a", "image": "b"}, "rate"):
+        with pytest.raises(ConfigurationError, match=r"controllers\.mine\.gains names the options"):
+            grid(ControllerSpec("mine", stack_law(), {"command": ["mine"], "gains": wrong}))
 
 
 def line(
@@ -262,6 +305,74 @@ def test_groups_with_a_missing_run_are_left_out_by_name(
     assert set(kept["condition"]) == {"limit-8"}
     assert len(kept) == len(group("limit-8", 3))
     assert kept["success"].all()
+
+
+@pytest.fixture
+def suite_with_mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ControllerSpec:
+    """Return the entry of a user in a suite that the page reads; tables are written elsewhere."""
+    text = stacks.SUITE.read_text(encoding="utf-8")
+    text = text.replace('"stacks/', f'"{stacks.SUITE.parent}/stacks/')
+    suite = tmp_path / "suite.toml"
+    suite.write_text(text + MINE, encoding="utf-8")
+    monkeypatch.setattr(stacks_page, "SUITE", suite)
+    monkeypatch.setattr(stacks_page, "TABLE", tmp_path / "kept.parquet")
+    return next(each for each in Campaign.load(suite).controllers if each.name == "mine")
+
+
+def stored(folder: Path, lines: list[dict[str, Any]]) -> Path:
+    """Return a folder with runs on 1 training scene and 3 held-out scenes."""
+    folder.mkdir()
+    claim(folder, {"of": folder.name}, {"scenes": {"training": 1, "test": 3}})
+    journal = stacks.Journal(folder)
+    for made in lines:
+        journal.add(made)
+    return folder
+
+
+def test_an_entry_of_a_user_joins_the_table_the_figure_and_the_answer(
+    tmp_path: Path, suite_with_mine: ControllerSpec
+) -> None:
+    """Its runs all fail: they are shown, too."""
+    stacks_page.keep(stored(tmp_path / "others", group("limit-8", 3)))
+    others = len(stacks_page.load())
+    same: dict[str, Any] = {"condition": "limit-8", "controller": "mine"}
+    mine = [line(*gains, "slow", np.nan, -9.0, **same) for gains in grid(suite_with_mine)]
+    gains = chosen(mine)
+    for scene in (0, 1, 7):
+        other = line(*gains, "slow", np.nan, -9.0, half="held-out", scene=scene, **same)
+        mine.append(other)
+    with pytest.raises(ConfigurationError, match="4 held-out scenes instead of 3"):
+        stacks_page.keep(stored(tmp_path / "elsewhere", mine), add=True)
+    mine[-1]["scene"] = 2
+    # added twice, it is there once
+    for _ in range(2):
+        folder = tmp_path / "mine"
+        stacks_page.keep(folder if folder.exists() else stored(folder, mine), add=True)
+    runs = stacks_page.load()
+    assert len(runs) == others + len(mine)
+    assert "\n| `mine` | 0/3 |" in stacks_page.tables(runs)
+    for text in (stacks_page.answer(runs), stacks_page.headline(runs)):
+        assert "with goals by pose" in text.lower()
+        assert "0 % with further entries (`mine`)" in text
+    only = runs[runs["controller"] == "mine"]
+    names = {text.get_text() for ax in stacks_page.draw(only).figure.axes for text in ax.texts}
+    assert names == {"mine"}
+
+
+@pytest.mark.usefixtures("suite_with_mine")
+def test_entries_that_no_list_names_are_shown_without_goals_by_pose() -> None:
+    """Also one that the suite does not have."""
+    names = ("gone", "mine", "predictive", "machinevision-toolbox")
+    same: dict[str, Any] = {"half": "held-out", "family": "ur5-image"}
+    lines = [line(3.0, 2.0, "converged", 2.0, 1.0, controller=name, **same) for name in names]
+    runs = pd.DataFrame(lines).assign(limit=8.0, success=True)
+    assert {"gone", "mine", "machinevision-toolbox"} < set(stacks_page.panels(runs)["stacks"])
+    drawn = stacks_page.draw(runs).figure.axes
+    assert {text.get_text() for ax in drawn for text in ax.texts} == {*names}
+    answer = stacks_page.answer(runs)
+    assert "by image points" in answer
+    assert "by pose" not in answer + stacks_page.headline(runs)
+    assert "(`mine` and `gone`)" in answer
 
 
 def test_entries_that_ran_in_different_scenes_are_left_out() -> None:
