@@ -21,6 +21,7 @@ from vsconstraints.simulation import simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.follower import ArmInput, FollowingPlant, LowLevelLoop, periods_of
 from vsconstraints.simulation.plant import Plant
+from vsconstraints.stacks.description import describe
 
 T_S = 0.02
 STEPS = 2000
@@ -434,6 +435,33 @@ def test_an_arm_with_mass_follows_the_loop(controller: str) -> None:
     for law in (Tracking(), ResolvedRate(gain=0.5)):
         light, massive = (simulate(each, law) for each in (setup, heavy))
         np.testing.assert_allclose(massive.q, light.q, atol=5e-3)
+
+
+@pytest.mark.parametrize(("base", "last"), [("ur5-fov", 40.0), ("case-study-6r", 50.0)])
+def test_laws_and_stacks_are_told_what_arm_and_actuators_can_both_do(
+    base: str, last: float
+) -> None:
+    """Actuators of ur5-fov do 40 rad/s²; those of case-study-6r have no limit."""
+    arm = {"command": "velocity", "lag": 0.02, "acceleration": [8.0] * 5 + [50.0]}
+    setup = Scenario.load(base).with_override("arm", arm).setup()
+    told = [8.0] * 5 + [last]
+    assert describe(setup, ["limits"])["limits"]["acceleration"] == told
+    assert setup.control().acceleration.tolist() == told
+    unknown = replace(setup, limits=replace(setup.limits, known=False))
+    assert describe(unknown, ["limits"])["limits"]["acceleration"] is None
+    assert np.isinf(unknown.control().acceleration).all()
+
+
+@pytest.mark.parametrize("base", ["ur5-fov", "case-study-6r"])
+def test_the_box_of_a_velocity_law_is_that_of_the_arm(base: str) -> None:
+    arm = {"command": "velocity", "lag": 0.02, "acceleration": 8.0}
+    scenario = Scenario.load(base).with_override("duration", 0.1).with_override("arm", arm)
+    told, stated, free = (
+        simulate(scenario.setup(), VelocityQP(max_acceleration=most)).q
+        for most in ("limits", 8.0, None)
+    )
+    np.testing.assert_allclose(told, stated, atol=1e-9)
+    assert np.abs(told - free).max() > 1e-5
 
 
 def test_images_and_delays_do_not_keep_velocity_laws_from_running() -> None:

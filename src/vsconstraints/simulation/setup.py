@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..plugins.registry import load
 from ..robots.geometry import require_sign
-from ..robots.limits import NO_LIMITS, ActuatorLimits
+from ..robots.limits import NO_LIMITS, ActuatorLimits, per_joint
 from ..rows import Array, BoolArray
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import amount, counted, in_one_line
@@ -180,14 +180,29 @@ class Setup:
             loop = LowLevelLoop(self.arm, self.q0, self.qd0, self.Ts, actuators)
         return make(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits, loop)
 
+    @property
+    def known_limits(self) -> ActuatorLimits:
+        """Limits that the controller knows; none if it knows no actuator limits.
+
+        Of each joint, |q̈| is at most the smaller limit of the actuators and of the arm's loop.
+        """
+        if not self.limits.known:
+            return NO_LIMITS
+        if self.arm.acceleration is None:
+            return self.limits
+        n = self.scene.robot.n
+        actuators = self.limits.of_joint("acceleration", n)
+        loop = per_joint("arm.acceleration", self.arm.acceleration, n)
+        smaller = np.minimum(actuators, loop)
+        return replace(self.limits, acceleration=tuple(smaller.tolist()))
+
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
         """Return the control step that precedes the law, with the law's factors on the rows."""
-        limits = self.limits if self.limits.known else NO_LIMITS
         return ControlStep(
             self.scene,
             self.constraints.scaled(factors),
             self.task,
-            limits=limits,
+            limits=self.known_limits,
             period=self.Ts,
             streams=self.arm.streams,
         )

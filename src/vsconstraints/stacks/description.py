@@ -81,9 +81,8 @@ def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
 
 def _known_limit(setup: Setup, name: str) -> Array | None:
     """Return an actuator limit (n,); None if the controller does not know it, or there is none."""
-    limit = setup.limits.of_joint(name, setup.scene.robot.n)
-    exists = np.isfinite(limit).any()
-    return limit if exists and setup.limits.known else None
+    limit = setup.known_limits.of_joint(name, setup.scene.robot.n)
+    return limit if np.isfinite(limit).any() else None
 
 
 def _camera(setup: Setup, scene: Scene) -> dict[str, Any]:
