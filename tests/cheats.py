@@ -11,7 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    SlidingMode,
+    Tracking,
+    VelocityController,
+)
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 
@@ -217,6 +223,61 @@ TUNNEL: dict[str, Any] = {
 both ends.
 """
 
+
+class CheatAtSpeed(VelocityController):
+    """Cheat that commands joint speeds."""
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return type(self).__name__
+
+
+class KeepsStill(CheatAtSpeed):
+    """Reports that every row acts and all is well, and commands no speed (anywhere)."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        n = rows.Lg.shape[1]
+        acted = np.ones(len(rows.labels), dtype=np.bool_)
+        return Command(np.zeros(n), "ok", acted, rows.labels, qd=np.zeros(n))
+
+
+class RushesThroughTheGoal(CheatAtSpeed):
+    """Is at the goal in a sample, far earlier than anybody else, at full speed
+    (``example-2d-fov``).
+
+    It makes for the goal straight and at one speed, and does not stop there.
+    """
+
+    speed = 1.0
+    near = 0.02
+
+    def reset(self, period: float | None = None) -> None:
+        super().reset(period)
+        self._passed = False
+
+    def solve(self, rows: Rows, task: Task) -> Array:
+        way = -np.linalg.pinv(task.J) @ task.error
+        distance = float(np.linalg.norm(way))
+        self._passed = self._passed or distance < self.near
+        return self.last if self._passed else (self.speed / distance) * way
+
+
+class TunnelsAtSpeed(CheatAtSpeed):
+    """Flies through what no sample shows, as :class:`Tunnels` does, by speeds: :data:`TUNNEL`."""
+
+    def reset(self, period: float | None = None) -> None:
+        super().reset(period)
+        self._at = 0
+
+    def solve(self, rows: Rows, task: Task) -> Array:
+        # seven periods at full speed between two at half of it; along x
+        qd = np.zeros(rows.Lg.shape[1])
+        if self._at <= 8:
+            qd[1] = Tunnels.speed * (0.5 if self._at in (0, 8) else 1.0)
+        self._at += 1
+        return qd
+
+
 CHEATS = (
     SkipsAGoal,
     Overspeeds,
@@ -229,3 +290,5 @@ CHEATS = (
     Exits,
 )
 """Those that are tried on the case study."""
+CHEATS_AT_SPEED = (KeepsStill, RushesThroughTheGoal)
+"""Those that are tried on an arm that takes velocities."""

@@ -9,8 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cheats import CHEATS, TUNNEL, Bounces, Cheat, Crawls, Exits, Overspeeds, Tunnels
-from vsconstraints.controllers import HierarchicalQP
+from cheats import (
+    CHEATS,
+    CHEATS_AT_SPEED,
+    TUNNEL,
+    Bounces,
+    Cheat,
+    CheatAtSpeed,
+    Crawls,
+    Exits,
+    Overspeeds,
+    RushesThroughTheGoal,
+    Tunnels,
+    TunnelsAtSpeed,
+)
+from vsconstraints.controllers import Controller, HierarchicalQP
 from vsconstraints.reports.results import Results, clean
 from vsconstraints.reports.scenario import metric_table
 from vsconstraints.reports.summary import law_table
@@ -103,12 +116,15 @@ def test_a_law_that_exits_is_a_failed_run() -> None:
         assert found.reason.startswith("t = 0 s: SystemExit: 0")
 
 
-def test_a_tunnel_is_seen() -> None:
+@pytest.mark.parametrize(
+    ("cheat", "arm"), [(Tunnels, "acceleration"), (TunnelsAtSpeed, "velocity")]
+)
+def test_a_tunnel_is_seen(cheat: type[Controller], arm: str) -> None:
     """The camera is 6 cm from the sphere's centre at both ends of a period, and in it at the
     middle.
     """
-    setup = Scenario("tunnel", TUNNEL, Path()).setup()
-    run = simulate(setup, Tunnels())
+    setup = Scenario("tunnel", TUNNEL | {"arm": {"command": arm}}, Path()).setup()
+    run = simulate(setup, cheat())
     assert run.status == "converged"
     assert np.abs(np.diff(run.points[:, 0, 0])).max() == pytest.approx(0.12)
     assert run.clearance.min() == pytest.approx(0.01)
@@ -116,3 +132,34 @@ def test_a_tunnel_is_seen() -> None:
     assert run.between_clearance.min() == pytest.approx(-0.05, abs=1e-3)
     honest = simulate(setup, HierarchicalQP())
     assert np.minimum(honest.clearance, honest.between_clearance).min() > -0.05
+
+
+# --- laws that command joint speeds ---
+
+FAST_ARM = Scenario.load("example-2d-fov").with_override(
+    "arm", {"command": "velocity", "lag": 0.02, "acceleration": 40.0}
+)
+
+
+@pytest.fixture(scope="module")
+def zoo_at_speed(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """Their scene with all of them, and with an honest law."""
+    laws = ["velocity-qp", *(cheat() for cheat in CHEATS_AT_SPEED)]
+    folder = tmp_path_factory.mktemp("zoo-at-speed") / "results"
+    return Results(compare(laws, FAST_ARM, workers=0, out=folder, progress=False).stored)
+
+
+@pytest.mark.parametrize("cheat", CHEATS_AT_SPEED)
+def test_no_cheat_at_speed_succeeds(cheat: type[CheatAtSpeed], zoo_at_speed: Results) -> None:
+    assert not any(map(clean, zoo_at_speed.all_runs(cheat.__name__)))
+    assert not best_of(zoo_at_speed, cheat.__name__) - best_of(zoo_at_speed, "velocity-qp")
+    assert all(map(clean, zoo_at_speed.all_runs("velocity-qp")))
+
+
+def test_who_passes_the_goal_at_speed_has_not_reached_it() -> None:
+    """It is within the tolerances of the goal in a sample, as the others are at their end."""
+    setup = FAST_ARM.setup()
+    run = simulate(setup, RushesThroughTheGoal())
+    tolerated = setup.tolerances.translation_m, setup.tolerances.rotation_rad
+    assert (run.camera_error < tolerated).all(axis=1).any()
+    assert run.status != "converged"
