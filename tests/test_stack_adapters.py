@@ -134,6 +134,56 @@ def test_a_setting_that_an_adapter_does_not_have_is_named(monkeypatch):
         settings_of({"settings": {"gian": 1.0}}, defaults)
 
 
+def features_of(adapter):
+    """The features that an adapter declares; its package need not be there."""
+    tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
+    (declared,) = (
+        ast.literal_eval(node.value)
+        for part in tree.body
+        if isinstance(part, ast.ClassDef)
+        for node in part.body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "features"
+    )
+    return declared
+
+
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_declares_the_features_of_the_documentation(adapter):
+    table = Path(__file__).parents[1].joinpath("docs", "stacks.md").read_text(encoding="utf-8")
+    (features,) = re.findall(rf"^\| `{adapter}` \|[^|]*\|([^|]*)\|", table, re.MULTILINE)
+    words = {"camera-pose": "pose", "image-points": "points"}
+    assert ", ".join(words[name] for name in features_of(adapter)) == features.strip()
+
+
+@pytest.mark.parametrize("feature", ["line", "polar", "my:Feature", "image-points"])
+def test_a_feature_by_which_an_adapter_does_not_servo_is_named(monkeypatch, feature):
+    monkeypatch.syspath_prepend(ADAPTERS)
+    from servoing import Scene
+
+    setup, _ = recorded(count=0)
+    assert Scene(setup, ("camera-pose",)).feature == "camera-pose"
+    with pytest.raises(SystemExit, match=f"the feature {feature}, only by camera-pose"):
+        Scene({**setup, "feature": feature}, ("camera-pose",))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_refuses_another_feature(adapter):
+    setup, _ = recorded(count=0)
+    reason = f"the feature line, only by {' or '.join(features_of(adapter))}"
+    command = [python_of(adapter), ADAPTERS / f"{adapter}_stack.py"]
+    assert reason in refusal_of(command, {**setup, "feature": "line"})
+
+
+def refusal_of(command, setup, state=None):
+    """The last messages of a stack that ends before its first answer."""
+    lines = b"\n".join((encode(setup), b"" if state is None else encode(state))) + b"\n"
+    done = subprocess.run(command, input=lines, capture_output=True, check=False, timeout=300)
+    assert done.returncode != 0
+    assert len(done.stdout.splitlines()) == 1  # the declaration alone
+    return done.stderr.decode()
+
+
 @pytest.fixture(scope="module")
 def visp(tmp_path_factory):
     compiler = shutil.which("c++")

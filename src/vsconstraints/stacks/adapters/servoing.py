@@ -23,12 +23,22 @@ def pose(R, t):
 
 
 class Scene:
-    """Camera, target and goals of a setup message, for a camera that the arm carries."""
+    """Camera, target and goals of a setup message, for a camera that the arm carries.
+
+    ``features`` are the names of the features by which the adapter servos. An adapter ends, with
+    these names, if the scenario has another one.
+    """
 
     #: What stacks with a scene declare as used.
     uses = ("camera", "target", "goals", "constraints", "pose")
 
-    def __init__(self, setup):
+    def __init__(self, setup, features):
+        self.feature = setup["feature"]
+        if self.feature not in features:
+            raise SystemExit(
+                f"this adapter does not servo by the feature {self.feature}, only by "
+                f"{' or '.join(features)}"
+            )
         camera = setup["camera"]
         lens = camera["distortion"]["model"]
         if "camera_in_tip" not in camera:
@@ -42,7 +52,6 @@ class Scene:
         self.centre = np.array([c_u, c_v])
         self.markers = np.array(setup["target"]["markers"])
         self.goals = setup["goals"]
-        self.feature = setup["feature"]
         #: Half sizes (2,) of the part of the image in which markers must stay [px]; None if free.
         self.half_size = None
         for constraint in setup["constraints"]:
@@ -51,11 +60,6 @@ class Scene:
                 break
         # the image's centre, with the first pixel's centre at (0, 0)
         self.middle = 0.5 * np.array(camera["size"]) - 0.5
-
-    def require_pose(self, package):
-        """End an adapter whose package controls the camera's pose alone, for image points."""
-        if self.feature != "camera-pose":
-            raise SystemExit(f"{package} has no task of image points")
 
     def tip_goal(self, now, tip):
         """Return the tip's pose at the goal, from its present pose; both in the base frame.
