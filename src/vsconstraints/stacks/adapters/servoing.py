@@ -7,6 +7,13 @@ the camera's frame, pixels are those of OpenCV.
 import numpy as np
 
 
+def camera_pose(view):
+    """Return the camera's pose (4, 4) in a period or at a goal; end an adapter without one."""
+    if view["camera_in_target"] is None:
+        raise SystemExit("this adapter needs goals with a pose of the camera")
+    return np.array(view["camera_in_target"])
+
+
 def inverse(M):
     """Return the inverse of a pose (4, 4)."""
     R = M[:3, :3].T
@@ -68,14 +75,12 @@ class Scene:
         """
         camera_in_target = np.array(now["camera_in_target"])
         target = tip @ self.camera_in_tip @ inverse(camera_in_target)
-        goal = self.goals[now["goal"]]["camera_in_target"]
-        if goal is None:
-            raise SystemExit("this adapter needs goals with a pose of the camera")
-        return target @ np.array(goal) @ self.tip_in_camera
+        goal = self.goals[now["goal"]]
+        return target @ camera_pose(goal) @ self.tip_in_camera
 
-    def depth(self, now):
-        """Return the depth Z (m,) of each marker [m]."""
-        M = np.array(now["camera_in_target"])
+    def depth(self, view):
+        """Return the depth Z (m,) of each marker [m], in a period or at a goal."""
+        M = camera_pose(view)
         R = M[:3, :3]
         t = M[:3, 3]
         in_camera = (self.markers - t) @ R
