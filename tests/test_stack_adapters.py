@@ -166,6 +166,20 @@ def test_a_feature_by_which_an_adapter_does_not_servo_is_named(monkeypatch, feat
         Scene({**setup, "feature": feature}, ("camera-pose",))
 
 
+def test_a_goal_without_a_pose_ends_an_adapter_that_needs_one(monkeypatch):
+    monkeypatch.syspath_prepend(ADAPTERS)
+    from servoing import Scene
+
+    setup, (state,) = recorded("image-points", 1)
+    scene = Scene({**setup, "goals": [WITHOUT_A_POSE]}, ("image-points",))
+    error, _ = scene.image_error(state)
+    assert len(error) == 8
+    with pytest.raises(SystemExit, match="needs goals with a pose"):
+        scene.tip_goal(state, np.eye(4))
+    with pytest.raises(SystemExit, match="needs goals with a pose"):
+        scene.depth(WITHOUT_A_POSE)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("adapter", adapters())
 def test_an_adapter_refuses_another_feature(adapter):
@@ -230,6 +244,29 @@ def test_visp_answers_its_control_law(visp, feature):
         )
 
 
+WITHOUT_A_POSE = {"from": 0.0, "pixels": [[300.0, 200.0]] * 4, "camera_in_target": None}
+LENS = {"model": "plumb_bob", "coefficients": [0.1, 0.0, 0.0, 0.0]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("section", "changed", "reason"),
+    [
+        ("settings", {"gain": 1.0, "gian": 4.0}, "unknown setting 'gian': there are gain, gain_at"),
+        ("settings", {"avoidance": True}, "the setting avoidance must be a number"),
+        ("feature", "line", "the feature line, only by camera-pose or image-points"),
+        ("feature", "my:Feature", "the feature my:Feature, only by"),
+        ("camera", {"distortion": LENS}, "cameras without distortion, not plumb_bob"),
+        ("goals", [WITHOUT_A_POSE], "needs goals with a pose of the camera"),
+    ],
+)
+def test_visp_refuses_what_it_would_not_servo_as_it_says(visp, section, changed, reason):
+    setup, (state,) = recorded("image-points", 1)
+    if section == "camera":
+        changed = setup["camera"] | changed
+    assert reason in refusal_of([visp], {**setup, section: changed}, state)
+
+
 @pytest.mark.slow
 def test_visp_avoids_a_limit_unless_the_primary_task_is_fast(visp):
     """The report visp#1946: avoidance vanishes where it is needed most."""
@@ -262,5 +299,8 @@ def test_the_example_in_c_compiles_and_answers_as_the_one_in_python(tmp_path):
     setup, states = recorded("image-points")
     ours = answers_of([sys.executable, examples / "image_based.py"], setup, states)
     theirs = answers_of([program], setup, states)
+    distorted = {**setup, "camera": setup["camera"] | {"distortion": LENS}}
+    for command in ([sys.executable, examples / "image_based.py"], [program]):
+        assert "without distortion" in refusal_of(command, distorted, states[0])
     # damped by 1e-8 in C++, the pseudoinverse in Python
     assert np.abs(ours - theirs).max() < 1e-4 * np.abs(ours).max()
