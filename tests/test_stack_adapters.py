@@ -134,6 +134,70 @@ def test_a_setting_that_an_adapter_does_not_have_is_named(monkeypatch):
         settings_of({"settings": {"gian": 1.0}}, defaults)
 
 
+def features_of(adapter):
+    """The features that an adapter declares; its package need not be there."""
+    tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
+    (declared,) = (
+        ast.literal_eval(node.value)
+        for part in tree.body
+        if isinstance(part, ast.ClassDef)
+        for node in part.body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "features"
+    )
+    return declared
+
+
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_declares_the_features_of_the_documentation(adapter):
+    table = Path(__file__).parents[1].joinpath("docs", "stacks.md").read_text(encoding="utf-8")
+    (features,) = re.findall(rf"^\| `{adapter}` \|[^|]*\|([^|]*)\|", table, re.MULTILINE)
+    words = {"camera-pose": "pose", "image-points": "points"}
+    assert ", ".join(words[name] for name in features_of(adapter)) == features.strip()
+
+
+@pytest.mark.parametrize("feature", ["line", "polar", "my:Feature", "image-points"])
+def test_a_feature_by_which_an_adapter_does_not_servo_is_named(monkeypatch, feature):
+    monkeypatch.syspath_prepend(ADAPTERS)
+    from servoing import Scene
+
+    setup, _ = recorded(count=0)
+    assert Scene(setup, ("camera-pose",)).feature == "camera-pose"
+    with pytest.raises(SystemExit, match=f"the feature {feature}, only by camera-pose"):
+        Scene({**setup, "feature": feature}, ("camera-pose",))
+
+
+def test_a_goal_without_a_pose_ends_an_adapter_that_needs_one(monkeypatch):
+    monkeypatch.syspath_prepend(ADAPTERS)
+    from servoing import Scene
+
+    setup, (state,) = recorded("image-points", 1)
+    scene = Scene({**setup, "goals": [WITHOUT_A_POSE]}, ("image-points",))
+    error, _ = scene.image_error(state)
+    assert len(error) == 8
+    with pytest.raises(SystemExit, match="needs goals with a pose"):
+        scene.tip_goal(state, np.eye(4))
+    with pytest.raises(SystemExit, match="needs goals with a pose"):
+        scene.depth(WITHOUT_A_POSE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adapter", adapters())
+def test_an_adapter_refuses_another_feature(adapter):
+    setup, _ = recorded(count=0)
+    reason = f"the feature line, only by {' or '.join(features_of(adapter))}"
+    command = [python_of(adapter), ADAPTERS / f"{adapter}_stack.py"]
+    assert reason in refusal_of(command, {**setup, "feature": "line"})
+
+
+def refusal_of(command, setup, state=None):
+    """The last messages of a stack that ends before its first answer."""
+    lines = b"\n".join((encode(setup), b"" if state is None else encode(state))) + b"\n"
+    done = subprocess.run(command, input=lines, capture_output=True, check=False, timeout=300)
+    assert done.returncode != 0
+    assert len(done.stdout.splitlines()) == 1  # the declaration alone
+    return done.stderr.decode()
+
+
 @pytest.fixture(scope="module")
 def visp(tmp_path_factory):
     compiler = shutil.which("c++")
@@ -180,6 +244,29 @@ def test_visp_answers_its_control_law(visp, feature):
         )
 
 
+WITHOUT_A_POSE = {"from": 0.0, "pixels": [[300.0, 200.0]] * 4, "camera_in_target": None}
+LENS = {"model": "plumb_bob", "coefficients": [0.1, 0.0, 0.0, 0.0]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("section", "changed", "reason"),
+    [
+        ("settings", {"gain": 1.0, "gian": 4.0}, "unknown setting 'gian': there are gain, gain_at"),
+        ("settings", {"avoidance": True}, "the setting avoidance must be a number"),
+        ("feature", "line", "the feature line, only by camera-pose or image-points"),
+        ("feature", "my:Feature", "the feature my:Feature, only by"),
+        ("camera", {"distortion": LENS}, "cameras without distortion, not plumb_bob"),
+        ("goals", [WITHOUT_A_POSE], "needs goals with a pose of the camera"),
+    ],
+)
+def test_visp_refuses_what_it_would_not_servo_as_it_says(visp, section, changed, reason):
+    setup, (state,) = recorded("image-points", 1)
+    if section == "camera":
+        changed = setup["camera"] | changed
+    assert reason in refusal_of([visp], {**setup, section: changed}, state)
+
+
 @pytest.mark.slow
 def test_visp_avoids_a_limit_unless_the_primary_task_is_fast(visp):
     """The report visp#1946: avoidance vanishes where it is needed most."""
@@ -212,5 +299,8 @@ def test_the_example_in_c_compiles_and_answers_as_the_one_in_python(tmp_path):
     setup, states = recorded("image-points")
     ours = answers_of([sys.executable, examples / "image_based.py"], setup, states)
     theirs = answers_of([program], setup, states)
+    distorted = {**setup, "camera": setup["camera"] | {"distortion": LENS}}
+    for command in ([sys.executable, examples / "image_based.py"], [program]):
+        assert "without distortion" in refusal_of(command, distorted, states[0])
     # damped by 1e-8 in C++, the pseudoinverse in Python
     assert np.abs(ours - theirs).max() < 1e-4 * np.abs(ours).max()

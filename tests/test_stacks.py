@@ -71,6 +71,15 @@ FAILING = {
     "is killed": (GREETS + "os.kill(os.getpid(), 9)", "SIGKILL"),
     "greets with text": ("print('hello', flush=True)\nimport time; time.sleep(9)", "declaration"),
     "speaks version 2": (f"print('{DECLARATION.replace('1', '2')}', flush=True)", "version 2"),
+    "speaks version 2 with a further field": (
+        f"print('{DECLARATION.replace('1', '2')[:-1]}, \"rate\": 5}}', flush=True)",
+        "it speaks version 2 of the protocol, and this package version 1",
+    ),
+    "uses more than it declares": (ANSWERS + "json.loads(line)['qd']", "it uses 'qd' without declaring it: add 'qd' to uses"),
+    "uses a pose that it does not declare": (
+        ANSWERS + "json.loads(line)['camera_in_target']",
+        "uses 'camera_in_target' without declaring it: add 'pose' to uses",
+    ),
     "uses what there is not": (f"print('{DECLARATION.replace('q', 'depth')}')", "unknown data in uses 'depth'"),
     "commands torques": (f"print('{DECLARATION.replace('velocity', 'torque')}')", "unknown output of a stack 'torque'"),
     "prints beside": (ANSWERS + "print('solved', flush=True); " + STILL, "'solved'"),
@@ -373,6 +382,42 @@ def test_a_class_that_uses_more_than_it_declares_fails_by_name(setup):
     run = simulate(setup, Sparing())
     assert run.status == "failed"
     assert "add 'pixels' to uses" in run.reason
+
+
+def test_a_class_gets_no_default_for_what_it_does_not_declare(setup):
+    class Asking(Sparing):
+        def step(self, now):
+            return now.get("gain", 0.0) * now.get("q") + now.get("qd")
+
+    run = simulate(setup, Asking())
+    assert run.status == "failed"
+    assert "'qd' without declaring it: add 'qd' to uses" in run.reason
+
+
+@pytest.mark.parametrize("reported", [1e99, 0.5])
+def test_a_computing_time_longer_than_the_answer_took_is_left_out(setup, reported):
+    code = ANSWERS + STILL.replace("}", f', "compute_s": {reported}}}')
+    run = simulate(setup, ExternalStack([sys.executable, "-c", code]))
+    assert np.isnan(run.step_time).all()
+    assert "its compute_s was longer than its answer took in 11 periods" in run.reason
+
+
+def test_a_stack_that_fails_before_its_first_command_says_nothing_of_the_arm():
+    arm = {"command": "velocity", "lag": 0.02, "acceleration": 8.0}
+    setup = (
+        Scenario.load("ur5-fov").with_override("duration", 0.02).with_override("arm", arm).setup()
+    )
+
+    class Unable(Posed):
+        def start(self, setup):
+            raise ValueError("no licence")
+
+    failed = simulate(setup, Unable())
+    assert "no licence" in failed.reason
+    assert "integrated" not in failed.reason
+    accelerating = Posed()
+    accelerating.output = "acceleration"
+    assert "q̈_c was integrated" in simulate(setup, accelerating).reason
 
 
 class Posed(Stack):

@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <stdexcept>
@@ -40,6 +41,40 @@ inline std::vector<double> numbers(const std::string& json, const std::string& k
     }
   } while (depth > 0 && at < json.size());
   return found;
+}
+
+// The place behind the closing quote of a text that begins at a place.
+inline std::size_t behind_text(const std::string& json, std::size_t at) {
+  for (++at; at < json.size() && json[at] != '"'; ++at)
+    if (json[at] == '\\') ++at;
+  return at + 1;
+}
+
+// The text that is the value of a key.
+inline std::string text(const std::string& json, const std::string& key, std::size_t from = 0) {
+  const std::size_t value = place(json, key, from);
+  if (value == std::string::npos) throw std::runtime_error("no key " + key);
+  const std::size_t at = json.find('"', value);
+  return json.substr(at + 1, behind_text(json, at) - at - 2);
+}
+
+// Raise an error for a setting that is none of the known names, or that is no number.
+inline void check_settings(const std::string& setup, const std::vector<std::string>& known) {
+  std::size_t at = setup.find_first_of("\"}", place(setup, "settings"));
+  while (at < setup.size() && setup[at] == '"') {
+    const std::size_t end = behind_text(setup, at);
+    const std::string name = setup.substr(at + 1, end - at - 2);
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      std::string all;
+      for (const std::string& each : known) all += (all.empty() ? "" : ", ") + each;
+      throw std::runtime_error("unknown setting '" + name + "': there are " + all);
+    }
+    char* behind = nullptr;
+    std::strtod(&setup[end + 1], &behind);
+    if (behind == &setup[end + 1])
+      throw std::runtime_error("the setting " + name + " must be a number");
+    at = setup.find_first_of("\"}", behind - setup.data());
+  }
 }
 
 // A number of the settings, or its default.

@@ -9,6 +9,9 @@
 //   avoidance     1 adds secondaryTaskJointLimitAvoidance with rho, rho1 and lambda_tune
 //   saturation    1 scales the joint velocities to the speed limits, as vpRobot does
 //   desired       1 takes the interaction matrix at the goal, 0 the current one
+//
+// It ends, with the reason, for another feature or setting, a camera with distortion, and a goal
+// without a pose of the camera.
 
 #include <visp3/core/vpColVector.h>
 #include <visp3/core/vpHomogeneousMatrix.h>
@@ -27,7 +30,25 @@
 
 namespace {
 
+const std::vector<std::string> SETTINGS = {"gain",       "gain_at_zero", "slope",
+                                           "avoidance",  "rho",          "rho1",
+                                           "lambda_tune", "saturation",  "desired"};
+
+// Raise an error for a setup that this program would not servo as it says.
+void check(const std::string& setup) {
+  stack::check_settings(setup, SETTINGS);
+  const std::string feature = stack::text(setup, "feature");
+  if (feature != "camera-pose" && feature != "image-points")
+    throw std::runtime_error("this program does not servo by the feature " + feature +
+                             ", only by camera-pose or image-points");
+  const std::string lens = stack::text(setup, "model", stack::place(setup, "distortion"));
+  if (lens != "none")
+    throw std::runtime_error("this program is for cameras without distortion, not " + lens);
+}
+
 vpHomogeneousMatrix pose(const std::vector<double>& rows) {
+  if (rows.size() != 16)
+    throw std::runtime_error("this program needs goals with a pose of the camera");
   vpHomogeneousMatrix M;
   for (unsigned i = 0; i < 3; ++i)
     for (unsigned j = 0; j < 4; ++j) M[i][j] = rows[4 * i + j];
@@ -47,7 +68,7 @@ class Servo {
         markers_(stack::numbers(setup, "markers")),
         goals_(stack::place(setup, "goals")),
         setup_(setup),
-        by_pose_(setup.find("\"feature\":\"camera-pose\"") != std::string::npos) {
+        by_pose_(stack::text(setup, "feature") == "camera-pose") {
     const double gain = stack::setting(setup, "gain", 1.0);
     const double at_zero = stack::setting(setup, "gain_at_zero", 0.0);
     avoids_ = stack::setting(setup, "avoidance", 0.0) != 0.0;
@@ -159,6 +180,7 @@ int main() {
   std::getline(std::cin, line);
   if (!std::cin) return 0;
   try {
+    check(line);
     Servo servo(line);
     while (std::getline(std::cin, line)) {
       const auto begun = std::chrono::steady_clock::now();

@@ -61,6 +61,10 @@ int main() {
             << std::endl;
   std::string setup, line;
   std::getline(std::cin, setup);
+  if (setup.find("\"model\":\"none\"", setup.find("\"distortion\":")) == std::string::npos) {
+    std::cerr << "this stack is for cameras without distortion" << std::endl;
+    return 1;
+  }
   const Numbers camera = numbers(setup, "intrinsics");
   const Numbers markers = numbers(setup, "markers");
   const Numbers goal = numbers(setup, "pixels", setup.find("\"goals\":"));

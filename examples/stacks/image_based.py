@@ -9,6 +9,8 @@ uses = ["camera", "goals", "target", "pixels", "pose", "jacobian"]
 declaration = {"protocol": 1, "name": "image-based", "uses": uses, "output": "velocity"}
 print(json.dumps(declaration), flush=True)
 setup = json.loads(sys.stdin.readline())
+if setup["camera"]["distortion"]["model"] != "none":
+    sys.exit("this stack is for cameras without distortion")
 f, c = np.reshape(setup["camera"]["intrinsics"], (2, 2))
 markers = np.array(setup["target"]["markers"])
 gain = setup["settings"].get("gain", 1.0)

@@ -305,7 +305,9 @@ class Run:
 
     def remarks(self) -> list[str]:
         """Return remarks for a reader of the results."""
-        return [*self.plant.remarks(), *self.sensor.remarks(), *self.law_remarks()]
+        # a run that ended before its first command has moved no arm
+        of_arm = self.plant.remarks() if self.samples else []
+        return [*of_arm, *self.sensor.remarks(), *self.law_remarks()]
 
     def law_remarks(self) -> list[str]:
         """Return remarks on the law in this run."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import math
+import re
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 from ..controllers.ranges import positive_number
@@ -22,6 +25,7 @@ from .protocol import (
     read_declaration,
     read_reply,
     require_finite_settings,
+    undeclared,
 )
 from .stack import MeasuredProgram
 
@@ -29,6 +33,9 @@ START_LIMIT = 60.0  #: Time until the declaration, and until the first answer [s
 REPLY_LIMIT = 1.0  #: Time until every other answer [s].
 RUN_LIMIT = 120.0  #: Total time that a run waits for its stack [s].
 LONGEST_START = 300.0  #: Greatest ``start_time`` of a stack [s].
+COARSE = 0.02  #: Largest error of the clock by which a stack measures its computation [s].
+#: End of the last messages of a program in Python that has used a key that is not there.
+MISSING_KEY = re.compile(r"KeyError: '(\w+)'$")
 ADAPTERS = Path(__file__).parent / "adapters"  #: Folder of the adapters, one program each.
 
 
@@ -92,12 +99,16 @@ class ExternalStack(MeasuredProgram):
         self._process: StackProcess | None = None
         self._declared = ""
         self._left = ""
+        self._uses: tuple[str, ...] = ()
+        self._overstated = 0  # periods whose reported time is longer than the answer took
 
     def begin(self, setup: Setup) -> None:
         """Start the process and send it the setup; see :class:`.RobotProgram`."""
         super().begin(setup)
         self._declared = ""
         self._left = ""
+        self._uses = ()
+        self._overstated = 0
         # both the declaration and the first answer may take as long as a start
         more = 2.0 * max(self._start_limit - START_LIMIT, 0.0)
         self._process = process = StackProcess(self._arguments, RUN_LIMIT + more)
@@ -105,6 +116,7 @@ class ExternalStack(MeasuredProgram):
         try:
             declaration = read_declaration(line)
             uses, self.output = checked_declaration(declaration.uses, declaration.output)
+            self._uses = uses
         except StackFailedError as error:
             raise self._with_messages(error) from error
         named = one_line(declaration.name, MAX_TEXT) or program_name(self._arguments)
@@ -119,10 +131,16 @@ class ExternalStack(MeasuredProgram):
         assert self._process is not None
         message = self._setup + encode(self._measured(now))
         limit = self._start_limit if self._setup else REPLY_LIMIT
-        line = self._process.ask(message, limit)
+        asked = perf_counter()
+        try:
+            line = self._process.ask(message, limit)
+        except StackFailedError as error:
+            raise StackFailedError(f"{error}{self._undeclared(str(error))}") from error
+        took = perf_counter() - asked
         self._setup = b""
         try:
-            return self.counted(read_reply(line, self.output, self._n, now.t))
+            answer = read_reply(line, self.output, self._n, now.t)
+            return self.counted(self._plausible(answer, took))
         except StackFailedError as error:
             raise self._with_messages(error) from error
 
@@ -135,13 +153,32 @@ class ExternalStack(MeasuredProgram):
     def run_remarks(self) -> list[str]:
         """Return remarks: declaration, start time, missing answers, and remaining processes."""
         start = "" if self.start_time is None else f"it was allowed {self.start_time:g} s to start"
-        texts = self._declared, start, *super().run_remarks(), self._left
+        times = ""
+        if self._overstated:
+            times = (
+                f"its compute_s was longer than its answer took in {self._overstated} periods, and "
+                "is left out: it is in seconds"
+            )
+        texts = self._declared, start, times, *super().run_remarks(), self._left
         return [text for text in texts if text]
 
     @property
     def _start_limit(self) -> float:
         """Time until the declaration, and until the first answer [s]."""
         return START_LIMIT if self.start_time is None else self.start_time
+
+    def _plausible(self, answer: Answer, took: float) -> Answer:
+        """Return an answer that took ``took`` [s], without its computing time if that is longer."""
+        if answer.compute_time > took + COARSE:
+            self._overstated += 1
+            return answer._replace(compute_time=math.nan)
+        return answer
+
+    def _undeclared(self, reason: str) -> str:
+        """Return what the stack should declare if it ended for a lack of it; empty otherwise."""
+        missing = MISSING_KEY.search(reason)
+        wrong = undeclared(missing[1], self._uses) if missing else ""
+        return f"; it {wrong}" if wrong else ""
 
     def _with_messages(self, error: StackFailedError) -> StackFailedError:
         assert self._process is not None

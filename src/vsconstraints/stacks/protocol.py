@@ -7,7 +7,7 @@ answers one line per period with one line.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import msgspec
@@ -41,6 +41,26 @@ IN_EACH_PERIOD = {
 #: All data that a stack may declare as used.
 USES: dict[str, str] = BEFORE_A_RUN | IN_EACH_PERIOD
 
+#: Names in ``uses`` of the keys of messages that have another name.
+USES_OF_KEYS = {
+    "tip": "urdf",
+    "feature": "goals",
+    "goal": "goals",
+    "taken": "pixels",
+    "camera_in_target": "pose",
+}
+
+
+def undeclared(key: str, uses: Collection[str] = ()) -> str:
+    """Return the end of a sentence on a stack that reads a key of a message without declaring it.
+
+    It is empty if no message has this key, or if ``uses`` has what gives it.
+    """
+    name = USES_OF_KEYS.get(key, key)
+    if name not in USES or name in uses:
+        return ""
+    return f"uses {key!r} without declaring it: add {name!r} to uses"
+
 
 #: What decoding a line raises: texts that are not UTF-8 have an error of their own.
 UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError)
@@ -57,6 +77,12 @@ class Declaration(msgspec.Struct, forbid_unknown_fields=True):
     uses: list[str]
     output: str
     name: str = ""  #: Name and version of the stack, for the results.
+
+
+class _Version(msgspec.Struct):
+    """Version of a declaration, whatever else that version has."""
+
+    protocol: int
 
 
 class _Reply(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -86,6 +112,7 @@ encode = msgspec.json.Encoder(enc_hook=_listed).encode
 decode = msgspec.json.decode
 _decode_reply = msgspec.json.Decoder(_Reply).decode
 _decode_declaration = msgspec.json.Decoder(Declaration).decode
+_decode_version = msgspec.json.Decoder(_Version).decode
 
 
 def checked_declaration(uses: object, output: object) -> tuple[tuple[str, ...], Output]:
@@ -110,19 +137,19 @@ def read_declaration(line: bytes) -> Declaration:
     Its names are those that the stack gave: :func:`checked_declaration` checks them.
     """
     try:
-        declaration = _decode_declaration(line)
+        version = _decode_version(line).protocol
+        # another version may have other fields
+        if version != VERSION:
+            raise StackFailedError(
+                f"it speaks version {version} of the protocol, and this package version {VERSION}"
+            )
+        return _decode_declaration(line)
     except UNREADABLE as error:
         example = '{"protocol": 1, "uses": ["q"], "output": "velocity"}'
         raise StackFailedError(
             f"its first line on standard output must be its declaration, such as {example}, "
             f"not {_shown(line)} ({error})"
         ) from error
-    if declaration.protocol != VERSION:
-        raise StackFailedError(
-            f"it speaks version {declaration.protocol} of the protocol, and this package version "
-            f"{VERSION}"
-        )
-    return declaration
 
 
 def read_reply(line: bytes, output: Output, n: int, t: float) -> Answer:

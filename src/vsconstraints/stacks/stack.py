@@ -16,7 +16,13 @@ from ..simulation.programs import Answer, Observation, Output, RobotProgram
 from ..simulation.setup import Setup
 from ..vision.measurement import estimated_pose
 from .description import describe, matrix
-from .protocol import USES, StackFailedError, checked_answer, checked_declaration, setup_message
+from .protocol import (
+    StackFailedError,
+    checked_answer,
+    checked_declaration,
+    setup_message,
+    undeclared,
+)
 
 MAX_REASONS = 3  #: Number of different reasons for having no answer that a remark lists.
 
@@ -32,12 +38,17 @@ class Declared(dict[str, Any]):
     """Data that a stack has declared as used; others raise StackFailedError."""
 
     def __missing__(self, key: str) -> Any:
-        section = {"taken": "pixels", "camera_in_target": "pose", "goal": "goals"}.get(key, key)
-        if section in USES:
-            raise StackFailedError(
-                f"the stack uses {key!r} without declaring it: add {section!r} to uses"
-            )
+        wrong = undeclared(key)
+        if wrong:
+            raise StackFailedError(f"the stack {wrong}")
         raise KeyError(key)
+
+    def get(self, key: str, default: Any = None, /) -> Any:
+        """Return the value of a key; the default only for a key that no message has."""
+        try:
+            return self[key]
+        except KeyError:
+            return default
 
 
 class Measured:

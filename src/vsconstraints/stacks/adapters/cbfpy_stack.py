@@ -69,12 +69,13 @@ class CbfpyStack:
 
     name = f"cbfpy {version('cbfpy')}"
     output = "velocity"
+    features = ("camera-pose", "image-points")
     uses = (*Scene.uses, "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build and compile the filter."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
+        self.scene = Scene(setup, self.features)
         self.gain = own["gain"]
         barrier_gain = own["barrier_gain"]
         limits = setup["limits"]

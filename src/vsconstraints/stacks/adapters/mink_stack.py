@@ -77,12 +77,13 @@ class MinkStack:
 
     name = f"mink {version('mink')}"
     output = "velocity"
+    features = ("camera-pose", "image-points")
     uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build model, task and limits."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
+        self.scene = Scene(setup, self.features)
         self.period = setup["period"]
         self.solver = own["solver"]
         self.damping = own["damping"]

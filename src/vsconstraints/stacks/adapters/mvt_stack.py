@@ -35,12 +35,13 @@ class MachineVisionStack:
 
     name = f"machinevision-toolbox {version('machinevision-toolbox-python')}"
     output = "velocity"
+    features = ("image-points",)
     uses = (*Scene.uses, "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build the camera."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
+        self.scene = Scene(setup, self.features)
         self.gain = own["gain"]
         if own["depth"] not in ("current", "desired"):
             raise SystemExit(f"depth is current or desired, not {own['depth']!r}")

@@ -40,13 +40,13 @@ class OinkStack:
 
     name = f"roboplan-oink {version('roboplan-oink')}"
     output = "velocity"
+    features = ("camera-pose",)
     uses = (*Scene.uses, "urdf", "limits", "q", "qd")
 
     def start(self, setup):
         """Build scene, solver, task and limits."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
-        self.scene.require_pose("OInK")
+        self.scene = Scene(setup, self.features)
         self.period = period = setup["period"]
         self.tip = setup["tip"]
         description = core.loadUrdfSceneDescriptionFromXml(setup["urdf"])

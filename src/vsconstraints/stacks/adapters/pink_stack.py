@@ -87,12 +87,13 @@ class PinkStack:
 
     name = f"pink {pink.__version__}"
     output = "velocity"
+    features = ("camera-pose", "image-points")
     uses = (*Scene.uses, "urdf", "limits", "q", "qd", "pixels", "jacobian")
 
     def start(self, setup):
         """Build model, tasks, limits and barriers."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
+        self.scene = Scene(setup, self.features)
         self.period = setup["period"]
         self.solver = own["solver"]
         self.damping = own["damping"]

@@ -73,13 +73,13 @@ class PlacoStack:
 
     name = f"placo {version('placo')}"
     output = "velocity"
+    features = ("camera-pose",)
     uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build robot, solver and task."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
-        self.scene.require_pose("placo")
+        self.scene = Scene(setup, self.features)
         self.period = setup["period"]
         self.gain = own["gain"]
         self.view_gain = own["view_gain"]

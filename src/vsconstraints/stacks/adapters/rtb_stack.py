@@ -50,13 +50,13 @@ class RoboticsToolboxStack:
 
     name = f"roboticstoolbox {rtb.__version__}"
     output = "velocity"
+    features = ("camera-pose",)
     uses = (*Scene.uses, "urdf", "limits", "q", "pixels", "jacobian")
 
     def start(self, setup):
         """Build the robot."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
-        self.scene.require_pose("robotics-toolbox-python")
+        self.scene = Scene(setup, self.features)
         self.gain = own["gain"]
         self.view_gain = own["view_gain"]
         self.manipulability = own["manipulability"]

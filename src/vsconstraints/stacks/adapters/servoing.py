@@ -7,6 +7,13 @@ the camera's frame, pixels are those of OpenCV.
 import numpy as np
 
 
+def camera_pose(view):
+    """Return the camera's pose (4, 4) in a period or at a goal; end an adapter without one."""
+    if view["camera_in_target"] is None:
+        raise SystemExit("this adapter needs goals with a pose of the camera")
+    return np.array(view["camera_in_target"])
+
+
 def inverse(M):
     """Return the inverse of a pose (4, 4)."""
     R = M[:3, :3].T
@@ -23,12 +30,22 @@ def pose(R, t):
 
 
 class Scene:
-    """Camera, target and goals of a setup message, for a camera that the arm carries."""
+    """Camera, target and goals of a setup message, for a camera that the arm carries.
+
+    ``features`` are the names of the features by which the adapter servos. An adapter ends, with
+    these names, if the scenario has another one.
+    """
 
     #: What stacks with a scene declare as used.
     uses = ("camera", "target", "goals", "constraints", "pose")
 
-    def __init__(self, setup):
+    def __init__(self, setup, features):
+        self.feature = setup["feature"]
+        if self.feature not in features:
+            raise SystemExit(
+                f"this adapter does not servo by the feature {self.feature}, only by "
+                f"{' or '.join(features)}"
+            )
         camera = setup["camera"]
         lens = camera["distortion"]["model"]
         if "camera_in_tip" not in camera:
@@ -42,7 +59,6 @@ class Scene:
         self.centre = np.array([c_u, c_v])
         self.markers = np.array(setup["target"]["markers"])
         self.goals = setup["goals"]
-        self.feature = setup["feature"]
         #: Half sizes (2,) of the part of the image in which markers must stay [px]; None if free.
         self.half_size = None
         for constraint in setup["constraints"]:
@@ -52,11 +68,6 @@ class Scene:
         # the image's centre, with the first pixel's centre at (0, 0)
         self.middle = 0.5 * np.array(camera["size"]) - 0.5
 
-    def require_pose(self, package):
-        """End an adapter whose package controls the camera's pose alone, for image points."""
-        if self.feature != "camera-pose":
-            raise SystemExit(f"{package} has no task of image points")
-
     def tip_goal(self, now, tip):
         """Return the tip's pose at the goal, from its present pose; both in the base frame.
 
@@ -64,14 +75,12 @@ class Scene:
         """
         camera_in_target = np.array(now["camera_in_target"])
         target = tip @ self.camera_in_tip @ inverse(camera_in_target)
-        goal = self.goals[now["goal"]]["camera_in_target"]
-        if goal is None:
-            raise SystemExit("this adapter needs goals with a pose of the camera")
-        return target @ np.array(goal) @ self.tip_in_camera
+        goal = self.goals[now["goal"]]
+        return target @ camera_pose(goal) @ self.tip_in_camera
 
-    def depth(self, now):
-        """Return the depth Z (m,) of each marker [m]."""
-        M = np.array(now["camera_in_target"])
+    def depth(self, view):
+        """Return the depth Z (m,) of each marker [m], in a period or at a goal."""
+        M = camera_pose(view)
         R = M[:3, :3]
         t = M[:3, 3]
         in_camera = (self.markers - t) @ R

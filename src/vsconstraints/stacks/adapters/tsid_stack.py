@@ -36,13 +36,13 @@ class TsidStack:
 
     name = f"tsid {version('tsid')}"
     output = "acceleration"
+    features = ("camera-pose",)
     uses = (*Scene.uses, "urdf", "limits", "q", "qd")
 
     def start(self, setup):
         """Build robot, task, bounds and solver."""
         own = settings_of(setup, DEFAULTS)
-        self.scene = Scene(setup)
-        self.scene.require_pose("TSID")
+        self.scene = Scene(setup, self.features)
         model = pin.buildModelFromXML(setup["urdf"])
         self.robot = robot = tsid.RobotWrapper(model, tsid.RootJointType.FIXED_BASE_SYSTEM, False)
         self.frame = model.getFrameId(setup["tip"])
