@@ -261,6 +261,35 @@ class Broken(Tangents):
 class Raises(Tangents):
     def __init__(self):
         raise OSError("no data")
+
+
+class Depths(ViewFeature):
+    needs = ("pose",)
+
+    def size(self, markers):
+        return markers
+
+    def value(self, view, goal):
+        return np.log(view.depth) + 0.0 * view.camera.t[0]
+
+
+class ByPose(Depths):
+    name = "by-pose"
+    needs = ("depth",)
+
+
+class Constant(Derived):
+    name = "constant"
+
+    def value(self, view, goal):
+        return np.array([1.0, 2.0])
+
+
+class Sizes(Derived):
+    name = "sizes"
+
+    def size(self, markers):
+        return 3
 '''
 
 
@@ -314,6 +343,15 @@ def test_a_wrong_matrix_is_refused_at_the_start(
         ('features = [{ feature = "line", marker = 1 }]', r"features\[0\] 'marker'"),
         ('feature = "own:Broken"', "at a goal, the feature broken is not defined"),
         (
+            'feature = "own:Depths"',
+            r"feature Depths uses view\.depth .*add 'depth' .*needs = \('pose', 'depth'\)",
+        ),
+        ('feature = "own:ByPose"', r"by-pose uses view\.camera .*add 'pose' to needs of ByPose"),
+        (
+            'feature = "own:Sizes"',
+            r"feature sizes has 2 components .*size is 3: let Sizes\.size return",
+        ),
+        (
             'feature = "depth"\ngoals = [{ markers_px = [[9, 9], [0, 9], [0, 0], [9, 0]] }]',
             "needs the markers' depths",
         ),
@@ -340,6 +378,31 @@ def test_a_wrong_matrix_is_refused_at_the_start(
 def test_what_cannot_be_meant(own: Callable[[str], Scenario], task: str, words: str) -> None:
     with np.errstate(all="ignore"), pytest.raises(ConfigurationError, match=words):
         own(task).setup()
+
+
+def test_a_value_that_does_not_change_is_no_goal_reached(own: Callable[[str], Scenario]) -> None:
+    setup = own('feature = "own:Constant"').setup()
+    with pytest.raises(ConfigurationError, match="matrix of the feature constant is zero at the"):
+        setup.check_start()
+    own('features = ["own:Constant", "line"]').setup().check_start()
+
+
+def test_a_value_has_no_number_for_what_it_does_not_declare() -> None:
+    """Not even by its place in the tuple; the matrix has all."""
+
+    class ByPlace(Polar):
+        def value(self, view: View, goal: View) -> Array:
+            return np.asarray(view[1])
+
+    class OfOther(Polar):
+        def value(self, view: View, goal: View) -> Array:
+            line = Line()
+            return line.value(line.seen(view), line.seen(goal._replace(xy=goal.xy)))
+
+    np.testing.assert_array_equal(OfOther().defined_value(VIEW, GOAL), Line().value(VIEW, GOAL))
+    assert ByPlace.name == "polar"
+    with pytest.raises(SceneError, match="not defined here: its component 1 is nan"):
+        ByPlace().defined_value(VIEW, VIEW)
 
 
 def test_a_feature_that_is_undefined_at_the_start_is_named() -> None:

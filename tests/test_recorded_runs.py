@@ -172,6 +172,13 @@ def test_measured_pixels_are_those_of_the_lens(run: Trajectory) -> None:
     np.testing.assert_allclose(found.features_px, run.features_px, atol=1e-6)
 
 
+def test_pixels_from_the_first_one_are_refused(setup: Setup, run: Trajectory) -> None:
+    """Such pixels of OpenCV would be outside a field of view that no marker has left."""
+    pixels = run.features_px + np.array([319.5, 239.5])
+    with pytest.raises(ConfigurationError, match=r"it: .* subtract \(319\.5, 239\.5\) px"):
+        recorded_trajectory(setup, Recording(run.t, run.q, run.qd, pixels=pixels), "it")
+
+
 def test_measured_pixels_are_compared_with_the_goal_of_their_time(run: Trajectory) -> None:
     scenario = Scenario.load("ur5-image").with_override("duration", 1.2)
     first, second = ({"camera_at_q": run.q[k].tolist(), "from_time": run.t[k]} for k in (0, 300))

@@ -571,6 +571,9 @@ def test_overrides_that_lead_nowhere_are_refused(key: str, words: str) -> None:
 
 
 def test_scenarios_that_are_not_shipped_are_refused_with_those_that_are() -> None:
+    family = r"unknown scenario 'ur5'.*'ur5' is a family.*extend it in the file of a family"
+    with pytest.raises(ConfigurationError, match=family):
+        Scenario.load("ur5")
     close = r"unknown scenario 'case-study'.*Did you mean 'case-study-6r'"
     with pytest.raises(ConfigurationError, match=close) as error:
         Scenario.load("case-study")

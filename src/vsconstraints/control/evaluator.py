@@ -314,7 +314,7 @@ class Evaluator:
             if packed.step.last[0]["goal"] == goal:
                 previous = packed.step.last_error[: packed.size.k].copy()
             motion = task.feature.evaluate(state, task.goals[goal], previous)
-            packed.insert_feature(motion)
+            packed.insert_feature(task.feature, motion)
             load("step").follow(packed.workspace, t)
 
     def _state(self) -> State:

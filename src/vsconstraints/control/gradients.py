@@ -65,14 +65,25 @@ def require_interaction(task: VisualTask, state: State) -> None:
     """Raise ConfigurationError if a custom feature's matrix is not the derivative of its value.
 
     The error names the feature, the component, the coordinate of the camera's twist, the given
-    derivative and the difference quotient.
+    derivative and the difference quotient. Raises ConfigurationError, too, if no component of the
+    task changes with the camera's motion, because such a task would count as done.
     """
     goal = task.goals[task.goal_at(state.t)]
+    constant = []
     for feature in task.feature.parts:
-        if isinstance(feature, ViewFeature) and not feature.derived and _is_custom(feature):
+        if isinstance(feature, ViewFeature) and _is_custom(feature):
             view = feature.seen(View.of_state(state))
             wanted = feature.seen(View.of_goal(goal))
-            _require_matrix(feature, view, wanted)
+            if not feature.derived:
+                _require_matrix(feature, view, wanted)
+            if not np.any(feature.interaction_matrix(view, wanted)):
+                constant.append(feature)
+    if len(constant) == len(task.feature.parts):
+        raise ConfigurationError(
+            f"the interaction matrix of the feature {task.feature.name} is zero at the start: its "
+            "value does not change as the camera moves, so that no motion reaches a goal. Let the "
+            "value depend on the view, or start elsewhere"
+        )
 
 
 def _require_matrix(feature: ViewFeature, view: View, goal: View) -> None:

@@ -151,14 +151,17 @@ class StepArrays:
         now.Lg[rows] = block.Lg
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
-    def insert_feature(self, motion: FeatureMotion) -> None:
+    def insert_feature(self, feature: Feature, motion: FeatureMotion) -> None:
         """Write a feature in NumPy; raise InvalidInput if it is of the wrong shape."""
         step = self.step
         k = self.size.k
         n = self.size.n
         shapes = [part.shape for part in motion]
         if shapes != [(k,), (k, n), (k,), (k,), (k,)]:
-            raise InvalidInput(f"the custom feature returned the shapes {shapes} for {k} numbers")
+            raise InvalidInput(
+                f"the feature {feature.name} returned the shapes {shapes} of error, J, velocity, "
+                f"drift and partial, but its size is {k}: let its size be the number of components"
+            )
         step.task.error[:] = motion.error
         step.task.J[:] = motion.J
         step.task.error_rate[:] = motion.velocity

@@ -25,6 +25,8 @@ from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
 SHIPPED = Path(__file__).parent  #: folder of the shipped scenarios
+#: Folder of the shipped families, to tell whoever takes one for a scenario.
+FAMILIES = SHIPPED.parent / "bench" / "families"
 #: Keys whose values are paths, relative to the scenario's folder.
 FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
 
@@ -205,8 +207,19 @@ def _from_base(key: str, value: object, base: Path) -> object:
 
 
 def scenario_file(name: str, base: Path | None) -> Path:
-    """Return the path of a scenario by its name, or by a path relative to ``base``."""
-    return file_named("scenario", name, SHIPPED, shipped_scenarios(), base)
+    """Return the path of a scenario by its name, or by a path relative to ``base``.
+
+    Raises ConfigurationError if no scenario has that name; it tells if a family has.
+    """
+    try:
+        return file_named("scenario", name, SHIPPED, shipped_scenarios(), base)
+    except ConfigurationError as error:
+        if name in {path.stem for path in FAMILIES.glob("*.toml")}:
+            raise ConfigurationError(
+                f"{error}. {name!r} is a family, from which scenes are drawn by a seed: extend it "
+                "in the file of a family, or extend a scenario here (docs/families.md)"
+            ) from error
+        raise
 
 
 def extended_tables(

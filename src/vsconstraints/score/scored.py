@@ -20,6 +20,7 @@ from ..plugins.provenance import digests
 from ..rows import Array, BoolArray, Command, Rows, Task
 from ..simulation import Setup, Trajectory
 from ..simulation.measured import follow_measured
+from .pixels import require_pixels
 from .recording import Recording
 
 #: Law of a recorded run in results.
@@ -51,7 +52,8 @@ def recorded_trajectory(
     names the recording. The scenario begins, t = 0, at ``zero`` [s] after the first sample of the
     file. ``degrees`` is True if positions in degrees were converted to rad. Raises
     ConfigurationError if the recording is shorter than a sampling time, if it begins at another
-    time than the scenario and the scenario depends on time, or if it starts at q0 in another unit.
+    time than the scenario and the scenario depends on time, if it starts at q0 in another unit, or
+    if its pixels clearly are of another origin, unit or order.
     """
     late = recording.begin - zero
     begins_elsewhere = abs(late) > setup.Ts
@@ -77,8 +79,11 @@ def recorded_trajectory(
     if begins_elsewhere:
         remarks.append(_remark_on_custom_rows(setup, run, late, len(motion.t)))
     if motion.pixels is not None:
-        run, remark = _with_pixels(setup, run, motion.pixels[: len(run.t)])
-        remarks.append(remark)
+        pixels = motion.pixels[: len(run.t)]
+        camera = setup.scene.camera
+        question = require_pixels(where, camera, pixels, camera.distort(run.features_px))
+        run, remark = _with_pixels(setup, run, pixels)
+        remarks += [remark, question]
     unknown = np.full(len(run.t), np.nan)
     return replace(
         run,

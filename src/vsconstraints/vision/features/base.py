@@ -95,10 +95,18 @@ class Feature(ABC):
     from this one defines :meth:`size` and :meth:`evaluate`; its J_s is not checked.
     """
 
+    #: Name for results and messages; that of the class if it states none.
     name: str
     #: Error by which a goal counts as reached: that of the camera's ``pose``, of all ``markers`` in
     #: the image, or of the ``feature`` itself, for features that determine neither.
     reached_by: Literal["pose", "markers", "feature"] = "markers"
+
+    def __init_subclass__(cls) -> None:
+        """Name the class, unless it has or inherits a name that its author has chosen."""
+        super().__init_subclass__()
+        unnamed = ("", *(base.__name__ for base in cls.__mro__[1:]))
+        if getattr(cls, "name", "") in unnamed:
+            cls.name = cls.__name__
 
     @abstractmethod
     def size(self, markers: int) -> int:

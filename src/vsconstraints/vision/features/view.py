@@ -64,6 +64,45 @@ class View(NamedTuple):
         return View(P[:, :2] / P[:, 2:], P[:, 2], camera)
 
 
+class _DeclaredView(View):
+    """View in which the value of a feature can read what the feature declares in ``needs``.
+
+    Reading anything else raises ConfigurationError. Its place in the tuple has no number.
+    """
+
+    #: The feature; None for a copy that the value made, in which nothing else has a number either.
+    feature: ViewFeature | None = None
+
+    @classmethod
+    def of(cls, view: View, feature: ViewFeature) -> _DeclaredView:
+        """Return a view with what a feature declares."""
+        depth = view.depth if "depth" in feature.needs else np.full(len(view.depth), np.nan)
+        shown = cls(view.xy, depth, view.camera if "pose" in feature.needs else None)
+        shown.feature = feature
+        return shown
+
+    @property
+    def depth(self) -> Array:
+        """(m,) Z [m]."""
+        self._require("depth", "view.depth")
+        return self[1]
+
+    @property
+    def camera(self) -> Pose | None:
+        """Pose of the camera in the target's frame."""
+        self._require("pose", "view.camera")
+        return self[2]
+
+    def _require(self, need: Literal["depth", "pose"], used: str) -> None:
+        feature = self.feature
+        if feature is not None and need not in feature.needs:
+            needs = (*feature.needs, need)
+            raise ConfigurationError(
+                f"the value of the feature {feature.name} uses {used} without declaring it: add "
+                f"{need!r} to needs of {type(feature).__name__}, needs = {needs!r}"
+            )
+
+
 class ViewFeature(Feature):
     """Feature s that is a function of the markers' image and depths, or of the camera's pose.
 
@@ -78,7 +117,7 @@ class ViewFeature(Feature):
         Numbers of the markers that the feature sees, from 1; all by default.
     """
 
-    #: What the value depends on beside the image; goals must state it.
+    #: What the value depends on beside the image; goals must state it, and it reads nothing else.
     needs: ClassVar[tuple[Literal["depth", "pose"], ...]] = ()
     #: Components that are angles [rad]: their differences are taken on the circle.
     angles: ClassVar[slice | Sequence[int]] = slice(0)
@@ -125,8 +164,9 @@ class ViewFeature(Feature):
 
     def seen(self, view: View) -> View:
         """Return the feature's own markers of a view."""
-        markers = selected(self.markers, len(view.xy), self.name)
-        return View(view.xy[markers], view.depth[markers], view.camera)
+        xy, depth, camera = view
+        markers = selected(self.markers, len(xy), self.name)
+        return View(xy[markers], depth[markers], camera)
 
     def check_goal(self, goal: Goal) -> None:
         """Raise ConfigurationError if the feature is not defined at a goal."""
@@ -139,15 +179,21 @@ class ViewFeature(Feature):
             require_pose(self, goal)
         wanted = self.seen(View.of_goal(goal))
         try:
-            self.defined_value(wanted, wanted)
+            value = self.defined_value(wanted, wanted)
         except SceneError as error:
             raise ConfigurationError(f"at a goal, {error}") from error
+        k = self.size(len(goal.normalised))
+        if len(value) != k:
+            raise ConfigurationError(
+                f"the value of the feature {self.name} has {len(value)} components at a goal, but "
+                f"its size is {k}: let {type(self).__name__}.size return the number of components"
+            )
 
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         wanted = self.seen(View.of_goal(new))
-        value = self.value(self.seen(View.of_goal(old)), wanted)
-        return self._nearest(reference + value - self.value(wanted, wanted), near)
+        value = self._declared_value(self.seen(View.of_goal(old)), wanted)
+        return self._nearest(reference + value - self._declared_value(wanted, wanted), near)
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate the feature: see :meth:`Feature.evaluate`.
@@ -176,7 +222,7 @@ class ViewFeature(Feature):
         Raises SceneError if a component is not a finite number.
         """
         with np.errstate(all="ignore"):  # what is not finite is named below
-            value = np.asarray(self.value(view, goal), dtype=np.float64)
+            value = np.asarray(self._declared_value(view, goal), dtype=np.float64)
         if value.ndim != 1:
             raise InvalidInput(
                 f"the value of the feature {self.name} must have the shape (k,), not {value.shape}"
@@ -188,6 +234,15 @@ class ViewFeature(Feature):
                 f"{value[which - 1]}. Choose other markers, or another start or goal"
             )
         return value
+
+    def _declared_value(self, view: View, goal: View) -> Array:
+        """Return the value from what the feature declares in ``needs``.
+
+        Raises ConfigurationError if it reads anything else.
+        """
+        shown = _DeclaredView.of(view, self)
+        wanted = shown if view is goal else _DeclaredView.of(goal, self)
+        return self.value(shown, wanted)
 
     def _checked_matrix(self, view: View, goal: View, k: int) -> Array:
         L = np.asarray(self.interaction_matrix(view, goal), dtype=np.float64)
@@ -212,9 +267,14 @@ class ViewFeature(Feature):
 
         The views are those of the feature's own markers.
         """
-        here = self.value(view, goal)
+        here = self._declared_value(view, goal)
         nowhere = np.zeros(len(here))
-        return lambda t: self._nearest(self.value(view.moved(twist, t), goal) - here, nowhere)
+
+        def change(t: float) -> Array:
+            there = self._declared_value(view.moved(twist, t), goal)
+            return self._nearest(there - here, nowhere)
+
+        return change
 
     def _bend(self, view: View, goal: View, twist: Array, k: int) -> Array:
         """Return L̇ V (k,), the second derivative of s along the constant twist V."""
