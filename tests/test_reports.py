@@ -672,6 +672,33 @@ def test_the_form_that_ran_is_told(tmp_path: Path) -> None:
     assert told(True, False) == "compiled in 1 of 2 runs; NumPy in some of own"
 
 
+def test_what_is_fair_is_said_of_what_the_comparison_has(tmp_path: Path) -> None:
+    """A stack gets no rows, and neither its arm nor a disturbed one integrates exactly."""
+
+    def told(reason: str = "", **tables: Any) -> str:
+        lines = [result("tracking"), result("own", reason=reason)]
+        return whole(write_report(made(tmp_path, lines, tables=tables), figures=False))
+
+    of_laws = (
+        "No controller knows the robot",
+        "exact double integration",
+        "Every controller, shipped",
+    )
+    of_stacks = "Stacks (own) get neither rows nor task", "step(now) is timed"
+    text = told()
+    assert all(words in text for words in of_laws)
+    assert not any(words in text for words in of_stacks)
+    assert column(text, "required information")["own"] == "see its code"
+    text = told("mine uses q, limits and commands velocities", arm={"command": "velocity"})
+    assert not any(words in text for words in of_laws)
+    assert all(words in text for words in of_stacks)
+    assert "except by arms that take velocities or positions" in text
+    assert column(text, "required information")["own"] == "q, limits"
+    text = told(disturbances={"command_delay": 0.01})
+    assert "exact double integration" not in text
+    assert "take velocities" not in text
+
+
 def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None:
     lines = [result(name, utilization=math.nan) for name in ("tracking", "a", "b")]
     rows = [row(name, challenged=False) for name in ("tracking", "a", "b")]

@@ -23,7 +23,7 @@ from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
-from vsconstraints.simulation.programs import Observation
+from vsconstraints.simulation.programs import Observation, declaration, declared_uses
 from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
 from vsconstraints.stacks.child import StackProcess
@@ -346,6 +346,18 @@ def test_a_stack_without_a_name_has_that_of_its_script(setup, tmp_path):
         assert stack.run_remarks() == ["my_stack uses q and commands velocities"]
     finally:
         stack.end()
+
+
+def test_results_name_what_a_class_declares_as_they_do_for_a_program(setup):
+    moment = replace(setup, duration=setup.Ts)
+    of_class = simulate(moment, Posed())
+    assert declared_uses(of_class.reason) == Posed.uses
+    program = simulate(moment, ExternalStack([sys.executable, "-c", ANSWERS + STILL]))
+    assert declared_uses(program.reason) == ("q",)
+    for uses in (tuple(USES), ()):
+        reason = f"converged; {declaration('mine 2.0', uses, 'position')}; no answer"
+        assert declared_uses(reason) == (uses or ("nothing",))
+    assert declared_uses("a law uses the limits and commands velocities") == ()
 
 
 class Sparing(Stack):

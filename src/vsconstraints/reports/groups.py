@@ -35,8 +35,13 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
     return ControllerSpec.from_table(name, entry).make().uses
 
 
-def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
-    """Return type, options and required information of a controller of a manifest, for a table."""
+def controller_cells(
+    name: str, entry: Mapping[str, Any], declared: Sequence[str] | None = None
+) -> list[str]:
+    """Return type, options and required information of a controller of a manifest, for a table.
+
+    ``declared`` are the data that a stack declared as used.
+    """
     options = []
     for key, value in entry.items():
         if key == "type":
@@ -46,7 +51,8 @@ def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
         elif isinstance(value, Mapping):
             value = toml_text(value)
         options.append(f"{key} = {value}")
-    information = information_text(required_information(name, entry))
+    required = required_information(name, entry)
+    information = information_text(declared if required is None else required)
     return [plain(entry.get("type", name)), plain(", ".join(options)) or "defaults", information]
 
 

@@ -75,7 +75,8 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
     leading = [name for name, count in results.clean.items() if count == most]
     if len(leading) == len(results.competitors) or not results.challenged_scenarios:
         leading = []
-    robots = map(scenario.robot_name, results.stored.scenarios.values())
+    scenes = results.stored.scenarios.values()
+    robots = map(scenario.robot_name, scenes)
     readings = []
     if any(scene.files for scene in drawn.values()):
         readings = [figure.reading for figure in FIGURES]
@@ -87,6 +88,8 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         summary=summary,
         parts=scenario,
         robots=list(filter(None, robots)),
+        ideal=all(map(scenario.is_ideal, scenes)),
+        streaming=any(scenario.takes(each) != "acceleration" for each in scenes),
         violates=sum(bool(violated(run)) for run in results.all_runs(BASELINE)),
         leading=leading,
         overview=overview,

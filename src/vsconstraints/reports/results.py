@@ -13,6 +13,7 @@ from ..comparisons import StoredComparison
 from ..comparisons.metrics import Metric
 from ..comparisons.runs.spec import stack_law
 from ..comparisons.suite import BASELINE
+from ..simulation.programs import declared_uses
 from .groups import grouped
 from .markdown import Table, bold
 from .numbers import Format, median, number, over_trials
@@ -113,6 +114,23 @@ class Results:
         if False in flags:
             names.append("NumPy")
         return " and ".join(names)
+
+    @cached_property
+    def declared(self) -> dict[str, tuple[str, ...]]:
+        """Data that each stack declared as used in its runs, by controller."""
+        declared = {}
+        for name in self.competitors:
+            uses = dict[str, None]()
+            for line in self.all_runs(name):
+                uses |= dict.fromkeys(declared_uses(str(line.get("reason") or "")))
+            if uses:
+                declared[name] = tuple(uses)
+        return declared
+
+    @property
+    def stacks(self) -> list[str]:
+        """Controllers that get measurements instead of rows and a task."""
+        return [name for name in self.competitors if name in self.external or name in self.declared]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Return the lines of constraints.csv, of one row or of all."""

@@ -36,6 +36,21 @@ UNUSUAL = 100.0  #: Largest acceleration below which none is out of proportion [
 OUT_OF_PROPORTION = 10.0  #: Least ratio to the largest acceleration of any other controller.
 
 
+def takes(scenario: Scenario) -> str:
+    """Return what the arm of a scenario takes: acceleration, velocity or position."""
+    arm = scenario.tables.get("arm")
+    command = arm.get("command") if isinstance(arm, dict) else None
+    return str(command or "acceleration")
+
+
+def is_ideal(scenario: Scenario) -> bool:
+    """True if commanded accelerations are integrated exactly: no low-level loop, mass or errors."""
+    tables = scenario.tables
+    return takes(scenario) == "acceleration" and not (
+        tables.get("plant") or tables.get("disturbances")
+    )
+
+
 def robot_name(scenario: Scenario) -> str:
     """Return the name of a scenario's robot."""
     robot = scenario.tables.get("robot")

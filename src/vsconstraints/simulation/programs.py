@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Sequence
 from os.path import isfile  # unlike Path.is_file, it takes a text that is too long for a path
@@ -29,6 +30,23 @@ COMMANDS: dict[str, str] = {
     "position": "positions",
     "acceleration": "accelerations",
 }
+
+
+#: What :func:`declaration` writes, after the name.
+DECLARED = re.compile(
+    rf" uses ([a-z]+(?:, [a-z]+)*) and commands (?:{'|'.join(COMMANDS.values())})"
+)
+
+
+def declaration(name: str, uses: Sequence[str], output: Output) -> str:
+    """Return what a program declared before a run, for a reader of the results."""
+    return f"{name} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[output]}"
+
+
+def declared_uses(reason: str) -> tuple[str, ...]:
+    """Return the data of a :func:`declaration` in the reason of a run; none without one."""
+    found = DECLARED.search(reason)
+    return tuple(found[1].split(", ")) if found else ()
 
 
 def program_name(command: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, format_value, one_line, unknown_name
-from ..simulation.programs import COMMANDS, Answer, Observation, program_name
+from ..simulation.programs import Answer, Observation, program_name
 from ..simulation.setup import Setup
 from .child import StackProcess
 from .protocol import (
@@ -97,7 +97,6 @@ class ExternalStack(MeasuredProgram):
         require_finite_settings(settings)
         self._arguments = _arguments(command, adapter, python)
         self._process: StackProcess | None = None
-        self._declared = ""
         self._left = ""
         self._uses: tuple[str, ...] = ()
         self._overstated = 0  # periods whose reported time is longer than the answer took
@@ -105,7 +104,6 @@ class ExternalStack(MeasuredProgram):
     def begin(self, setup: Setup) -> None:
         """Start the process and send it the setup; see :class:`.RobotProgram`."""
         super().begin(setup)
-        self._declared = ""
         self._left = ""
         self._uses = ()
         self._overstated = 0
@@ -120,11 +118,8 @@ class ExternalStack(MeasuredProgram):
         except StackFailedError as error:
             raise self._with_messages(error) from error
         named = one_line(declaration.name, MAX_TEXT) or program_name(self._arguments)
-        self._declared = (
-            f"{named} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[self.output]}"
-        )
         # the setup is sent with the first period, whose answer may take as long as a start
-        self._setup = encode(self.prepare(setup, uses, self.settings)) + b"\n"
+        self._setup = encode(self.prepare(setup, named, uses, self.settings)) + b"\n"
 
     def respond(self, now: Observation) -> Answer:
         """Ask the process for the command of a period; see :class:`.RobotProgram`."""
@@ -151,7 +146,7 @@ class ExternalStack(MeasuredProgram):
             self._process = None
 
     def run_remarks(self) -> list[str]:
-        """Return remarks: declaration, start time, missing answers, and remaining processes."""
+        """Return remarks: declaration, missing answers, start time, and remaining processes."""
         start = "" if self.start_time is None else f"it was allowed {self.start_time:g} s to start"
         times = ""
         if self._overstated:
@@ -159,7 +154,7 @@ class ExternalStack(MeasuredProgram):
                 f"its compute_s was longer than its answer took in {self._overstated} periods, and "
                 "is left out: it is in seconds"
             )
-        texts = self._declared, start, times, *super().run_remarks(), self._left
+        texts = *super().run_remarks(), start, times, self._left
         return [text for text in texts if text]
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import described, format_value
 from ..rows import Array
-from ..simulation.programs import Answer, Observation, Output, RobotProgram
+from ..simulation.programs import Answer, Observation, Output, RobotProgram, declaration
 from ..simulation.setup import Setup
 from ..vision.measurement import estimated_pose
 from .description import describe, matrix
@@ -100,16 +100,19 @@ class MeasuredProgram(RobotProgram):
 
     _unanswered: Counter[str] | None = None  # periods without an answer by reason
     _periods = 0
+    _declared = ""  # what the results say of its declaration
 
     def begin(self, setup: Setup) -> None:
         """Begin a run; see :class:`.RobotProgram`."""
         self._unanswered = Counter()
         self._periods = 0
+        self._declared = ""
 
     def prepare(
-        self, setup: Setup, uses: tuple[str, ...], settings: Mapping[str, Any]
+        self, setup: Setup, name: str, uses: tuple[str, ...], settings: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Return the setup message of a run for the data that are declared as used."""
+        """Return the setup message of a run for the data that ``name`` declares as used."""
+        self._declared = declaration(name, uses, self.output)
         self._n = setup.scene.robot.n
         self._measured = Measured(setup, uses)
         return setup_message(describe(setup, uses), settings)
@@ -122,17 +125,19 @@ class MeasuredProgram(RobotProgram):
         return answer
 
     def run_remarks(self) -> list[str]:
-        """Return a remark on the periods without an answer; see :class:`.RobotProgram`."""
+        """Return the declaration and the periods without an answer: see :class:`.RobotProgram`."""
+        declared = [self._declared] if self._declared else []
         if not self._unanswered:
-            return []
+            return declared
         missed = self._unanswered.total()
         listed = "; ".join(
             f"{count} times {format_value(reason)}"
             for reason, count in self._unanswered.most_common(MAX_REASONS)
         )
         return [
+            *declared,
             f"no answer in {missed} of {self._periods} periods, in which the arm was brought to "
-            f"rest: {listed}"
+            f"rest: {listed}",
         ]
 
 
@@ -159,7 +164,7 @@ class Stack(MeasuredProgram):
         """Begin a run; see :class:`.RobotProgram`."""
         super().begin(setup)
         uses, _ = checked_declaration(self.uses, self.output)
-        message = self.prepare(setup, uses, self.settings)
+        message = self.prepare(setup, self.name, uses, self.settings)
         self.start(Declared(message))
 
     def respond(self, now: Observation) -> Answer:
