@@ -153,7 +153,7 @@ REPORTS = {
             "constraints": [RANGE, SPEED],
             "arm": {"command": "velocity", "acceleration": 8.0},
             "limits": {"acceleration": 8.0},
-            "duration": 3.0,
+            "duration": 6.0,
         },
         stacks={
             "OInK, gain 50": {"adapter": "oink", "acceleration_limit": True, "gain": 50.0},

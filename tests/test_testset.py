@@ -273,6 +273,27 @@ def test_laws_of_a_suite_are_run_on_its_scenes(
     assert [family.name for family in ran[0].families] == [family.name for family in three.families]
 
 
+def test_velocity_laws_take_part_where_accelerations_are_limited(
+    three: TestSet, tmp_path: Path
+) -> None:
+    """Their runs elsewhere fail, and the command names the scenes that suit them."""
+    laws = tmp_path / "speeds.toml"
+    laws.write_text('families = ["planar-arm"]\n[controllers.velocity-qp]\n')
+    conditions = "conditions=['nominal', 'limited']"
+    few = ("--scenes", "1", "--set", conditions, "--jobs", "1", "--no-figures")
+    out = tmp_path / "results"
+    done = say("run", str(three.folder), "--laws", str(laws), "--out", str(out), *few)
+    assert done.exit_code == 0, done.exception or done.output
+    runs = Evidence.load(out).runs
+    status = runs[runs.controller == "velocity-qp"].set_index("condition").status
+    assert status["nominal"] == "failed"
+    assert status["limited"] in ("converged", "slow", "unfinished", "trapped")
+    printed = " ".join(done.output.split())
+    assert "velocity-qp" in printed
+    assert "1 of 1 runs failed" in printed
+    assert 'those of the condition "limited" have such limits' in printed
+
+
 def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path) -> None:
     write(copy, lines(copy)[:2], index=True)
     ours, theirs = (

@@ -442,5 +442,6 @@ def require_followed(setup: Setup, controller: Controller) -> None:
         raise ConfigurationError(
             f"{controller.name} commands joint speeds, and the arm of this scene takes "
             f'accelerations without a limit: give arm = {{ command = "velocity", lag = 0.02, '
-            f"acceleration = 8.0 }} with the arm's own numbers, or limits.acceleration"
+            f"acceleration = 8.0 }} with the arm's own numbers, or limits.acceleration. Of drawn "
+            f'and frozen scenes, those of the condition "limited" have such limits'
         )
