@@ -29,6 +29,7 @@ from vsconstraints.score import (
     read_recording,
     recorded_trajectory,
 )
+from vsconstraints.score.recording import renamed
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -205,8 +206,13 @@ def test_measured_pixels_leave_the_error_of_a_feature(run: Trajectory, robot: Ro
 # --- bags ---
 
 
-def write_bag(path: Path, run: Trajectory, names: tuple[str, ...], storage: str) -> None:
-    """Joint states in another order and with a gripper, and messages of the gripper alone."""
+def write_bag(
+    path: Path, run: Trajectory, names: tuple[str, ...], storage: str, stamped: int = 1
+) -> None:
+    """Joint states in another order and with a gripper, and messages of the gripper alone.
+
+    The stamps of their headers are those of the run times ``stamped``.
+    """
     writer = pytest.importorskip("rosbags.rosbag2")
     from rosbags.typesys import Stores, get_typestore
 
@@ -219,7 +225,8 @@ def write_bag(path: Path, run: Trajectory, names: tuple[str, ...], storage: str)
         connection = bag.add_connection("/joint_states", kind, typestore=store)
         for k, t in enumerate(run.t):
             at = round(1e9 * (1.7e9 + t))
-            stamp = kinds["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+            sec, nanosec = divmod(stamped * at, 10**9)
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
             header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="")
             arm = ["finger", *(names[i] for i in order)]
             for joints, q, qd in (
@@ -251,9 +258,52 @@ def test_joint_states_of_bags_are_matched_by_name(
     ):
         read_recording(bag, robot, topic="/arm")
     with pytest.raises(
-        ConfigurationError, match=r"no positions of turn, .*spin, .*finger.position"
+        ConfigurationError,
+        match=r"no positions of turn, .*spin; .*in the bag finger, .*--joint turn=NAME",
     ):
         read_recording(bag, Robot.from_urdf(ROOT / "examples" / "six_axis.urdf", tip="tool"))
+
+
+def test_joints_of_a_bag_may_have_other_names(
+    run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    there = tuple(f"arm/{joint}" for joint in robot.joint_names)
+    write_bag(bag, run, there, "MCAP")
+    first = robot.joint_names[0]
+    with pytest.raises(
+        ConfigurationError,
+        match=f"joints of .* are {first}, .*in the bag .*--joint {first}=arm/{first}",
+    ):
+        read_recording(bag, robot)
+    names = [f"{joint}=arm/{joint}" for joint in robot.joint_names]
+    found = read_recording(bag, renamed(robot, names))
+    assert robot.joint_names[0] == first
+    np.testing.assert_array_equal(found.q, run.q)
+    np.testing.assert_array_equal(found.qd, run.qd)
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["elbow_joint"], "--joint is JOINT=NAME.*not 'elbow_joint'"),
+        (["elbow_joint=wrist_1_joint"], "two joints of .* have the same name in the recording"),
+        (["turn=a"], "unknown joint of .*'turn'"),
+    ],
+)
+def test_other_names_of_joints_are_checked(robot: Robot, texts: list[str], words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        renamed(robot, texts)
+
+
+def test_a_bag_without_stamps_names_the_clock_of_recording(
+    run: Trajectory, robot: Robot, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    write_bag(bag, run, robot.joint_names, "MCAP", stamped=0)
+    with pytest.raises(ConfigurationError, match=r"the same time: .*--clock log"):
+        read_recording(bag, robot)
+    assert len(read_recording(bag, robot, clock="log").t) == len(run.t)
 
 
 def test_another_start_than_that_of_the_baseline_is_named(setup: Setup, run: Trajectory) -> None:
@@ -294,7 +344,7 @@ def jumping(t: Array, at: int, by: float) -> Array:
     [
         (lambda run: {"t": 1e3 * run.t}, "2 s apart: are the times in milliseconds or nanoseconds"),
         (lambda run: {"t": jumping(run.t, 300, -0.25)}, "backwards by 0.248 s after sample 300.*--start"),
-        (lambda run: {"t": 0.0 * run.t}, "all samples have the same time"),
+        (lambda run: {"t": 0.0 * run.t}, r"all samples have the same time: .*--clock log"),
         (lambda run: {f"q{i + 1}": np.rad2deg(run.q[:, i]) for i in range(6)}, "degrees, not rad.*--degrees"),
         (lambda run: {f"qd{i + 1}": np.rad2deg(run.qd[:, i]) for i in range(6)}, "speeds are 57.3 times"),
         (lambda run: {f"qd{i + 1}": 30 / np.pi * run.qd[:, i] for i in range(6)}, "9.55 times.*per minute"),

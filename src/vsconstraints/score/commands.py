@@ -22,6 +22,7 @@ def score(
     degrees: bool = False,
     clock: str = "header",
     topic: str = "",
+    joint: Names = None,
     name: str = "",
     settings: Names = None,
     out: Path | None = None,
@@ -34,6 +35,7 @@ def score(
     from ..scenarios import Scenario
     from . import NAME_OF_LAW, read_recording, recorded_trajectory, store
     from .files import Clock
+    from .recording import renamed
 
     if clock not in ("header", "log"):
         raise unknown_name("clock", clock, ("header", "log"))
@@ -45,7 +47,7 @@ def score(
     setup = suite.scenarios[0].setup()
     found = read_recording(
         recording,
-        setup.scene.robot,
+        renamed(setup.scene.robot, joint or ()),
         len(setup.scene.markers),
         start=max(start, zero),
         end=end,

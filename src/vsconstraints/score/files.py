@@ -72,7 +72,7 @@ def read_columns(path: Path, clock: Clock = "header", topic: str = "") -> Column
     Raises ConfigurationError if it cannot be read.
     """
     ending = path.suffix.lower()
-    if path.is_dir() or ending in BAGS:
+    if is_bag(path):
         return _bag(path, clock, topic)
     if ending not in READERS:
         known = ", ".join((*READERS, *BAGS))
@@ -249,6 +249,11 @@ READERS: Mapping[str, Callable[[Path], Table]] = {
     ".npz": _npz,
 }
 BAGS = (".mcap", ".db3", ".bag")
+
+
+def is_bag(path: Path) -> bool:
+    """Return True if a recording is a bag by the ending of its name, or as a folder."""
+    return path.is_dir() or path.suffix.lower() in BAGS
 
 
 def _bag(path: Path, clock: Clock, topic: str) -> Columns:

@@ -50,7 +50,10 @@ def require_seconds(path: Path, t: Array, unit_stated: bool = False) -> None:
     Their unit is not questioned if the file states it.
     """
     if len(t) < 2:
-        raise ConfigurationError(f"{path}: all samples have the same time")
+        raise ConfigurationError(
+            f"{path}: all samples have the same time: record that of each; for a bag whose headers "
+            "have no stamps, --clock log takes the times of recording"
+        )
     steps = np.diff(t)
     period = float(np.median(steps))
     if period >= SLOW and not unit_stated:

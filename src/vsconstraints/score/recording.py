@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
 
-from ..errors import ConfigurationError, listed
+from ..errors import ConfigurationError, format_value, listed, unknown_name
 from ..robots.robot import Robot
 from ..rows import Array, BoolArray
-from .files import Clock, Columns, read_columns
+from .files import Clock, Columns, is_bag, read_columns
 from .plausible import (
     motion_questions,
     require_radians,
@@ -104,9 +105,10 @@ def read_recording(
     """Read the motion of a robot's joints from a file; see docs/score.md for its columns.
 
     It is that from ``start`` to ``end`` [s] after the first sample. With ``degrees``, revolute
-    joints are converted to radians. ``clock`` and ``topic`` are of bags. Raises ConfigurationError,
-    which names place and remedy: for missing joints, for values that seem to be degrees, and for
-    times that run backwards or seem to be in another unit.
+    joints are converted to radians. ``clock`` and ``topic`` are of bags. If joints have
+    other names in the file, ``robot`` is that of :func:`renamed`. Raises ConfigurationError, which
+    names place and remedy: for missing joints, for values that seem to be degrees, and for times
+    that run backwards or seem to be in another unit.
     """
     columns = _part(read_columns(path, clock, topic), start, end)
     motion, remarks = _motion(path, robot, columns)
@@ -222,12 +224,56 @@ def _missing_joints(
     path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
 ) -> ConfigurationError:
     """Return the error for a recording without the positions of some joints."""
+    if is_bag(path):
+        return _missing_in_bag(path, robot, columns, missing)
     names = [*columns.numbers, *columns.others]
     there = ", ".join(listed(names, "columns")) or "none"
     return ConfigurationError(
         f"{path} has no positions of {', '.join(missing)}, joints of {robot.name}: name the "
         f"columns as the joints, or q1 to q{robot.n} in their order. It has {there}"
     )
+
+
+def _missing_in_bag(
+    path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
+) -> ConfigurationError:
+    """Return the error for a bag without the positions of some joints, whose names are fixed."""
+    ending = ".position"
+    recorded = [name.removesuffix(ending) for name in columns.numbers if name.endswith(ending)]
+    there = ", ".join(listed(recorded, "joints")) or "none"
+    alike = (name for name in recorded if name.endswith(missing[0]))
+    example = next(alike, "NAME")
+    return ConfigurationError(
+        f"{path} has no positions of {', '.join(missing)}; the joints of {robot.name} are "
+        f"{', '.join(robot.joint_names)}, and those with positions in the bag {there}. Name each "
+        f"that is called otherwise there, such as --joint {missing[0]}={example}, or rename it in "
+        "the robot of the scenario"
+    )
+
+
+def renamed(robot: Robot, texts: Sequence[str]) -> Robot:
+    """Return the robot with the names of its joints in a recording, from texts ``JOINT=NAME``.
+
+    Raises ConfigurationError for another text, an unknown joint, and a name that is given twice.
+    """
+    names = {joint: joint for joint in robot.joint_names}
+    for text in texts:
+        joint, _, there = text.partition("=")
+        if not (joint and there):
+            raise ConfigurationError(
+                f"--joint is JOINT=NAME, the name in the scenario and that in the recording, not "
+                f"{format_value(text)}"
+            )
+        if joint not in names:
+            raise unknown_name(f"joint of {robot.name}", joint, names)
+        names[joint] = there
+    if len(set(names.values())) < robot.n:
+        raise ConfigurationError(
+            f"two joints of {robot.name} have the same name in the recording: {names}"
+        )
+    there_named = copy(robot)
+    there_named.joint_names = tuple(names.values())
+    return there_named
 
 
 def _markers(path: Path, columns: Columns, count: int) -> Array | None:
