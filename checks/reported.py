@@ -22,7 +22,7 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate
 from vsconstraints.stacks.environments import interpreter
 
-VELOCITY_LAWS = {"velocity-qp": {}, "velocity-hierarchical-qp": {}}
+VELOCITY_LAWS: dict[str, dict[str, Any]] = {"velocity-qp": {}, "velocity-hierarchical-qp": {}}
 RANGE = {"type": "joint-range", "K": 0.1, "switching_gain": 1.0}
 SPEED = {"type": "joint-speed", "switching_gain": 10.0}
 JOINT = 0  # the joint whose range the scenes narrow; it moves from 0.664 to 0.1 rad

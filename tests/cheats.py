@@ -255,7 +255,7 @@ class RushesThroughTheGoal(CheatAtSpeed):
         super().reset(period)
         self._passed = False
 
-    def solve(self, rows: Rows, task: Task) -> Array:
+    def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
         way = -np.linalg.pinv(task.J) @ task.error
         distance = float(np.linalg.norm(way))
         self._passed = self._passed or distance < self.near
@@ -269,7 +269,7 @@ class TunnelsAtSpeed(CheatAtSpeed):
         super().reset(period)
         self._at = 0
 
-    def solve(self, rows: Rows, task: Task) -> Array:
+    def solve(self, rows: Rows, task: Task) -> Array:  # type: ignore[override]
         # seven periods at full speed between two at half of it; along x
         qd = np.zeros(rows.Lg.shape[1])
         if self._at <= 8:
