@@ -49,7 +49,7 @@ from vsconstraints.arms import (
     trajectory_of,
 )
 from vsconstraints.arms.drivers import ur_rtde
-from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
+from vsconstraints.arms.drivers.loopback import WATCHDOG_S, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
 from vsconstraints.arms.loop import ArmRun
@@ -764,7 +764,7 @@ def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool) -
     before = arm.state()[1]
     assert streamed or np.abs(before).max() > 0.01
     # braked by its own limit, and at rest
-    arm.advance(PATIENCE + np.abs(before).max() / 40.0 + Ts)
+    arm.advance(WATCHDOG_S + np.abs(before).max() / 40.0 + Ts)
     assert np.abs(arm.state()[1]).max() < 1e-12
 
 
@@ -1165,12 +1165,12 @@ def test_the_fake_arm_follows_then_goes_on_then_brakes() -> None:
     assert arm.state()[0] == 0.0
     arm.advance(Ts)
     np.testing.assert_allclose(arm.state(), [[1e-5], [0.01]])
-    arm.advance(PATIENCE)
-    np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01], [0.01]])
+    arm.advance(WATCHDOG_S)
+    np.testing.assert_allclose(arm.state(), [[1e-5 + WATCHDOG_S * 0.01], [0.01]])
     assert not arm.stopped
     arm.advance(1.0)
     np.testing.assert_allclose(
-        arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15
+        arm.state(), [[1e-5 + WATCHDOG_S * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15
     )
     assert arm.stopped == "its watchdog received nothing for 100 ms"
 
