@@ -50,6 +50,12 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "results.md",
         '[project.entry-points."vsconstraints.parts"]',
     ): "lines of another package's pyproject.toml",
+    ("stacks-in-view.md", "[controllers.mine]"): "lines of comparisons/stacks.toml",
+    (
+        "stacks-in-view.md",
+        "python -m checks.stacks run envs --entry mine --family ur5 --condition limit-8 "
+        "--out my-runs",
+    ): "commands that make hundreds of runs and write into the repository",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they
 cannot.
