@@ -161,6 +161,9 @@ class Sheet:
         for entry in entries:
             is_area = "facecolor" in entry
             handles.append(Patch(**entry) if is_area else Line2D([], [], **entry))
+        has_marked_dashes = any(
+            "marker" in entry and entry["linestyle"] not in ("none", "-") for entry in entries
+        )
         self.figure.legend(
             handles=handles,
             ncols=columns,
@@ -169,6 +172,7 @@ class Sheet:
             bbox_transform=self.inches,
             columnspacing=1.5,
             labelspacing=labelspacing,
+            handlelength=4.0 if has_marked_dashes else None,  # a mark hides dashes of a short line
         )
         if place is None:
             self.bottom += 0.18 * math.ceil(len(entries) / columns) + 0.06
