@@ -278,6 +278,15 @@ class ByPose(Depths):
     needs = ("depth",)
 
 
+class Unpacked(Derived):
+    name = "unpacked"
+    needs = ()
+
+    def value(self, view, goal):
+        xy, depth, camera = view
+        return depth[:2] / depth[:2]
+
+
 class Constant(Derived):
     name = "constant"
 
@@ -342,6 +351,7 @@ def test_a_wrong_matrix_is_refused_at_the_start(
         ('features = ["line"]\nfeature = "line"', "not both"),
         ('features = [{ feature = "line", marker = 1 }]', r"features\[0\] 'marker'"),
         ('feature = "own:Broken"', "at a goal, the feature broken is not defined"),
+        ('feature = "own:Unpacked"', "component 1 is nan.*if it uses depth, declare it in needs"),
         (
             'feature = "own:Depths"',
             r"feature Depths uses view\.depth .*add 'depth' .*needs = \('pose', 'depth'\)",
@@ -385,6 +395,19 @@ def test_a_value_that_does_not_change_is_no_goal_reached(own: Callable[[str], Sc
     with pytest.raises(ConfigurationError, match="matrix of the feature constant is zero at the"):
         setup.check_start()
     own('features = ["own:Constant", "line"]').setup().check_start()
+
+
+def test_a_value_that_needs_depths_may_move_its_view() -> None:
+    twist = np.array([0.1, 0.0, 0.1, 0.0, 0.2, 0.0])
+
+    class Moved(Polar):
+        needs = ("depth",)
+
+        def value(self, view: View, goal: View) -> Array:
+            return view.moved(twist, 0.5).xy[0]
+
+    expected = VIEW.moved(twist, 0.5).xy[0]
+    np.testing.assert_array_equal(Moved().defined_value(VIEW, GOAL), expected)
 
 
 def test_a_value_has_no_number_for_what_it_does_not_declare() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array
-from vsconstraints.score.pixels import require_pixels
+from vsconstraints.score.pixels import remark_on_deviation, require_pixels
 from vsconstraints.vision.camera import Camera
 from vsconstraints.vision.distortion import Distortion
 
@@ -87,12 +87,35 @@ def test_errors_of_a_camera_are_no_other_origin(change: Callable[[Array], Array]
     """Edges as origin, noise, a wrong calibration, a delay, a target that is never seen."""
     model = image()
     measured = change(model)
-    assert not require_pixels("it", CAMERA, measured, model[: len(measured)])
+    require_pixels("it", CAMERA, measured, model[: len(measured)])
+    if len(measured):
+        deviation = np.linalg.norm(measured - model, axis=2)
+        assert "in half of the samples" not in remark_on_deviation(deviation, CAMERA)
 
 
 def test_a_deviation_that_nothing_explains_is_told() -> None:
     """A camera that is turned by 10° about two of its axes."""
     turned = image() + FOCAL * np.tan(np.radians(10.0))
-    question = require_pixels("it", CAMERA, turned, image())
-    assert "more than 150 px in half of the samples" in question
-    assert "wrong if these have another origin, unit or order" in question
+    turned[:, 2] = np.nan
+    require_pixels("it", CAMERA, turned, image())
+    remark = remark_on_deviation(np.linalg.norm(turned - image(), axis=2), CAMERA)
+    assert "by up to 150 px from those of the model, which replace 300 of a marker" in remark
+    assert "more than 150 px in half of the samples" in remark
+    assert "wrong if these have another origin, unit or order" in remark
+
+
+def test_an_offset_of_one_marker_that_rests_is_no_other_sign() -> None:
+    """A camera turned by 0.7° moves it by 7.7 px, as another sign of v would."""
+    model = np.full((50, 1, 2), (0.0, 4.0))
+    require_pixels("it", CAMERA, model * (1.0, -0.925), model)
+    far = np.full((50, 1, 2), (0.0, 40.0))
+    with pytest.raises(ConfigurationError, match="if v were upwards"):
+        require_pixels("it", CAMERA, far * (1.0, -0.925), far)
+
+
+def test_a_marker_without_pixels_in_the_model_is_not_preferred() -> None:
+    """The camera is turned by 2°: columns keep their two markers, of which the last has no model."""
+    model = image()[:, :2]
+    measured = model + FOCAL * np.tan(np.radians(2.0))
+    model[:, 1] = np.nan
+    require_pixels("it", CAMERA, measured, model)

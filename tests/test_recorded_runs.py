@@ -29,7 +29,7 @@ from vsconstraints.score import (
     read_recording,
     recorded_trajectory,
 )
-from vsconstraints.score.recording import renamed
+from vsconstraints.score.recording import names_in_file
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -277,23 +277,32 @@ def test_joints_of_a_bag_may_have_other_names(
     ):
         read_recording(bag, robot)
     names = [f"{joint}=arm/{joint}" for joint in robot.joint_names]
-    found = read_recording(bag, renamed(robot, names))
-    assert robot.joint_names[0] == first
+    found = read_recording(bag, robot, names=names_in_file(robot, names))
     np.testing.assert_array_equal(found.q, run.q)
     np.testing.assert_array_equal(found.qd, run.qd)
+    names[0] = f"{first}=typo"
+    with pytest.raises(
+        ConfigurationError,
+        match=f"no positions of {first}=typo; .*joints of .* are {first}, .*--joint {first}=arm/",
+    ):
+        read_recording(bag, robot, names=names_in_file(robot, names))
 
 
 @pytest.mark.parametrize(
     ("texts", "words"),
     [
         (["elbow_joint"], "--joint is JOINT=NAME.*not 'elbow_joint'"),
-        (["elbow_joint=wrist_1_joint"], "two joints of .* have the same name in the recording"),
+        (
+            ["elbow_joint=wrist_1_joint"],
+            "two joints of .* have the same name .*, wrist_1_joint: elbow_joint and wrist_1_joint$",
+        ),
+        (["elbow_joint=x", "elbow_joint=y"], "gives the joint elbow_joint two names, x and y"),
         (["turn=a"], "unknown joint of .*'turn'"),
     ],
 )
 def test_other_names_of_joints_are_checked(robot: Robot, texts: list[str], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
-        renamed(robot, texts)
+        names_in_file(robot, texts)
 
 
 def test_a_bag_without_stamps_names_the_clock_of_recording(
@@ -367,7 +376,7 @@ def test_remedies_work(run: Trajectory, robot: Robot, tmp_path: Path) -> None:
     file = write(tmp_path / "degrees.csv", bad(run, **degrees))
     np.testing.assert_allclose(read_recording(file, robot, degrees=True).q, run.q, atol=1e-12)
     back = write(tmp_path / "back.csv", bad(run, t=jumping(run.t, 300, -0.25)))
-    found = read_recording(back, robot, end=run.t[299])
+    found = read_recording(back, robot, part=(0.0, run.t[299]))
     np.testing.assert_array_equal(found.q, run.q[:299])
 
 
@@ -655,7 +664,7 @@ def test_a_part_of_a_recording_is_not_scored_at_another_time_of_the_scenario(
     file = write(tmp_path / "run.csv", bad(run))
     scenario = Scenario.load("ur5-fov").with_override("duration", 1.2)
     moving = scenario.with_override(key, value).setup()
-    late = read_recording(file, robot, start=0.4)
+    late = read_recording(file, robot, part=(0.4, np.inf))
     assert late.begin == pytest.approx(0.4)
     with pytest.raises(
         ConfigurationError, match=rf"0\.4 s after t = 0 .*{words}.* add 0\.4 to --zero"

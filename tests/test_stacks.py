@@ -356,8 +356,10 @@ def test_results_name_what_a_class_declares_as_they_do_for_a_program(setup):
     assert declared_uses(program.reason) == ("q",)
     for uses in (tuple(USES), ()):
         reason = f"converged; {declaration('mine 2.0', uses, 'position')}; no answer"
-        assert declared_uses(reason) == (uses or ("nothing",))
-    assert declared_uses("a law uses the limits and commands velocities") == ()
+        assert declared_uses(reason) == uses
+    named = declaration("one that uses q and commands positions", ("pixels",), "velocity")
+    assert declared_uses(f"{named}; no answer") == ("pixels",)
+    assert declared_uses("a law uses the limits and commands velocities") is None
 
 
 class Sparing(Stack):
@@ -411,7 +413,7 @@ def test_a_computing_time_longer_than_the_answer_took_is_left_out(setup, reporte
     code = ANSWERS + STILL.replace("}", f', "compute_s": {reported}}}')
     run = simulate(setup, ExternalStack([sys.executable, "-c", code]))
     assert np.isnan(run.step_time).all()
-    assert "its compute_s was longer than its answer took in 11 periods" in run.reason
+    assert "its compute_s is left out in 11 periods, in which it was longer than" in run.reason
 
 
 def test_a_stack_that_fails_before_its_first_command_says_nothing_of_the_arm():
@@ -762,6 +764,17 @@ def test_every_scenario_can_be_described(name):
             ]
 
 
+def test_arrays_of_objects_of_a_constraint_are_left_out():
+    setup = Scenario.load("ur5-fov").setup()
+    constraint = setup.constraints.constraints[0]
+    constraint.parts = np.array([None, Path("x")], dtype=object)
+    constraint.phases = np.array([1j])
+    constraint.places = np.array(["left", "right"])
+    described = describe(setup, ["constraints"])["constraints"][0]
+    assert {"parts", "phases"}.isdisjoint(described)
+    assert described["places"] == ["left", "right"]
+
+
 def test_later_goals_a_fixed_camera_and_what_controllers_believe():
     scenario = Scenario.load("ur5-fov")
     goals = [{"camera_at_q": scenario.tables["q0"], "from_time": at} for at in (0.0, 1.5)]
@@ -844,6 +857,9 @@ def test_a_table_with_a_command_or_an_adapter_is_a_stack(tmp_path):
         ({"command": [1]}, "must be a list of texts"),
         ({"command": ["a"], "gain": float("inf")}, r"settings\.gain of a stack must be finite, not inf"),
         ({"command": ["a"], "K": {"p": [1.0, float("nan")]}}, r"settings\.K\.p\[1\] .*not nan"),
+        ({"command": ["a"], "K": np.array([1.0, np.nan])}, r"settings\.K\[1\] .*not nan"),
+        ({"command": ["a"], "K": {"a": Path("x")}}, r"settings\.K\.a of .* nothing of type .*Path"),
+        ({"command": ["a"], "K": {(1, 2): 3}}, r"settings\.K of a stack cannot be sent"),
         ({"command": "python3 'mine.py"}, "No closing quotation"),
     ],
 )  # fmt: skip

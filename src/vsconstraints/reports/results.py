@@ -7,6 +7,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from typing import Any, Literal, NamedTuple
 
 from ..comparisons import StoredComparison
@@ -120,11 +121,10 @@ class Results:
         """Data that each stack declared as used in its runs, by controller."""
         declared = {}
         for name in self.competitors:
-            uses = dict[str, None]()
-            for line in self.all_runs(name):
-                uses |= dict.fromkeys(declared_uses(str(line.get("reason") or "")))
-            if uses:
-                declared[name] = tuple(uses)
+            reasons = [str(line.get("reason") or "") for line in self.all_runs(name)]
+            of_runs = [uses for uses in map(declared_uses, reasons) if uses is not None]
+            if of_runs:
+                declared[name] = tuple(dict.fromkeys(chain.from_iterable(of_runs)))
         return declared
 
     @property

@@ -35,7 +35,7 @@ def score(
     from ..scenarios import Scenario
     from . import NAME_OF_LAW, read_recording, recorded_trajectory, store
     from .files import Clock
-    from .recording import renamed
+    from .recording import names_in_file
 
     if clock not in ("header", "log"):
         raise unknown_name("clock", clock, ("header", "log"))
@@ -47,13 +47,13 @@ def score(
     setup = suite.scenarios[0].setup()
     found = read_recording(
         recording,
-        renamed(setup.scene.robot, joint or ()),
+        setup.scene.robot,
         len(setup.scene.markers),
-        start=max(start, zero),
-        end=end,
+        part=(max(start, zero), end),
         degrees=degrees,
         clock=cast("Clock", clock),
         topic=topic,
+        names=names_in_file(setup.scene.robot, joint or ()),
     )
     trajectory = recorded_trajectory(setup, found, recording.name, zero, degrees=degrees)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")

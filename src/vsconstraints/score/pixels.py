@@ -15,10 +15,10 @@ from ..vision.camera import Camera
 #: Deviation from the model up to which pixels are not questioned [px]: noise, a camera that moves
 #: during a delay, or an origin half a pixel beside.
 NEAR = 5.0
-#: Another reading of pixels is meant if its deviation is below the second share of the present one,
-#: or below the first and below :data:`NEAR`. Errors of calibration are no such change of all
-#: markers at once.
+#: Another reading of pixels is meant if its deviation is below :data:`NEAR`, and below this share
+#: of the present one. Errors of calibration are no such change of all markers at once.
 BETTER = 0.2
+#: Another reading is also meant if its deviation is below this share, however large it is.
 FAR_BETTER = 0.1
 #: Deviation from the model beyond which a remark questions the image, as a share of its larger
 #: side: 32 px of 640 px. With a focal length of 600 px, a camera turned by 2° deviates by 21 px.
@@ -35,26 +35,29 @@ class Reading(NamedTuple):
     pixels: Array  #: (N, M, 2) the numbers as pixels on the sensor, from the image's centre.
 
 
-def require_pixels(where: str, camera: Camera, recorded: Array, model: Array) -> str:
+def require_pixels(where: str, camera: Camera, recorded: Array, model: Array) -> None:
     """Raise ConfigurationError if recorded pixels are clearly of another origin, unit or order.
 
     ``recorded`` (N, M, 2) are the pixels on the sensor from the image's centre, NaN where a marker
-    is not seen, and ``model`` (N, M, 2) those of the scenario at the recorded positions. Return the
-    question whether they are, if they deviate much and no other reading of them fits; otherwise an
-    empty text. The deviation is the distance from the model that a marker exceeds in half of its
-    samples, for the worst marker.
+    is not seen, and ``model`` (N, M, 2) those of the scenario at the recorded positions. The
+    deviation is the distance from the model that a marker exceeds in half of its samples, for the
+    worst marker.
     """
-    seen: BoolArray = np.isfinite(recorded.sum(axis=2))
+    seen: BoolArray = np.isfinite((recorded - model).sum(axis=2))
     known = np.flatnonzero(np.count_nonzero(seen, axis=1))
     if not len(known):
-        return ""
+        return
     chosen = known[np.linspace(0, len(known) - 1, min(len(known), SAMPLES)).astype(int)]
     values = recorded[chosen]
     expected = model[chosen]
     ever_seen = np.flatnonzero(np.count_nonzero(seen[chosen], axis=0))
     present = _deviation(values[:, ever_seen], expected[:, ever_seen])
-    if present <= NEAR:
-        return ""
+    shown = expected[:, ever_seen]
+    spread = (np.nanmax(shown, axis=(0, 1)) - np.nanmin(shown, axis=(0, 1))).max()
+    # pixels at one place differ by an offset alone, whatever they mean: the camera may be turned
+    unquestioned = NEAR if spread > 2.0 * NEAR else QUESTIONABLE * max(camera.size)
+    if present <= unquestioned:
+        return
     best = present
     meant = None
     with np.errstate(all="ignore"):  # pixels that are no normalised coordinates may overflow
@@ -71,13 +74,29 @@ def require_pixels(where: str, camera: Camera, recorded: Array, model: Array) ->
             "are counted from the image's centre, u to the right and v down, with markers in the "
             f"scenario's order: {', then '.join(meant.remedies)}"
         )
-    if present > QUESTIONABLE * max(camera.size):
-        return (
-            f"a marker deviates by more than {present:.3g} px in half of the samples: violations "
-            "of rows in the image are those of the measured pixels, and wrong if these have "
-            "another origin, unit or order, or another camera or target than the scenario"
+
+
+def remark_on_deviation(deviation: Array, camera: Camera) -> str:
+    """Return a remark on the distances (N, M) of measured pixels from those of the model.
+
+    They are NaN where a marker is not seen. If they are large, the remark questions the image.
+    """
+    hidden = np.isnan(deviation)
+    seen = deviation[:, ~hidden.all(axis=0)]
+    if not seen.size:
+        return "no marker is seen in the measured pixels: those of the model replace them"
+    remark = f"measured pixels deviate by up to {np.nanmax(seen):.3g} px from those of the model"
+    replaced = np.count_nonzero(hidden)
+    if replaced:
+        remark += f", which replace {replaced} of a marker that is not seen"
+    half = _medians(seen).max()
+    if half > QUESTIONABLE * max(camera.size):
+        remark += (
+            f"; those of a marker by more than {half:.3g} px in half of the samples: "
+            "violations of rows in the image are those of the measured pixels, and wrong if these "
+            "have another origin, unit or order, or another camera or target than the scenario"
         )
-    return ""
+    return remark
 
 
 def _readings(camera: Camera, values: Array) -> Iterator[Reading]:
@@ -97,17 +116,18 @@ def _readings(camera: Camera, values: Array) -> Iterator[Reading]:
 def _converted(camera: Camera, values: Array) -> Iterator[Reading]:
     """Yield meanings of numbers (N, M, 2) with another origin or unit."""
     size = np.asarray(camera.size)
-    first = -camera.from_corner(np.zeros(2), "centres")
+    centre = camera.to_corner(np.zeros(2), "centres")
+    centred = camera.from_corner(values, "centres")
     yield Reading(
         ("they were counted from the first pixel, as OpenCV does",),
-        (f"subtract {_pair(first)} px from (u, v)",),
-        values - first,
+        (f"subtract {_pair(centre)} px from (u, v)",),
+        centred,
     )
     yield Reading(("v were upwards",), ("change the sign of v",), values * (1.0, -1.0))
     yield Reading(
         ("they were counted from the lower left corner",),
-        (f"subtract {first[0]:g} px from u, and v from {first[1]:g} px",),
-        (values - first) * (1.0, -1.0),
+        (f"subtract {centre[0]:g} px from u, and v from {centre[1]:g} px",),
+        centred * (1.0, -1.0),
     )
     offset = camera.offset
     if offset.any():
@@ -143,7 +163,8 @@ def _orders(pixels: Array, model: Array, seen: IntArray) -> Iterator[IntArray]:
     yield seen
     distances = np.linalg.norm(pixels[:, seen, None] - model[:, None], axis=-1)
     costs = _medians(distances)
-    if np.isfinite(costs).all():
+    as_they_are = costs[np.arange(len(seen)), seen]
+    if np.isfinite(as_they_are).all():  # otherwise there may be no order of finite costs
         _, order = linear_sum_assignment(costs)
         if (order != seen).any():
             yield order
@@ -168,9 +189,9 @@ def _deviation(pixels: Array, model: Array) -> float:
 
 
 def _medians(distances: Array) -> Array:
-    """Return medians over the first axis; NaN is left out, and a marker without numbers is 0."""
-    missing = np.count_nonzero(np.isnan(distances), axis=0) == len(distances)
-    medians: Array = np.nanmedian(np.where(missing, 0.0, distances), axis=0)
+    """Return medians over the first axis; NaN is left out, and infinite without numbers."""
+    missing = np.isnan(distances).all(axis=0)
+    medians: Array = np.nanmedian(np.where(missing, np.inf, distances), axis=0)
     return medians
 
 

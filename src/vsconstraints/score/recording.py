@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -96,22 +96,24 @@ def read_recording(
     robot: Robot,
     markers: int = 0,
     *,
-    start: float = 0.0,
-    end: float = math.inf,
+    part: tuple[float, float] = (0.0, math.inf),
     degrees: bool = False,
     clock: Clock = "header",
     topic: str = "",
+    names: Mapping[str, str] | None = None,
 ) -> Recording:
     """Read the motion of a robot's joints from a file; see docs/score.md for its columns.
 
-    It is that from ``start`` to ``end`` [s] after the first sample. With ``degrees``, revolute
-    joints are converted to radians. ``clock`` and ``topic`` are of bags. If joints have
-    other names in the file, ``robot`` is that of :func:`renamed`. Raises ConfigurationError, which
-    names place and remedy: for missing joints, for values that seem to be degrees, and for times
-    that run backwards or seem to be in another unit.
+    ``part`` is its start and end [s] after the first sample. With ``degrees``, revolute joints are
+    converted to radians. ``clock`` and ``topic`` are of bags. ``names`` are those of joints in the
+    file, from :func:`names_in_file`, where they differ from the robot's. Raises ConfigurationError,
+    which names place and remedy: for missing joints, for values that seem to be degrees, and for
+    times that run backwards or seem to be in another unit.
     """
-    columns = _part(read_columns(path, clock, topic), start, end)
-    motion, remarks = _motion(path, robot, columns)
+    columns = _part(read_columns(path, clock, topic), *part)
+    given = names or {}
+    in_file = {joint: given.get(joint, joint) for joint in robot.joint_names}
+    motion, remarks = _motion(path, robot, in_file, columns)
     pixels = _markers(path, columns, markers)
     if pixels is not None:
         motion["pixels"] = pixels
@@ -149,17 +151,22 @@ def _convert(
     return [*questions, *motion_questions(robot, q, speeds)]
 
 
-def _motion(path: Path, robot: Robot, columns: Columns) -> tuple[dict[str, Array], list[str]]:
-    """Return t (N,), q (N, n) and, if recorded, qd and qdd, with remarks on incomplete ones."""
+def _motion(
+    path: Path, robot: Robot, names: Mapping[str, str], columns: Columns
+) -> tuple[dict[str, Array], list[str]]:
+    """Return t (N,), q (N, n) and, if recorded, qd and qdd, with remarks on incomplete ones.
+
+    ``names`` are those in the file of all joints.
+    """
     motion = {"t": columns.t}
     remarks = []
     for name, (what, plural) in QUANTITIES.items():
-        found = _of_joints(robot, columns, name, what)
-        missing = [joint for joint in robot.joint_names if joint not in found]
+        found = _of_joints(names, columns, name, what)
+        missing = [joint for joint in names if joint not in found]
         if not missing:
-            motion[name] = np.column_stack([found[joint] for joint in robot.joint_names])
+            motion[name] = np.column_stack([found[joint] for joint in names])
         elif name == "q":
-            raise _missing_joints(path, robot, columns, missing)
+            raise _missing_joints(path, robot, names, columns, missing)
         elif found:
             remarks.append(
                 f"{plural} of {', '.join(missing)} are missing: those of the other joints are "
@@ -203,16 +210,18 @@ def _first(flags: BoolArray) -> int:
     return int(flags.argmax()) if flags.any() else len(flags)
 
 
-def _of_joints(robot: Robot, columns: Columns, name: str, what: str) -> dict[str, Array]:
+def _of_joints(
+    names_in_file: Mapping[str, str], columns: Columns, name: str, what: str
+) -> dict[str, Array]:
     """Return the columns (N,) of a quantity by joint, of the joints that have one.
 
     ``name`` is its key in :data:`QUANTITIES`, and ``what`` its word in names of columns.
     """
     found = {}
-    for number, joint in enumerate(robot.joint_names, start=1):
-        names = [f"{joint}.{what}", f"{what}.{joint}", f"{name}[{joint}]"]
+    for number, (joint, there) in enumerate(names_in_file.items(), start=1):
+        names = [f"{there}.{what}", f"{what}.{there}", f"{name}[{there}]"]
         if name == "q":
-            names.append(joint)
+            names.append(there)
         names += [f"{name}[{number}]", f"{name}{number}"]
         values = columns.find(names)
         if values is not None:
@@ -221,42 +230,45 @@ def _of_joints(robot: Robot, columns: Columns, name: str, what: str) -> dict[str
 
 
 def _missing_joints(
-    path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
+    path: Path, robot: Robot, names: Mapping[str, str], columns: Columns, missing: Sequence[str]
 ) -> ConfigurationError:
     """Return the error for a recording without the positions of some joints."""
+    sought = [joint if names[joint] == joint else f"{joint}={names[joint]}" for joint in missing]
+    without = f"{path} has no positions of {', '.join(sought)}"
     if is_bag(path):
-        return _missing_in_bag(path, robot, columns, missing)
-    names = [*columns.numbers, *columns.others]
-    there = ", ".join(listed(names, "columns")) or "none"
+        return _missing_in_bag(without, robot, columns, missing[0])
+    recorded = [*columns.numbers, *columns.others]
+    there = ", ".join(listed(recorded, "columns")) or "none"
     return ConfigurationError(
-        f"{path} has no positions of {', '.join(missing)}, joints of {robot.name}: name the "
-        f"columns as the joints, or q1 to q{robot.n} in their order. It has {there}"
+        f"{without}, joints of {robot.name}: name the columns as the joints, or q1 to q{robot.n} "
+        f"in their order. It has {there}"
     )
 
 
-def _missing_in_bag(
-    path: Path, robot: Robot, columns: Columns, missing: Sequence[str]
-) -> ConfigurationError:
-    """Return the error for a bag without the positions of some joints, whose names are fixed."""
+def _missing_in_bag(without: str, robot: Robot, columns: Columns, joint: str) -> ConfigurationError:
+    """Return the error for a bag without the positions of some joints, whose names are fixed.
+
+    ``without`` names them, and ``joint`` is one of them.
+    """
     ending = ".position"
     recorded = [name.removesuffix(ending) for name in columns.numbers if name.endswith(ending)]
     there = ", ".join(listed(recorded, "joints")) or "none"
-    alike = (name for name in recorded if name.endswith(missing[0]))
-    example = next(alike, "NAME")
+    alike = (name for name in recorded if name.endswith(joint))
+    example = shlex.quote(f"{joint}={next(alike, 'NAME')}")
     return ConfigurationError(
-        f"{path} has no positions of {', '.join(missing)}; the joints of {robot.name} are "
-        f"{', '.join(robot.joint_names)}, and those with positions in the bag {there}. Name each "
-        f"that is called otherwise there, such as --joint {missing[0]}={example}, or rename it in "
-        "the robot of the scenario"
+        f"{without}; the joints of {robot.name} are {', '.join(robot.joint_names)}, and those with "
+        f"positions in the bag {there}. Name each that is called otherwise there, such as --joint "
+        f"{example}, or rename it in the robot of the scenario"
     )
 
 
-def renamed(robot: Robot, texts: Sequence[str]) -> Robot:
-    """Return the robot with the names of its joints in a recording, from texts ``JOINT=NAME``.
+def names_in_file(robot: Robot, texts: Sequence[str]) -> dict[str, str]:
+    """Return the names in a recording of a robot's joints by joint, from texts ``JOINT=NAME``.
 
-    Raises ConfigurationError for another text, an unknown joint, and a name that is given twice.
+    They are those of the joints that the texts name. Raises ConfigurationError for another text,
+    an unknown joint, a joint that is given twice, and two joints with the same name.
     """
-    names = {joint: joint for joint in robot.joint_names}
+    names = dict[str, str]()
     for text in texts:
         joint, _, there = text.partition("=")
         if not (joint and there):
@@ -264,16 +276,23 @@ def renamed(robot: Robot, texts: Sequence[str]) -> Robot:
                 f"--joint is JOINT=NAME, the name in the scenario and that in the recording, not "
                 f"{format_value(text)}"
             )
-        if joint not in names:
-            raise unknown_name(f"joint of {robot.name}", joint, names)
+        if joint not in robot.joint_names:
+            raise unknown_name(f"joint of {robot.name}", joint, robot.joint_names)
+        if joint in names:
+            raise ConfigurationError(
+                f"--joint gives the joint {joint} two names, {names[joint]} and {there}"
+            )
         names[joint] = there
-    if len(set(names.values())) < robot.n:
-        raise ConfigurationError(
-            f"two joints of {robot.name} have the same name in the recording: {names}"
-        )
-    there_named = copy(robot)
-    there_named.joint_names = tuple(names.values())
-    return there_named
+    joints = dict[str, str]()  # by name in the recording
+    for joint in robot.joint_names:
+        there = names.get(joint, joint)
+        if there in joints:
+            raise ConfigurationError(
+                f"two joints of {robot.name} have the same name in the recording, {there}: "
+                f"{joints[there]} and {joint}"
+            )
+        joints[there] = joint
+    return names
 
 
 def _markers(path: Path, columns: Columns, count: int) -> Array | None:

@@ -20,7 +20,7 @@ from ..plugins.provenance import digests
 from ..rows import Array, BoolArray, Command, Rows, Task
 from ..simulation import Setup, Trajectory
 from ..simulation.measured import follow_measured
-from .pixels import require_pixels
+from .pixels import remark_on_deviation, require_pixels
 from .recording import Recording
 
 #: Law of a recorded run in results.
@@ -81,9 +81,9 @@ def recorded_trajectory(
     if motion.pixels is not None:
         pixels = motion.pixels[: len(run.t)]
         camera = setup.scene.camera
-        question = require_pixels(where, camera, pixels, camera.distort(run.features_px))
+        require_pixels(where, camera, pixels, camera.distort(run.features_px))
         run, remark = _with_pixels(setup, run, pixels)
-        remarks += [remark, question]
+        remarks.append(remark)
     unknown = np.full(len(run.t), np.nan)
     return replace(
         run,
@@ -229,12 +229,7 @@ def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajecto
         clearance=np.where(of_image, clearance, run.clearance),
         between_clearance=np.where(of_image, np.inf, run.between_clearance),
     )
-    largest = np.nan if hidden.all() else np.nanmax(deviation)
-    remark = f"measured pixels deviate by up to {largest:.3g} px from those of the model"
-    replaced = np.count_nonzero(hidden)
-    if replaced:
-        remark += f", which replace {replaced} of a marker that is not seen"
-    return measured, remark
+    return measured, remark_on_deviation(deviation, setup.scene.camera)
 
 
 def store(

@@ -32,21 +32,26 @@ COMMANDS: dict[str, str] = {
 }
 
 
-#: What :func:`declaration` writes, after the name.
+#: What :func:`declaration` writes after the name, up to the end of the remark. The name itself may
+#: read like it: the last one in a reason counts.
 DECLARED = re.compile(
-    rf" uses ([a-z]+(?:, [a-z]+)*) and commands (?:{'|'.join(COMMANDS.values())})"
+    rf".* uses ([a-z]+(?:, [a-z]+)*) and commands (?:{'|'.join(COMMANDS.values())})(?:; |$)",
+    re.DOTALL,
 )
+NO_DATA = "nothing"  #: What a :func:`declaration` says instead of data.
 
 
 def declaration(name: str, uses: Sequence[str], output: Output) -> str:
     """Return what a program declared before a run, for a reader of the results."""
-    return f"{name} uses {', '.join(uses) or 'nothing'} and commands {COMMANDS[output]}"
+    return f"{name} uses {', '.join(uses) or NO_DATA} and commands {COMMANDS[output]}"
 
 
-def declared_uses(reason: str) -> tuple[str, ...]:
-    """Return the data of a :func:`declaration` in the reason of a run; none without one."""
-    found = DECLARED.search(reason)
-    return tuple(found[1].split(", ")) if found else ()
+def declared_uses(reason: str) -> tuple[str, ...] | None:
+    """Return the data of a :func:`declaration` in the reason of a run; None without one."""
+    found = DECLARED.match(reason)
+    if found is None:
+        return None
+    return () if found[1] == NO_DATA else tuple(found[1].split(", "))
 
 
 def program_name(command: Sequence[str]) -> str:

@@ -88,7 +88,7 @@ class StackProcess:
             if not self._received:
                 self._read()
             early = self._received[:200].decode("utf-8", "replace")
-            raise self.failure(
+            raise StackFailedError(
                 f"it wrote {early!r} before it was asked: standard output is for answers alone, "
                 "everything else belongs on standard error"
             )
@@ -97,7 +97,7 @@ class StackProcess:
         # a parser of JSON may leave the end of the line
         if unread(self._in) > 1:
             early = line[:200].decode("utf-8", "replace")
-            raise self.failure(
+            raise StackFailedError(
                 f"it wrote {early!r} before it had read what it was asked: one line answers one "
                 "period"
             )
@@ -108,7 +108,7 @@ class StackProcess:
         waited = self._waited
         while b"\n" not in self._received:
             if len(self._received) > MAX_LINE:
-                raise self.failure(f"it wrote a line of more than {MAX_LINE} bytes")
+                raise StackFailedError(f"it wrote a line of more than {MAX_LINE} bytes")
             if self._ready(self._readable, TICK, self._out):
                 self._read()
             # also after a part of a line, or a stack could write one byte after the other for ever
@@ -126,7 +126,7 @@ class StackProcess:
                 self._ready(self._writable, TICK, self._in)
                 self._check(waited, limit)
             except OSError as error:
-                raise self.failure(self._end() or "it closed its standard input") from error
+                raise StackFailedError(self._end() or "it closed its standard input") from error
 
     def _ready(self, poll: select.poll, seconds: float, wanted: int) -> bool:
         """Wait for at most ``seconds``; return True if the ``wanted`` descriptor is ready.
@@ -144,14 +144,14 @@ class StackProcess:
     def _check(self, waited_before: float, limit: float) -> None:
         """Raise StackFailedError if a time limit has passed."""
         if self._waited - waited_before > limit:
-            raise self.failure(f"it gave no answer within {limit:g} s")
+            raise StackFailedError(f"it gave no answer within {limit:g} s")
         if self._waited > self._run_limit:
-            raise self.failure(f"the run had to wait for it more than {self._run_limit:g} s")
+            raise StackFailedError(f"the run had to wait for it more than {self._run_limit:g} s")
 
     def _read(self) -> None:
         data = os.read(self._out, READ)
         if not data:
-            raise self.failure(self._end() or "it closed its standard output")
+            raise StackFailedError(self._end() or "it closed its standard output")
         self._received += data
 
     def _read_errors(self) -> None:
@@ -188,8 +188,8 @@ class StackProcess:
         ended = os.WEXITED | os.WNOHANG | os.WNOWAIT
         return os.waitid(os.P_PID, self._process.pid, ended)
 
-    def failure(self, reason: str) -> StackFailedError:
-        """Return the error of this reason with the last lines of the stack's standard error."""
+    def with_messages(self, reason: str) -> str:
+        """Return a reason of a failure with the last lines of the stack's standard error."""
         while self._err >= 0 and len(self._errors) <= TAIL:
             poll = select.poll()
             poll.register(self._err, select.POLLIN)
@@ -201,7 +201,7 @@ class StackProcess:
                 break
         lines = [line for line in self._errors.decode("utf-8", "replace").splitlines() if line]
         said = " | ".join(lines[-SHOWN_LINES:])
-        return StackFailedError(f"{reason}; its last messages: {said}" if said else reason)
+        return f"{reason}; its last messages: {said}" if said else reason
 
     def end(self) -> str:
         """Let the process end, kill it with all that it has started, and release everything.

@@ -18,8 +18,10 @@ from .urdf import TIP, urdf_text
 
 #: Names of the lens models in OpenCV and ROS.
 LENSES = {"brown-conrady": "plumb_bob", "fisheye": "equidistant"}
-#: Types of the parameters of a constraint that a stack gets.
-PLAIN = (bool, int, float, str, np.ndarray, np.generic, RobotPoint)
+#: Types of the parameters of a constraint that a stack gets, and kinds of their arrays: flags,
+#: real numbers and texts.
+PLAIN = (bool, int, float, str, RobotPoint)
+PLAIN_KINDS = "biufU"
 
 
 def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
@@ -146,6 +148,8 @@ def _is_plain(value: Any) -> bool:
     """Return True if a value is a number, text, array or point, or a list of these and None."""
     if isinstance(value, list | tuple):
         return all(entry is None or _is_plain(entry) for entry in value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.dtype.kind in PLAIN_KINDS
     return isinstance(value, PLAIN)
 
 

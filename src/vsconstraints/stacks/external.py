@@ -24,7 +24,7 @@ from .protocol import (
     encode,
     read_declaration,
     read_reply,
-    require_finite_settings,
+    require_settings_of_json,
     undeclared,
 )
 from .stack import MeasuredProgram
@@ -73,8 +73,8 @@ class ExternalStack(MeasuredProgram):
     Raises
     ------
     ConfigurationError
-        unless exactly one of command and adapter is given, if the adapter is unknown, or if a
-        setting is not finite or ``start_time`` not allowed.
+        unless exactly one of command and adapter is given, if the adapter is unknown, or if JSON
+        does not have a setting or ``start_time`` is not allowed.
     """
 
     name = "external-stack"
@@ -94,7 +94,7 @@ class ExternalStack(MeasuredProgram):
         self.python = python
         self.start_time = None if start_time is None else _checked_start(start_time)
         self.settings = settings
-        require_finite_settings(settings)
+        require_settings_of_json(settings)
         self._arguments = _arguments(command, adapter, python)
         self._process: StackProcess | None = None
         self._left = ""
@@ -110,13 +110,12 @@ class ExternalStack(MeasuredProgram):
         # both the declaration and the first answer may take as long as a start
         more = 2.0 * max(self._start_limit - START_LIMIT, 0.0)
         self._process = process = StackProcess(self._arguments, RUN_LIMIT + more)
-        line = process.line(self._start_limit)
         try:
-            declaration = read_declaration(line)
+            declaration = read_declaration(process.line(self._start_limit))
             uses, self.output = checked_declaration(declaration.uses, declaration.output)
-            self._uses = uses
         except StackFailedError as error:
-            raise self._with_messages(error) from error
+            raise StackFailedError(process.with_messages(str(error))) from error
+        self._uses = uses
         named = one_line(declaration.name, MAX_TEXT) or program_name(self._arguments)
         # the setup is sent with the first period, whose answer may take as long as a start
         self._setup = encode(self.prepare(setup, named, uses, self.settings)) + b"\n"
@@ -129,15 +128,13 @@ class ExternalStack(MeasuredProgram):
         asked = perf_counter()
         try:
             line = self._process.ask(message, limit)
-        except StackFailedError as error:
-            raise StackFailedError(f"{error}{self._undeclared(str(error))}") from error
-        took = perf_counter() - asked
-        self._setup = b""
-        try:
+            took = perf_counter() - asked
             answer = read_reply(line, self.output, self._n, now.t)
-            return self.counted(self._plausible(answer, took))
         except StackFailedError as error:
-            raise self._with_messages(error) from error
+            reason = self._process.with_messages(str(error))
+            raise StackFailedError(f"{reason}{self._undeclared(reason)}") from error
+        self._setup = b""
+        return self.counted(self._plausible(answer, took))
 
     def end(self) -> None:
         """End the process and all that it has started; see :class:`.RobotProgram`."""
@@ -146,13 +143,16 @@ class ExternalStack(MeasuredProgram):
             self._process = None
 
     def run_remarks(self) -> list[str]:
-        """Return remarks: declaration, missing answers, start time, and remaining processes."""
+        """Return remarks: declaration, missing answers, times, and remaining processes.
+
+        The times are the one allowed to start, and computing times that are left out.
+        """
         start = "" if self.start_time is None else f"it was allowed {self.start_time:g} s to start"
         times = ""
         if self._overstated:
             times = (
-                f"its compute_s was longer than its answer took in {self._overstated} periods, and "
-                "is left out: it is in seconds"
+                f"its compute_s is left out in {self._overstated} periods, in which it was longer "
+                "than its answer took: it is wall time in seconds"
             )
         texts = *super().run_remarks(), start, times, self._left
         return [text for text in texts if text]
@@ -174,10 +174,6 @@ class ExternalStack(MeasuredProgram):
         missing = MISSING_KEY.search(reason)
         wrong = undeclared(missing[1], self._uses) if missing else ""
         return f"; it {wrong}" if wrong else ""
-
-    def _with_messages(self, error: StackFailedError) -> StackFailedError:
-        assert self._process is not None
-        return self._process.failure(str(error))
 
     def __repr__(self) -> str:
         return f"<ExternalStack {shlex.join(self._arguments)}>"

@@ -217,21 +217,27 @@ def checked_answer(command: Any, output: Output, n: int, compute_time: float) ->
     return Answer(numbers, compute_time)
 
 
-def require_finite_settings(value: object, name: str = "settings") -> None:
-    """Raise ConfigurationError, with its name, if a setting is infinite or NaN: JSON has neither.
+def require_settings_of_json(value: object, name: str = "settings") -> None:
+    """Raise ConfigurationError, with its name, if JSON does not have a setting, as inf and NaN.
 
-    Settings may be tables and lists.
+    Settings may be tables, lists and arrays.
     """
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
     if isinstance(value, Mapping):
         for key, each in value.items():
-            require_finite_settings(each, f"{name}.{key}")
+            require_settings_of_json(each, f"{name}.{key}")
     elif isinstance(value, list | tuple):
         for i, each in enumerate(value):
-            require_finite_settings(each, f"{name}[{i}]")
+            require_settings_of_json(each, f"{name}[{i}]")
     elif isinstance(value, float) and not math.isfinite(value):
         raise ConfigurationError(
             f"{name} of a stack must be finite, not {value}: leave it out, or give a large number"
         )
+    try:
+        encode(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ConfigurationError(f"{name} of a stack cannot be sent: {error}") from error
 
 
 def setup_message(data: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -58,9 +58,10 @@ class View(NamedTuple):
         The twist is that of the camera relative to the target, in the camera frame.
         """
         step = Pose.of(pin.exp6(time * twist))
-        points = np.column_stack((self.xy, np.ones(len(self.xy)))) * self.depth[:, None]
+        xy, depth, camera = self  # also in a value that declares less
+        points = np.column_stack((xy, np.ones(len(xy)))) * depth[:, None]
         P = (points - step.t) @ step.R
-        camera = None if self.camera is None else self.camera @ step
+        camera = None if camera is None else camera @ step
         return View(P[:, :2] / P[:, 2:], P[:, 2], camera)
 
 
@@ -229,9 +230,10 @@ class ViewFeature(Feature):
             )
         if not np.isfinite(value).all():
             which = int(np.flatnonzero(~np.isfinite(value))[0]) + 1
+            declare = "" if "depth" in self.needs else ", or, if it uses depth, declare it in needs"
             raise SceneError(
                 f"the feature {self.name} is not defined here: its component {which} is "
-                f"{value[which - 1]}. Choose other markers, or another start or goal"
+                f"{value[which - 1]}. Choose other markers, or another start or goal{declare}"
             )
         return value
 
