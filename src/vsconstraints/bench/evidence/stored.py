@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 from typing import Any, Self, get_args
 
@@ -73,6 +73,7 @@ class Evidence(StoredResults):
     """
 
     parts: tuple[Evidence, ...] = ()
+    combined: tuple[StoredBatch, ...] = ()  #: Batches of all ``parts``, which have each scene once.
 
     with_code = ("families", "controllers")
 
@@ -89,11 +90,15 @@ class Evidence(StoredResults):
         parts = tuple(super(Evidence, cls).load(each, trust) for each in folders)
         if len(parts) == 1:
             return parts[0]
-        remarks = chain.from_iterable(part.remarks for part in parts)
-        manifest: dict[str, Any] = {}
-        together = cls(folders[0], manifest, trust, tuple(remarks), parts)
-        manifest |= combined_manifest(together.manifests, together.batches)
-        return together
+        remarks: list[str] = []
+        stored: list[StoredBatch] = []
+        for part in parts:
+            remarks += part.remarks
+            stored += part.batches
+        manifests = {part.folder: part.manifest for part in parts}
+        batches = combined_batches(manifests, stored)
+        manifest = combined_manifest(manifests, batches)
+        return cls(folders[0], manifest, trust, tuple(remarks), parts, batches)
 
     @property
     def manifests(self) -> Mapping[Path, Mapping[str, Any]]:
@@ -103,10 +108,7 @@ class Evidence(StoredResults):
     @cached_property
     def batches(self) -> tuple[StoredBatch, ...]:
         """Batches of all folders, which have each scene once."""
-        if not self.parts:
-            return in_order(stored_batches(self.folder))
-        stored = chain.from_iterable(part.batches for part in self.parts)
-        return combined_batches(self.manifests, stored)
+        return self.combined if self.parts else in_order(stored_batches(self.folder))
 
     @cached_property
     def _folders(self) -> Mapping[tuple[str, int], Path]:
