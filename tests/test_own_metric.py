@@ -26,6 +26,7 @@ from vsconstraints.comparisons.metrics import Metric, run_metrics, score
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs.folder import LOCK
+from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.comparisons.stored import ARM_LOG
 from vsconstraints.comparisons.tables import append_lines, read_table
 from vsconstraints.errors import ConfigurationError, FolderTaken
@@ -202,13 +203,14 @@ def test_a_command_ends_with_the_error_of_a_bad_metric(tmp_path: Path) -> None:
         (Metric("clearance_min", abs), "there is a column of this name already"),
         (Metric("trial", abs), "there is a column of this name already"),
         (Metric("path", abs, required=True), "with 'required'"),
-        (Metric("path", None, over="duration_s"), "'path' is no column of numbers"),
-        (Metric("duration_s", None, over="paths"), "'paths' is no column of numbers"),
-        (Metric("phi_max", None, over="clearance_min"), "'phi_max' is no column of numbers"),
-        (Metric("jerk_rms", None, over="phi_max"), "'phi_max' is no column of numbers"),
-        (Metric("suite", None, over="trial"), "'suite' is no column of numbers"),
-        (Metric("constraint", None, over="status"), "'constraint' is no column of numbers"),
-        (Metric("jerk_rms", None, over="status"), "'status' is no column of numbers"),
+        (Metric("path", None, over="duration_s"), "'path' is no score"),
+        (Metric("duration_s", None, over="paths"), "'paths' is no score"),
+        (Metric("phi_max", None, over="clearance_min"), "'phi_max' is no score"),
+        (Metric("jerk_rms", None, over="phi_max"), "'phi_max' is no score"),
+        (Metric("suite", None, over="trial"), "'suite' is no score"),
+        (Metric("jerk_rms", None, over="trial"), "'trial' is no score of results.csv"),
+        (Metric("constraint", None, over="status"), "'constraint' is no score"),
+        (Metric("jerk_rms", None, over="status"), "'status' is no score"),
         (Metric("jerk_rms", None, over="duration_s", kind="text"), "kind must be number, not text"),
     ],
 )
@@ -298,13 +300,13 @@ def test_a_run_whose_metric_fails_is_stored_and_scored_once_that_is_repaired(
 ON_ARM = "on ros2://arm; still moving"
 
 
-def with_run_on_arm(folder: Path) -> tuple[Suite, Path]:
+def with_run_on_arm(folder: Path, reason: str = ON_ARM) -> tuple[Suite, Path]:
     """Store a run in a new folder as if it had been on an arm; return its suite and its file."""
     suite = Suite.load().select(
         ["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"]
     )
     (spec,) = suite.runs()
-    trajectory = replace(SMALL.trajectory, reason=ON_ARM)
+    trajectory = replace(SMALL.trajectory, reason=reason)
     record = replace(SMALL, trajectory=trajectory, fingerprint=spec.fingerprint)
     file = run_file(folder, *spec.key)
     for path in (file, folder / ARM_LOG):
@@ -366,6 +368,42 @@ compare(suite, Path({str(folder)!r}), workers=1)
     assert line["reason"].startswith(f"{ON_ARM}; ")
     assert "the process that ran it died" in line["reason"]
     assert file.read_bytes() == driven
+
+
+def test_a_run_is_protected_wherever_its_reason_names_the_arm(tmp_path: Path) -> None:
+    suite, _ = with_run_on_arm(tmp_path, "the start is outside a bound; on ros2://arm; aborted")
+    compare(suite, tmp_path, workers=0)
+    with pytest.raises(FolderTaken, match="a run on ros2://arm, example-2d-fov with tracking"):
+        compare(suite, tmp_path, workers=0, fresh=True)
+    assert keep_trajectories(tmp_path, "none") == 1
+
+
+@pytest.mark.parametrize("is_of_this_run", [True, False])
+def test_a_lost_process_takes_no_trajectory_of_its_run(
+    is_of_this_run: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it has saved stays, also with fresh, and this process reads none of its arrays."""
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"]
+    )
+
+    def lost(function: Any, first: Any, second: Any, *, on_answer: Any, **options: Any) -> None:
+        for key, call in (first | second).items():
+            function(*call)
+            if not is_of_this_run:
+                record = RunRecord.load(run_file(tmp_path, *key))
+                assert record is not None
+                replace(record, fingerprint="other").save(run_file(tmp_path, *key))
+            with monkeypatch.context() as patch:
+                patch.setattr(RunRecord, "load", pytest.fail)
+                on_answer(key, Failure(DIED))
+
+    monkeypatch.setattr("vsconstraints.comparisons.runner.run_all", lost)
+    (score_of_run,) = compare(suite, tmp_path, workers=0, fresh=True).scores.values()
+    assert score_of_run.result["status"] == "failed"
+    assert score_of_run.result["reason"].endswith(DIED)
+    (spec,) = suite.runs()
+    assert run_file(tmp_path, *spec.key).exists() == is_of_this_run
 
 
 def test_small_runs_have_all_kinds() -> None:

@@ -220,3 +220,11 @@ def test_commands_take_several_folders(tmp_path: Path) -> None:
     assert "vsconstraints replay ../" in (tmp_path / "page" / "details.md").read_text("utf-8")
     claims = [(tmp_path / name / "claims.json").read_text("utf-8") for name in ("page", "whole")]
     assert claims[0] == claims[1]
+
+
+def test_folders_without_scenes_hold_none(tmp_path: Path) -> None:
+    """The first folder is not read in the place of all."""
+    part = copied(tmp_path / "part", FAMILIES[:1])
+    evidence = Evidence.load([part, copied(tmp_path / "other", FAMILIES[1:])])
+    assert Evidence.load(part).batches
+    assert not replace(evidence, combined=()).batches

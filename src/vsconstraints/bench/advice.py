@@ -7,8 +7,6 @@ from collections.abc import Collection, Iterable
 from itertools import chain
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..comparisons.runs.spec import ControllerSpec
 from ..errors import ConfigurationError
 from .statistics import PairedRates, Rate, distinguishable, mcnemar, rate, simultaneous
@@ -90,36 +88,35 @@ def similar(scenes: Any, situation: Situation) -> SimilarScenes:
     """Select the scenes of a study that are similar to a situation.
 
     ``scenes`` is a DataFrame with the properties of each scene in each condition. The search takes
-    scenes that share all properties, then widens by one of :data:`STEPS` after the other, until it
-    has found :data:`ENOUGH`.
+    the scenes that are nearest in all properties, then widens by one of :data:`STEPS` after the
+    other, until it has found :data:`ENOUGH`.
     """
-    first_steps = {}  # for each property, the number of the step from which each scene is permitted
+    scenes = scenes.reset_index(drop=True)
+    # numbers of the steps that permit each scene: 0 at the start, then one for each property
+    steps = scenes[[]].assign(start=0)
     unlike = []
     for name, asked in situation.specified.items():
         values = scenes[name].dropna().unique()
         unlike += _unlike(name, asked, values)
         if len(values):
-            first_steps[name] = scenes[name].map(_first_steps(name, asked, values))
-    from_start = np.zeros(len(scenes), int)
+            steps[name] = scenes[name].map(_permitting_steps(name, asked, values))
     # a scene is taken with the step that permits the last of its properties
-    step = np.max([from_start, *first_steps.values()], axis=0)
-    by_step = scenes.assign(**first_steps, step=step).sort_values("step", kind="stable")
+    by_step = scenes.assign(step=steps.max(axis=1, skipna=False)).sort_values("step", kind="stable")
     in_best_condition = by_step.drop_duplicates(SCENE)
-    steps = in_best_condition["step"]
-    last_step = steps.iloc[min(ENOUGH, len(steps)) - 1]
-    taken = in_best_condition[steps <= last_step]
-    n_similar = int((steps <= FAR).sum())
+    step = in_best_condition["step"]
+    taken = in_best_condition[step <= step.iloc[min(ENOUGH, len(step)) - 1]]
+    n_similar = int((step <= FAR).sum())
     if n_similar < ENOUGH:
         unlike.append(f"only {n_similar} scenes are similar, fewer than {ENOUGH}")
-    used = {int(number) for name in first_steps for number in taken[name]} - {0}
     widened = []
-    for number in sorted(used):
-        name, how_far = STEPS[number - 1]
-        widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
+    used = {*steps.loc[taken.index].to_numpy().flat}
+    for i, (name, how_far) in enumerate(STEPS, start=1):
+        if i in used:
+            widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
     return SimilarScenes(taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike))
 
 
-def _first_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any, int]:
+def _permitting_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any, int]:
     """Return for each value of a property the number of the step from which it is permitted.
 
     It is 0, permitted from the start, for the nearest values, however far they are from the one

@@ -50,8 +50,9 @@ __all__ = [
 
 Measured = MetricInputs  #: Former name, for custom metrics that use it.
 
-#: Columns of both files that identify the run.
-RUN = ("suite", "scenario", "controller", "trial")
+#: Columns of both files that identify the run, and their kinds.
+KINDS_OF_RUN = {"suite": "text", "scenario": "text", "controller": "text", "trial": "index"}
+RUN = tuple(KINDS_OF_RUN)  #: Their names.
 
 _NUMBERS = {
     "PATIENCE": PATIENCE,
@@ -297,8 +298,8 @@ def require_addable(of_runs: Sequence[Metric], of_rows: Sequence[Metric] = ()) -
     """Raise ConfigurationError if metrics of other packages do not fit into the two tables.
 
     A column must be new, also in the other table: one name has one meaning. A ratio must be of two
-    columns of numbers of results.csv; rows have none. An empty cell must not make tables unreadable
-    that were stored without the metric. The error names the package.
+    scores of results.csv that are numbers; rows have none. An empty cell must not make tables
+    unreadable that were stored without the metric. The error names the package, if it is known.
     """
     known = {*RUN, *(metric.column for metric in (*_OF_RUNS, *_OF_ROWS))}
     for metric in (*of_runs, *of_rows):
@@ -330,12 +331,12 @@ def _addition(metric: Metric) -> str:
 
 
 def _require_ratio(metric: Metric, numbers: Container[str]) -> None:
-    """Raise ConfigurationError unless a ratio is a number, of columns of ``numbers``."""
+    """Raise ConfigurationError unless a ratio is a number, of scores in ``numbers``."""
     ratio = f"{_addition(metric)} / {metric.over}"
     for column in (metric.column, metric.over):
         if column not in numbers:
             raise ConfigurationError(
-                f"{ratio}, but {format_value(column)} is no column of numbers of results.csv"
+                f"{ratio}, but {format_value(column)} is no score of results.csv that is a number"
             )
     if not metric.is_number:
         raise ConfigurationError(f"{ratio}, whose kind must be number, not {metric.kind}")
@@ -396,17 +397,7 @@ def definitions() -> dict[str, str]:
 
 
 if not TYPE_CHECKING:  # type checkers would then accept any name
-    __getattr__ = earlier_constants(
-        __name__,
-        {
-            "METRICS": run_metrics,
-            "ROW_METRICS": row_metrics,
-            "RESULT_COLUMNS": result_columns,
-            "CONSTRAINT_COLUMNS": constraint_columns,
-            "TIMING_COLUMNS": timing_columns,
-            "DEFINITIONS": definitions,
-        },
-    )
+    __getattr__ = earlier_constants(__name__, {"DEFINITIONS": definitions})
 
 
 def _with_columns(metrics: Iterable[Metric]) -> list[Metric]:

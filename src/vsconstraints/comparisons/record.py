@@ -213,9 +213,22 @@ def _require_facts(values: Mapping[str, Any]) -> None:
 def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
     """Return the stored record of a run; None unless everything that it depends on is unchanged."""
     record = RunRecord.load(run_file(folder, *spec.key))
-    if record is None or record.fingerprint != spec.fingerprint:
+    if record is None or not _is_unchanged(spec, record.fingerprint, record.files):
         return None
-    return record if digests((*record.files, *spec.files)) == record.files else None
+    return record
+
+
+def stored_reason(spec: RunSpec, folder: Path) -> str | None:
+    """Return the reason of a stored run, without its arrays; None as :func:`stored_run`."""
+    with suppress(Exception):  # a damaged file can raise any error
+        facts = read_arrays(run_file(folder, *spec.key), facts_only=True)
+        if _is_unchanged(spec, facts["fingerprint"], facts["files"]):
+            return str(facts["reason"])
+    return None
+
+
+def _is_unchanged(spec: RunSpec, fingerprint: str, files: Files) -> bool:
+    return fingerprint == spec.fingerprint and digests((*files, *spec.files)) == files
 
 
 def run_file(folder: Path, scenario: str, controller: str, trial: int) -> Path:

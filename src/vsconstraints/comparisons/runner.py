@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import described
 from ..plugins.provenance import Files, digests, imported, noted
 from .metrics import RUN, Score, load_metrics, score
-from .record import RunRecord, run_file, stored_run
+from .record import RunRecord, run_file, stored_reason, stored_run
 from .run import failed_record, failed_score, perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed
 from .runs.folder import locked
@@ -107,11 +107,12 @@ def compare(
             nonlocal stored_before
             if isinstance(answer, Failure):
                 # the failure is not stored, because the run may succeed next time, for example with
-                # more memory; a trajectory that is not of this run does not belong to it
-                record = _stored_record(runs[key], folder, fresh)
-                if record is None:
+                # more memory; a trajectory that is not of this run does not belong to it; arrays
+                # are not read, because reading or scoring them may have ended the process
+                earlier = stored_reason(runs[key], folder)
+                if earlier is None:
                     run_file(folder, *key).unlink(missing_ok=True)
-                answer = _failed_score(record, answer.reason), False
+                answer = _failed_score(earlier, answer.reason), False
             # earlier results are kept until the first new one replaces them
             first = not scores
             scores[key], stored = answer
@@ -188,9 +189,13 @@ def run_stored(
                 alone = record if spec == baseline else stored_run(baseline, folder)
             return score(record, alone)
         except Exception as error:  # the record can be scored once this is repaired
-            return _failed_score(record, f"the run cannot be scored: {described(error)}")
+            reason = record.trajectory.reason
+            return _failed_score(reason, f"the run cannot be scored: {described(error)}")
 
-    record = _stored_record(spec, folder, fresh)
+    record = None
+    if not fresh:
+        with suppress(Exception):  # a damaged record can raise any error
+            record = stored_run(spec, folder)
     if record is not None:
         return scored(record), True
     path = run_file(folder, *spec.key)
@@ -205,22 +210,11 @@ def run_stored(
     return scored(record), False
 
 
-def _stored_record(spec: RunSpec, folder: Path, fresh: bool) -> RunRecord | None:
-    """Return the stored record of a run; None if it is damaged or the run must be repeated."""
-    if fresh:
-        return None
-    with suppress(Exception):  # a damaged record can raise any error
-        return stored_run(spec, folder)
-    return None
+def _failed_score(earlier: str | None, reason: str) -> Score:
+    """Return the score of a run without scores; ``earlier`` is the reason of its record, if any.
 
-
-def _failed_score(record: RunRecord | None, reason: str) -> Score:
-    """Return the score of a run without scores, whose record may be stored.
-
-    The reason of its record comes first: that of a run on an arm names the arm, which protects the
-    run, see :func:`.require_arm_kept`.
+    That of a run on an arm names the arm, which protects the run, see :func:`.require_arm_kept`.
     """
-    earlier = "" if record is None else record.trajectory.reason
     return failed_score("; ".join(filter(None, (earlier, reason))))
 
 

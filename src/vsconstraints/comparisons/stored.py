@@ -34,7 +34,7 @@ Texts = Sequence[str]
 
 #: Additional file that a run on an arm stores in its folder.
 ARM_LOG = Path("arm", "log.npz")
-ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: Start of the reason of a run on an arm.
+ON_ARM = re.compile(r"(?:^|; )(on [\w-]+://[^;]*)")  #: Part of the reason of a run on an arm.
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -73,13 +73,13 @@ def require_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False)
     require_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
     planned = {_texts(run): run for run in runs}
     for key, reason in _finished(folder).items():
-        driven = ON_ARM.match(reason)
+        driven = ON_ARM.search(reason)
         run = planned.get(key)
         is_kept = not fresh and run is not None and stored_run(run, folder) is not None
         if driven and not is_kept:
             scenario, controller, _ = key
             lost = (
-                f"{folder} holds a run {driven[0]}, {scenario} with {controller}, which a "
+                f"{folder} holds a run {driven[1]}, {scenario} with {controller}, which a "
                 "simulation would replace"
             )
             why = "code, settings or files have changed"
@@ -136,7 +136,7 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
     no comparison, StorageError if a trajectory cannot be removed.
     """
     lines = read_table(folder / "results.csv", result_columns())
-    driven = [line for line in lines if ON_ARM.match(line["reason"])]
+    driven = [line for line in lines if ON_ARM.search(line["reason"])]
     kept = kept_lines(lines, keep, ("scenario", "controller"), ("scenario", "trial"))
     files = {
         run_file(folder, line["scenario"], line["controller"], int(line["trial"]))

@@ -16,14 +16,10 @@ import numpy as np
 from ..errors import ConfigurationError, encodable, format_value
 from ..plugins.regular_files import require_regular
 from ..simulation.trajectory import Outcome
-from .metrics import REQUIRED_COLUMNS, Metric, row_metrics, run_metrics
+from .metrics import KINDS_OF_RUN, REQUIRED_COLUMNS, Metric, row_metrics, run_metrics
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
-
-
-#: Kinds of the columns that identify a run.
-_KINDS_OF_RUN = {"suite": "text", "scenario": "text", "controller": "text", "trial": "number"}
 
 
 def _metrics() -> dict[str, Metric]:
@@ -96,7 +92,8 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     columns = tuple(columns)
     metrics = _metrics()
     # without those of metrics that are not installed
-    kinds = {**_KINDS_OF_RUN, **{name: metric.kind for name, metric in metrics.items()}}
+    kinds = {**KINDS_OF_RUN, **{name: metric.kind for name, metric in metrics.items()}}
+    kinds["status"] = "outcome"
     lines = []
     try:
         require_regular(path)
@@ -152,12 +149,12 @@ def _parse(name: str, kind: str | None, text: str, where: str) -> Any:
 
     Raises ValueError that names its line and column.
     """
-    if name == "status" and text not in get_args(Outcome):
+    if kind == "outcome" and text not in get_args(Outcome):
         raise ValueError(
             f"{where}: status must be one of {', '.join(get_args(Outcome))}, not "
             f"{format_value(text)}"
         )
-    if kind == "text":
+    if kind in ("text", "outcome"):
         return text
     if kind == "flag":
         if text == "" and name not in REQUIRED_COLUMNS:
@@ -170,7 +167,7 @@ def _parse(name: str, kind: str | None, text: str, where: str) -> Any:
     number = _parse_number(text)
     if kind is None:
         return text if number is None else number
-    if number is None or (name == "trial" and not _is_index(number)):
+    if number is None or (kind == "index" and not _is_index(number)):
         raise ValueError(f"{where}: {name} must be a number, not {format_value(text)}")
     return number
 

@@ -306,10 +306,10 @@ def solve_with_rows(
     Return the code of :func:`solve_stage`, no equalities (0, n), and the number of added rows.
     """
     n = qdd.size
-    all_directions = matrix(scratch, START, n)  # without rows: Z is the identity
-    code, steps = attempt(walls, aim, all_directions, n, priorities, point, qdd, scratch)
-    no_equalities: Array = matrix(scratch, START, n)
-    return code, no_equalities, steps
+    # without equalities Z is the identity, which an empty matrix stands for
+    empty: Array = matrix(scratch, START, n)
+    code, steps = attempt(walls, aim, empty, n, priorities, point, qdd, scratch)
+    return code, empty, steps
 
 
 @inner

@@ -85,9 +85,8 @@ def try_unconstrained(
             excess = dot(A, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
-            is_met = excess <= MET * (size * distance + abs(c[i]))
-            if fixed[i]:
-                is_met = c[i] >= 0.0
+            rounding = MET * (size * distance + abs(c[i]))
+            is_met = c[i] >= 0.0 if fixed[i] else excess <= rounding
             tracks = tracks and is_met and excess < math.inf
     if not (within and (below or tracks)):
         return False

@@ -1,9 +1,9 @@
-"""Names of version 0.1.0: of modules that moved into optional parts, and of constants.
+"""Names of earlier versions: of modules that moved into optional parts, and of constants.
 
-The documentation of that version names each of them, so that code of users imports them. Nothing
-in the package uses them. Importing the name of a module gives the module of today, no second copy
-of it. Suites, stored campaigns and kept tables (``comparisons/policy.parquet``) name
-``vsconstraints.learning``, and are part of an identity that a new name would change.
+They are for code of users; the package itself imports nothing by them. Importing the name of a
+module gives the module of today, no second copy of it. Suites, stored campaigns and kept tables
+(``comparisons/policy.parquet``) name ``vsconstraints.learning``, and are part of an identity that a
+new name would change.
 """
 
 from __future__ import annotations

@@ -53,15 +53,27 @@ def intersample_clearance(
     if m == 0 or N < 2:
         return least
     periods = inspected_periods(setup, plant, states, clearance)
-    length = setup.constraints.characteristic_length
     if not len(periods):
         return least
+
+    def look_inside(samples: IntArray, share: float) -> Array:
+        """Return clearances (P, m) at a share of the period after each of P samples.
+
+        They are infinite where the scene cannot be seen. ``least`` is lowered to them.
+        """
+        found = np.full((len(samples), m), np.inf)
+        q, qd = plant.within(states, samples, share)
+        t = (samples + share) * setup.Ts
+        pixels, points, seen = control.views(t, q)
+        if seen.any():
+            of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
+            found[seen] = setup.clearance(*of_seen)
+        least[samples] = np.minimum(least[samples], found)
+        return found
+
+    length = setup.constraints.characteristic_length
     width = 1.0 / QUARTERS
-    inside = []
-    for i in range(1, QUARTERS):
-        at_quarter = clearance_inside(setup, control, plant, states, periods, i * width)
-        least[periods] = np.minimum(least[periods], at_quarter)
-        inside.append(at_quarter)
+    inside = [look_inside(periods, i * width) for i in range(1, QUARTERS)]
     ends = np.stack([clearance[periods], *inside, clearance[periods + 1]])
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(ends, axis=0))
@@ -82,38 +94,13 @@ def intersample_clearance(
             first = first[kept]
             last = last[kept]
             half = begin + 0.5 * width
-            halved = periods[candidates]
-            middle = clearance_inside(setup, control, plant, states, halved, half)
-            least[halved] = np.minimum(least[halved], middle)
+            middle = look_inside(periods[candidates], half)
             halves.append((begin, candidates, first, middle))
             halves.append((half, candidates, middle, last))
         parts = halves
         width = 0.5 * width
         change = 0.5 * change
     return least
-
-
-def clearance_inside(
-    setup: Setup,
-    control: ControlStep,
-    plant: Plant,
-    states: Array,
-    samples: IntArray,
-    share: float,
-) -> Array:
-    """Return clearances (P, m) at a share of the period after each of P samples.
-
-    They are infinite where the scene cannot be seen.
-    """
-    rows = len(setup.constraints.characteristic_length)
-    found = np.full((len(samples), rows), np.inf)
-    q, qd = plant.within(states, samples, share)
-    t = (samples + share) * setup.Ts
-    pixels, points, seen = control.views(t, q)
-    if seen.any():
-        of_seen = [each[seen] for each in (t, q, qd, pixels, points)]
-        found[seen] = setup.clearance(*of_seen)
-    return found
 
 
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:

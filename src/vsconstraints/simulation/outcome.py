@@ -36,13 +36,16 @@ def judge(
         return ended, reason
     if dwell is None:
         dwell = setup.tolerances.dwell_s
-    missed = _missed_goals(setup, loop, samples)
+    first = first_samples(loop.goals.begins, samples, setup.Ts)
+    missed = _missed_goals(loop, samples, first)
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
-    if _holds_last_goal(setup, loop, samples, dwell):
+    t = np.arange(samples) * setup.Ts
+    dwelling = int(np.argmax(t >= t[-1] - dwell))
+    if first[-1] <= dwelling and loop.scores.unreached[-1] < dwelling:
         return ("unfinished" if left else "converged"), "; ".join(left)
     final = f"ends {_distance_text(loop, samples)} from the goal"
-    latest = _latest_samples(setup, samples)
-    if latest is not None and _approaches(setup, loop, latest):
+    latest = _latest_samples(setup, t)
+    if latest is not None and _approaches(setup, loop, latest, first):
         return "slow", "; ".join([f"still approaching, {final}", *left])
     fastest = _fastest_joint(loop, samples)
     joints_rest = fastest <= setup.goal_tolerances[-1, 3]
@@ -54,44 +57,35 @@ def judge(
     return "unfinished", "; ".join([f"{motion}, {final}", *left])
 
 
-def _missed_goals(setup: Setup, loop: Loop, samples: int) -> IntArray:
-    """Return the numbers, from 0, of the goals that were not reached before the next one began."""
-    begins = loop.goals.begins
-    first = first_samples(begins, samples, setup.Ts)
-    settled = settling_times(loop.scores.unreached, begins, samples, setup.Ts)
+def _missed_goals(loop: Loop, samples: int, first: IntArray) -> IntArray:
+    """Return the numbers, from 0, of the goals that were not reached before the next one began.
+
+    ``first`` (g,) are the first samples of the goals.
+    """
     # a goal that begins and ends between two samples is not missed
     is_sampled = first[:-1] < first[1:]
     has_ended = first[1:] < samples
-    return np.flatnonzero(is_sampled & has_ended & np.isnan(settled[:-1]))
+    # in the last sample before the next goal
+    is_unreached = loop.scores.unreached[:-1] >= first[1:] - 1
+    return np.flatnonzero(is_sampled & has_ended & is_unreached)
 
 
-def _holds_last_goal(setup: Setup, loop: Loop, samples: int, dwell: float) -> bool:
-    """True if the last goal is the current one and is held, for so long [s] up to the end."""
-    t = np.arange(samples) * setup.Ts
-    dwelling = int(np.argmax(t >= t[-1] - dwell))
-    first = first_samples(loop.goals.begins, samples, setup.Ts)
-    return bool(first[-1] <= dwelling and loop.scores.unreached[-1] < dwelling)
-
-
-def _latest_samples(setup: Setup, samples: int) -> IntArray | None:
+def _latest_samples(setup: Setup, t: Array) -> IntArray | None:
     """Return the samples of the last ``rest_time``; None if the run has not taken so long."""
-    t = np.arange(samples) * setup.Ts
     # half a period allows for the rounding of times
     if t[-1] < setup.rest_time - 0.5 * setup.Ts:
         return None
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
-    return np.arange(begin, samples)
+    return np.arange(begin, len(t))
 
 
-def _approaches(setup: Setup, loop: Loop, latest: IntArray) -> bool:
+def _approaches(setup: Setup, loop: Loop, latest: IntArray, first: IntArray) -> bool:
     """True if the pace of the latest samples leads to the goal in less time than has passed.
 
-    False if the goal has changed after the first of these samples.
+    False if the goal has changed after the first of these samples. ``first`` is that of
+    :func:`_missed_goals`.
     """
-    begin = latest[0]
-    samples = latest[-1] + 1
-    first = first_samples(loop.goals.begins, samples, setup.Ts)
-    is_same_goal = not ((begin < first) & (first < samples)).any()
+    is_same_goal = not ((latest[0] < first) & (first <= latest[-1])).any()
     return is_same_goal and _time_to_go(setup, loop, latest) < latest[-1] * setup.Ts
 
 

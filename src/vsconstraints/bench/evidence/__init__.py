@@ -4,16 +4,11 @@ Runs are scored in the process that makes them. The results of each batch of sce
 stored in Parquet files.
 """
 
-from typing import TYPE_CHECKING
-
-from ...comparisons.metrics import timing_columns
 from ...comparisons.runs.folder import Keep
 from ...comparisons.runs.pool import processes
-from ...plugins.earlier_names import earlier_constants
 from .call_times import MEASURED, CallTimes, call_times
 from .campaign import Campaign
 from .merge import merge
-from .parquet import tables
 from .runner import Plan, Progress, collect
 from .stored import Evidence
 from .work import Batch, Part, Shard, scored
@@ -35,6 +30,3 @@ __all__ = [
     "processes",
     "scored",
 ]
-
-if not TYPE_CHECKING:  # type checkers would then accept any name
-    __getattr__ = earlier_constants(__name__, {"TABLES": tables, "TIMING": timing_columns})

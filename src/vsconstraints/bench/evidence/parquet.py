@@ -122,7 +122,10 @@ def schema(columns: Sequence[Column]) -> Any:
 
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
-    """Return an Arrow table of lines. Cells that are empty in results.csv are null."""
+    """Return an Arrow table of lines.
+
+    Cells that are empty in results.csv are null; a text is never null, but may be empty.
+    """
     arrays = []
     for column in columns:
         cells = [_cell(column.kind, line[column.name]) for line in lines]

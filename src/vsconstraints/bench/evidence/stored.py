@@ -108,7 +108,7 @@ class Evidence(StoredResults):
     @cached_property
     def batches(self) -> tuple[StoredBatch, ...]:
         """Batches of all folders, which have each scene once."""
-        return self.combined or in_order(stored_batches(self.folder))
+        return self.combined if self.parts else in_order(stored_batches(self.folder))
 
     @cached_property
     def _folders(self) -> Mapping[tuple[str, int], Path]:

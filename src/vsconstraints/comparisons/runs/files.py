@@ -114,18 +114,19 @@ _HEADERS = {
 }
 
 
-def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
+def read_arrays(path: Path, most: float = MAX_BYTES, *, facts_only: bool = False) -> dict[str, Any]:
     """Read a file of :func:`write_arrays`; raises any error if it is missing or damaged.
 
     No data is expanded unless the archive and the array headers together declare at most ``most``
-    bytes.
+    bytes. With ``facts_only`` no array is read.
     """
     with path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
             _require_sizes(archive, most)
         file.seek(0)
         with np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+            names = ("facts",) if facts_only else stored.files
+            arrays = {name: stored[name] for name in names}
     return {**json.loads(str(arrays.pop("facts"))), **arrays}
 
 
