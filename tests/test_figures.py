@@ -68,6 +68,16 @@ def test_a_sheet_grows_with_what_it_holds(tmp_path: Path) -> None:
         assert set(image.info) == {"dpi"}
 
 
+def test_a_legend_shows_dashes_beside_marks_and_takes_entries_without_a_style_of_line() -> None:
+    lengths = []
+    for style in ({}, {"linestyle": "-"}, {"linestyle": "--"}, {"linestyle": (0, (4, 2))}):
+        sheet = grid()
+        sheet.legend([{"label": "law", "color": "#000000", "marker": "o", **style}])
+        (legend,) = sheet.figure.legends
+        lengths.append(legend.handlelength)
+    assert lengths[0] == lengths[1] < lengths[2] == lengths[3]
+
+
 def test_only_outer_panels_have_labels() -> None:
     axes = grid().figure.axes
     assert [ax.get_xlabel() for ax in axes] == ["", "", "", "x", "x"]

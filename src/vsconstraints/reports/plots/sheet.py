@@ -158,12 +158,15 @@ class Sheet:
         from matplotlib.patches import Patch
 
         handles: list[Any] = []
+        has_marked_dashes = False
         for entry in entries:
-            is_area = "facecolor" in entry
-            handles.append(Patch(**entry) if is_area else Line2D([], [], **entry))
-        has_marked_dashes = any(
-            "marker" in entry and entry["linestyle"] not in ("none", "-") for entry in entries
-        )
+            if "facecolor" in entry:
+                handles.append(Patch(**entry))
+                continue
+            line = Line2D([], [], **entry)
+            handles.append(line)
+            if line.is_dashed() and "marker" in entry:
+                has_marked_dashes = True
         self.figure.legend(
             handles=handles,
             ncols=columns,
