@@ -23,7 +23,6 @@ from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
 from .memory import zeros
 from .parts import address, call_int_pointer, checked, struct_loader
-from .records import F8, I8
 from .signatures import FLOAT, INT, MATRIX, VOID, signature
 
 #: Rows of the state of a joint: q, q̇ and the loop's acceleration a; wanted speed u; position
@@ -64,18 +63,18 @@ class Follower(NamedTuple):
     tick: float
     ticks: int
     periods: int
-    ages: Annotated[IntArray, I8, "ticks"]
-    fresh: Annotated[IntArray, I8, "ticks"]
+    ages: Annotated[IntArray, "ticks"]
+    fresh: Annotated[IntArray, "ticks"]
     positions: int
-    implicit: Annotated[IntArray, I8, 1]
-    unfollowed: Annotated[IntArray, I8, 1]
+    implicit: Annotated[IntArray, "1"]
+    unfollowed: Annotated[IntArray, "1"]
     lag: float
     feedback: float
-    acceleration: Annotated[Array, F8, "n"]
-    jerk: Annotated[Array, F8, "n"]
-    reference: Annotated[Array, F8, "s", "n"]
-    q_c: Annotated[Array, F8, "n"]
-    qd_c: Annotated[Array, F8, "n"]
+    acceleration: Annotated[Array, "n"]
+    jerk: Annotated[Array, "n"]
+    reference: Annotated[Array, "s n"]
+    q_c: Annotated[Array, "n"]
+    qd_c: Annotated[Array, "n"]
     move: int
     moved: int
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import in_place
-from .records import F8
 
 
 def constant(value: int) -> int:
@@ -129,8 +128,8 @@ class QR(NamedTuple):
     The basis of the QR consists of the columns of Q, which is the product of the reflections.
     """
 
-    columns: Annotated[Array, F8, "c", "r"]
-    scalars: Annotated[Array, F8, 3, "r"]
+    columns: Annotated[Array, "c r"]
+    scalars: Annotated[Array, "3 r"]
 
 
 @in_place

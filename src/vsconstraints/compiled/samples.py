@@ -15,7 +15,7 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import pose_difference, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .records import BOOL, F8, I8, LOOP_PARTS, Records
+from .records import LOOP_PARTS, Records
 from .workspace import Answer, RowArrays, TaskArrays
 
 #: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
@@ -32,12 +32,12 @@ class Goals(NamedTuple):
     ``by_pose``, otherwise the third.
     """
 
-    begins: Annotated[Array, F8, "goals"]
-    pixels: Annotated[Array, F8, "goals", "M", 2]
-    R: Annotated[Array, F8, "goals", 3, 3]
-    t: Annotated[Array, F8, "goals", 3]
-    tolerance: Annotated[Array, F8, "goals", 4]
-    by_pose: Annotated[BoolArray, BOOL, 1]
+    begins: Annotated[Array, "goals"]
+    pixels: Annotated[Array, "goals M 2"]
+    R: Annotated[Array, "goals 3 3"]
+    t: Annotated[Array, "goals 3"]
+    tolerance: Annotated[Array, "goals 4"]
+    by_pose: Annotated[BoolArray, "1"]
 
 
 class PlantArrays(NamedTuple):
@@ -48,14 +48,14 @@ class PlantArrays(NamedTuple):
     commanded ones are the sum of the rows of a state, ``of_speeds``, by their ``speed_weights``.
     """
 
-    transition: Annotated[Array, F8, "s", "s"]
-    x: Annotated[Array, F8, "s", "n"]
-    after: Annotated[Array, F8, "s", "n"]
-    push: Annotated[Array, F8, "N", "n"]
+    transition: Annotated[Array, "s s"]
+    x: Annotated[Array, "s n"]
+    after: Annotated[Array, "s n"]
+    push: Annotated[Array, "N n"]
     limits: JointLimits
-    last: Annotated[Array, F8, "n"]
-    speed_weights: Annotated[Array, F8, "r"]
-    of_speeds: Annotated[Array, F8, "r", "n"]
+    last: Annotated[Array, "n"]
+    speed_weights: Annotated[Array, "r"]
+    of_speeds: Annotated[Array, "r n"]
 
 
 class Kept(NamedTuple):
@@ -66,52 +66,52 @@ class Kept(NamedTuple):
     takes to detect rest, even if no other field is recorded.
     """
 
-    states: Annotated[Array, F8, "N", "s", "n"]
-    error: Annotated[Array, F8, "N", "k"]
-    camera_error: Annotated[Array, F8, "poses", 2]
-    feature_error: Annotated[Array, F8, "poses"]
-    camera_R: Annotated[Array, F8, "poses", 3, 3]
-    camera_t: Annotated[Array, F8, "poses", 3]
-    pixels: Annotated[Array, F8, "N", "M", 2]
-    points: Annotated[Array, F8, "N", "P", 3]
-    phi: Annotated[Array, F8, "N", "m"]
-    sigma: Annotated[Array, F8, "N", "m"]
-    active: Annotated[BoolArray, BOOL, "N", "m"]
-    saturated: Annotated[BoolArray, BOOL, "N"]
-    rows_time: Annotated[Array, F8, "N"]
-    step_time: Annotated[Array, F8, "N"]
+    states: Annotated[Array, "N s n"]
+    error: Annotated[Array, "N k"]
+    camera_error: Annotated[Array, "poses 2"]
+    feature_error: Annotated[Array, "poses"]
+    camera_R: Annotated[Array, "poses 3 3"]
+    camera_t: Annotated[Array, "poses 3"]
+    pixels: Annotated[Array, "N M 2"]
+    points: Annotated[Array, "N P 3"]
+    phi: Annotated[Array, "N m"]
+    sigma: Annotated[Array, "N m"]
+    active: Annotated[BoolArray, "N m"]
+    saturated: Annotated[BoolArray, "N"]
+    rows_time: Annotated[Array, "N"]
+    step_time: Annotated[Array, "N"]
 
 
 class Running(NamedTuple):
     """Scores so far, for m rows and n joints."""
 
-    phi_max: Annotated[Array, F8, "m"]
-    sigma_max: Annotated[Array, F8, "m"]
+    phi_max: Annotated[Array, "m"]
+    sigma_max: Annotated[Array, "m"]
     # samples with σ > 0; samples in which the row is active; the first and the last of these, −1 if
     # none
-    outside: Annotated[IntArray, I8, "m"]
-    acted: Annotated[IntArray, I8, "m"]
-    first_active: Annotated[IntArray, I8, "m"]
-    last_active: Annotated[IntArray, I8, "m"]
+    outside: Annotated[IntArray, "m"]
+    acted: Annotated[IntArray, "m"]
+    first_active: Annotated[IntArray, "m"]
+    last_active: Annotated[IntArray, "m"]
     # current and greatest number of consecutive samples with φ ≥ 0
-    positive: Annotated[IntArray, I8, "m"]
-    longest_positive: Annotated[IntArray, I8, "m"]
-    acceleration_max: Annotated[Array, F8, "n"]  # |q̈_c|
+    positive: Annotated[IntArray, "m"]
+    longest_positive: Annotated[IntArray, "m"]
+    acceleration_max: Annotated[Array, "n"]  # |q̈_c|
     # samples of the scenario's duration, which is common to all laws; only in these Σ‖Δq̈_c‖,
     # Σ‖Δq̈_c‖² and changes of the set of active rows are counted
-    common: Annotated[IntArray, I8, 1]
-    variation: Annotated[Array, F8, 1]
-    squared_variation: Annotated[Array, F8, 1]
-    switches: Annotated[IntArray, I8, 1]
+    common: Annotated[IntArray, "1"]
+    variation: Annotated[Array, "1"]
+    squared_variation: Annotated[Array, "1"]
+    switches: Annotated[IntArray, "1"]
     # last sample of each goal in which it is not reached; −1 if none
-    unreached: Annotated[IntArray, I8, "goals"]
+    unreached: Annotated[IntArray, "goals"]
     # samples in which the command is at a limit of the actuators
-    saturated: Annotated[IntArray, I8, 1]
+    saturated: Annotated[IntArray, "1"]
     # L_fφ / Σⱼ|L_gφⱼ|aⱼ when φ first reaches zero; NaN before
-    share_to_hold: Annotated[Array, F8, "m"]
+    share_to_hold: Annotated[Array, "m"]
     # values of the last sample
-    active: Annotated[BoolArray, BOOL, "m"]
-    qdd: Annotated[Array, F8, "n"]
+    active: Annotated[BoolArray, "m"]
+    qdd: Annotated[Array, "n"]
 
 
 class Loop(NamedTuple):
@@ -123,19 +123,19 @@ class Loop(NamedTuple):
     error [px] of a feature that itself decides whether a goal is reached, NaN for other features.
     """
 
-    parts: Annotated[Records, LOOP_PARTS, 1]
-    Ts: Annotated[Array, F8, 1]
-    clock: Annotated[IntArray, I8, 2]
+    parts: Annotated[Records, LOOP_PARTS, "1"]
+    Ts: Annotated[Array, "1"]
+    clock: Annotated[IntArray, "2"]
     rows: RowArrays
     task: TaskArrays
     answer: Answer
-    alone: Annotated[Array, F8, "n"]
+    alone: Annotated[Array, "n"]
     true: RowArrays
-    pixels: Annotated[Array, F8, "M", 2]
-    points: Annotated[Array, F8, "P", 3]
-    camera_R: Annotated[Array, F8, 3, 3]
-    camera_t: Annotated[Array, F8, 3]
-    own_error: Annotated[Array, F8, 1]
+    pixels: Annotated[Array, "M 2"]
+    points: Annotated[Array, "P 3"]
+    camera_R: Annotated[Array, "3 3"]
+    camera_t: Annotated[Array, "3"]
+    own_error: Annotated[Array, "1"]
     goals: Goals
     plant: PlantArrays
     kept: Kept

@@ -20,7 +20,6 @@ from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answe
 from .linear import finite
 from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
-from .records import BOOL, F8
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
 from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
@@ -39,13 +38,13 @@ class SpeedArrays(NamedTuple):
     gain: float
     gain_at_zero: float
     slope_at_zero: float
-    task_weights: Annotated[Array, F8, "k"]  #: Diagonal of W; (0,) for 1.
+    task_weights: Annotated[Array, "k"]  #: Diagonal of W; (0,) for 1.
     damping: float  #: μ; 0 for a program without.
     #: Greatest |q̈| between two commands, NaN for those of the rows; least and greatest q̇ that it
     #: allows, (0,) each without a limit.
     acceleration: float
-    least: Annotated[Array, F8, "n"]
-    greatest: Annotated[Array, F8, "n"]
+    least: Annotated[Array, "n"]
+    greatest: Annotated[Array, "n"]
     #: ξ, d_i and d_s of velocity dampers; 0 of other laws.
     speed: float
     influence: float
@@ -54,7 +53,7 @@ class SpeedArrays(NamedTuple):
     zone: float
     full: float
     tune: float
-    avoided: Annotated[BoolArray, BOOL, "m"]
+    avoided: Annotated[BoolArray, "m"]
     scratch: Scratch
     rows: RowArrays
     task: TaskArrays
