@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import formula
-from .rotation import rotation_vector
+from .rotation import rotation_vector, rotation_vector_rate
 from .vectors import (
     Matrix,
     Vector,
@@ -69,6 +69,37 @@ def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
     second = a[1] * x[1] + b[1] * y[1]
     third = a[2] * x[2] + b[2] * y[2]
     return first + second + third
+
+
+class PoseMotion(NamedTuple):
+    """Error (t, θu) of a camera pose, eq. (44), with two derivatives for q̈ = 0.
+
+    E = c*R_C leads the camera's v to ṫ, and L its ω to the derivative of θu.
+    """
+
+    E: Matrix
+    L: Matrix
+    t: Vector
+    theta_u: Vector
+    t_dot: Vector
+    theta_u_dot: Vector
+    t_ddot: Vector
+    theta_u_ddot: Vector
+
+
+@formula
+def pose_motion(
+    goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool, twist: Any
+) -> PoseMotion:
+    """Error of a pose relative to a goal, and its motion: see :func:`pose_error`.
+
+    ``twist`` contains the camera's v, ω, v̇ and ω̇ relative to the target, in its own axes.
+    """
+    v, omega, v_dot, omega_dot = twist
+    E, translation, theta_u = pose_error(goal_R, goal_t, R, t, near, continues)
+    theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
+    t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+    return PoseMotion(E, L, translation, theta_u, t_dot, theta_u_dot, t_ddot, theta_u_ddot)
 
 
 @formula
