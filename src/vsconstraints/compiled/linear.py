@@ -24,6 +24,12 @@ def constant(value: int) -> int:
     return cast("int", np.int64(value))
 
 
+@in_place
+def clip(x: float, least: float, greatest: float) -> float:
+    """Return the number nearest to x within the bounds."""
+    return min(max(x, least), greatest)
+
+
 START = constant(0)  #: The first column or row.
 ONE = constant(1)  #: The second one.
 #: Rows of the scalars of a :class:`QR`, and their number.

@@ -165,10 +165,11 @@ def hold(transition: Array, x: Array, after: Array) -> None:
 
 def go_to_speeds(plant: PlantArrays, commanded: Array, Ts: float, qdd: Array) -> None:
     """Write the q̈ (n,) by which the arm reaches commanded speeds (n,) within a period."""
+    weights = plant.speed_weights
     for j in range(len(commanded)):
         before = 0.0
-        for i in range(len(plant.speed_weights)):
-            before += plant.speed_weights[i] * plant.of_speeds[i, j]
+        for i in range(len(weights)):
+            before += weights[i] * plant.of_speeds[i, j]
         qdd[j] = (commanded[j] - before) / Ts
 
 
@@ -181,12 +182,12 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     given = plant.limits
     saturated = False
     for j in range(len(given.acceleration)):
-        least, greatest = actuator_box(plant.last[j], actuator_limits(given, j))
+        limits = actuator_limits(given, j)
+        least, greatest = actuator_box(plant.last[j], limits)
         qdd[j] = between(qdd[j], least, greatest)
         alone[j] = between(alone[j], least, greatest)
         saturated = saturated or at_end(qdd[j], least, greatest)
-    for j in range(len(qdd)):
-        plant.last[j] = qdd[j]
+    put(qdd, plant.last)
     return saturated
 
 
@@ -211,6 +212,7 @@ def judge_contact(loop: Loop) -> None:
     greater than that.
     """
     rows = loop.true
+    alone = loop.alone
     acceleration = loop.plant.limits.acceleration
     shares = loop.scores.share_to_hold
     if len(acceleration) == 0:
@@ -219,15 +221,20 @@ def judge_contact(loop: Loop) -> None:
         is_judged = not math.isnan(shares[i])
         if is_judged:
             continue
-        rate = rows.Lf[i]
-        for j in range(len(loop.alone)):
-            rate += rows.Lg[i, j] * loop.alone[j]
-        phi_after = rows.phi[i] + loop.Ts[0] * rate
-        is_reached = max(rows.phi[i], phi_after) >= 0.0
+        phi = rows.phi[i]
+        drift = rows.Lf[i]
+        rate = drift
+        for j in range(len(alone)):
+            rate += rows.Lg[i, j] * alone[j]
+        phi_after = phi + loop.Ts[0] * rate
+        is_reached = max(phi, phi_after) >= 0.0
         if not is_reached:
             continue
         most = greatest_change(rows, i, acceleration)
-        shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
+        if most > 0.0:
+            shares[i] = drift / most
+        else:
+            shares[i] = np.copysign(math.inf, drift)
 
 
 def greatest_change(rows: RowArrays, i: int, acceleration: Array) -> float:
@@ -257,7 +264,8 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
         slowed = 0.0
         if differs:
             for j in range(len(qdd)):
-                slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
+                missing = alone[j] - qdd[j]
+                slowed += rows.Lg[i, j] * missing
         active[i] = slowed > NOTICED * rows.switching_gain[i]
         if active[i]:
             nearest = max(nearest, nearness(rows, i))
@@ -304,11 +312,14 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
 
 def score_command(scores: Running, qdd: Array) -> float:
     """Score q̈_c (n,) of a sample, and return the square of its change since the last one."""
+    last = scores.qdd
+    greatest = scores.acceleration_max
     squared = 0.0
     for j in range(len(qdd)):
-        squared += (qdd[j] - scores.qdd[j]) ** 2
-        scores.acceleration_max[j] = max(scores.acceleration_max[j], abs(qdd[j]))
-        scores.qdd[j] = qdd[j]
+        change = qdd[j] - last[j]
+        squared += change**2
+        greatest[j] = max(greatest[j], abs(qdd[j]))
+        last[j] = qdd[j]
     return squared
 
 
@@ -319,8 +330,11 @@ def score_row(scores: Running, rows: RowArrays, i: int) -> None:
     scores.phi_max[i] = max(scores.phi_max[i], phi)
     scores.sigma_max[i] = max(scores.sigma_max[i], sigma)
     scores.outside[i] += sigma > 0.0
-    scores.positive[i] = scores.positive[i] + 1 if phi >= 0.0 else 0
-    scores.longest_positive[i] = max(scores.longest_positive[i], scores.positive[i])
+    positive = 0
+    if phi >= 0.0:
+        positive = scores.positive[i] + 1
+    scores.positive[i] = positive
+    scores.longest_positive[i] = max(scores.longest_positive[i], positive)
 
 
 def score_activity(scores: Running, active: BoolArray, k: int) -> bool:
@@ -351,8 +365,7 @@ def finish(loop: Loop, k: int) -> None:
     mark_acting(loop.true, qdd, loop.alone, active)
     score(loop.scores, loop.true, qdd, active, k)
     pushed = k % len(plant.push)
-    for j in range(plant.x.shape[1]):
-        plant.x[-1, j] = plant.push[pushed, j]
+    put(plant.push[pushed], plant.x[-1])
     keep(loop, k)
     hold(plant.transition, plant.x, plant.after)
 
@@ -363,7 +376,9 @@ def score_goal(loop: Loop, k: int) -> None:
     goals = loop.goals
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
-    distance, turn = pose_difference(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
+    goal_R = goals.R[goal]
+    goal_t = goals.t[goal]
+    distance, turn = pose_difference(loop.camera_R, loop.camera_t, goal_R, goal_t)
     away = loop.own_error[0]
     if math.isnan(away):
         away = feature_error(loop.pixels, goals.pixels[goal])
@@ -371,7 +386,10 @@ def score_goal(loop: Loop, k: int) -> None:
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away
     speed = fastest(loop.plant.x[1])
-    if not reached(distance, turn, away, speed, goals.tolerance[goal], goals.by_pose[0]):
+    tolerance = goals.tolerance[goal]
+    by_pose = goals.by_pose[0]
+    is_reached = reached(distance, turn, away, speed, tolerance, by_pose)
+    if not is_reached:
         loop.scores.unreached[goal] = k
 
 
