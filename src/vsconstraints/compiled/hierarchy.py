@@ -29,6 +29,7 @@ from .linear import (
     copy_vector,
     dot,
     length,
+    squared_length,
     squares,
 )
 from .scratch import blank, empty_qr, flags, matrix
@@ -157,7 +158,7 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
     n = row.shape[1]
     copy(row, START, normals, i, n)
     apply_transposed(aim.qr, aim.rank, row, START)
-    moved = np.sqrt(dot(row, START, row, START, aim.rank, n))
+    moved = np.sqrt(squared_length(row, START, aim.rank, n))
     return not moved <= MET * length(row, START, n)
 
 

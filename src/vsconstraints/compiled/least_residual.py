@@ -39,7 +39,7 @@ def take(qr: QR, q: int, A: Array, i: int) -> int:
     for j in range(n):
         columns[q, j] = A[i, j] / size
     la.apply_transposed(qr, q, columns, q)
-    if np.sqrt(la.dot(columns, q, columns, q, q, n)) <= DEPENDENT:
+    if np.sqrt(la.squared_length(columns, q, q, n)) <= DEPENDENT:
         return 0
     la.make_reflection(qr, q)
     return 1

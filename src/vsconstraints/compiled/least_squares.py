@@ -41,8 +41,8 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
 
     Return True if a rotation was needed.
     """
-    squared_p = la.dot(X, p, X, p, first, last)
-    squared_q = la.dot(X, q, X, q, first, last)
+    squared_p = la.squared_length(X, p, first, last)
+    squared_q = la.squared_length(X, q, first, last)
     product = la.dot(X, p, X, q, first, last)
     # the direction of a row of rounding errors does not matter
     if min(squared_p, squared_q) <= negligible:
@@ -73,7 +73,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     """
     total = 0.0
     for i in range(rows):
-        total += la.dot(X, i, X, i, first, last)
+        total += la.squared_length(X, i, first, last)
     negligible = 1e-30 * total
     for _ in range(SWEEPS):
         turned = False
@@ -84,7 +84,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
             break
     largest = 0.0
     for i in range(rows):
-        largest = max(largest, la.dot(X, i, X, i, first, last))
+        largest = max(largest, la.squared_length(X, i, first, last))
     norm: float = np.sqrt(largest)
     return norm
 
@@ -116,7 +116,7 @@ def largest_of_whole(
     for i in range(rows):
         # the squared largest singular value is between ‖whole‖_F² / n and ‖whole‖_F²; its value
         # matters only if the squared limit of a row is in that range
-        limit = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
+        limit = la.squared_length(W, i, first, n) / (tolerance * tolerance)
         if 0.99 * size <= n * limit and limit <= 1.01 * size:
             # it is the largest singular value of wholeᵀ whole, which this matrix represents with
             # all digits
@@ -152,7 +152,7 @@ def shorten(
         largest = largest_of_whole(W, rows, first, tolerance, whole, scale, zeros)
     left = 0
     for i in range(rows):
-        size = np.sqrt(la.dot(W, i, W, i, first, n))
+        size = np.sqrt(la.squared_length(W, i, first, n))
         kept = size > tolerance * largest
         for j in range(first, n + 1):
             value = W[i, j] if kept else 0.0

@@ -17,7 +17,7 @@ from .compiler import inner
 from .constraint_rows import RowTemplate, WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
-from .linear import START, add, constant, dot
+from .linear import START, add, constant, dot, length, squared_length
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
@@ -95,7 +95,7 @@ def sort_descending(X: Array, count: int, s: Array) -> None:
     for m in range(c):
         longest = m
         for other in range(m, c):
-            s[other] = np.sqrt(dot(X, other, X, other, START, count))
+            s[other] = length(X, other, count)
             if s[other] > s[longest]:
                 longest = other
         s[m], s[longest] = s[longest], s[m]
@@ -151,7 +151,7 @@ def singular(M: Array, s: Array, U: Array) -> Array:
         for m in range(last):
             projection = dot(U, m, U, last, START, long)
             add(U, last, -projection, U, m, START, long)
-        size = np.sqrt(dot(U, last, U, last, START, long))
+        size = length(U, last, long)
         for i in range(long):
             U[last, i] /= size
     return X
@@ -197,7 +197,7 @@ def log_determinant_rates(s: Array, PV: Array, D: Array, D2: Array) -> tuple[flo
         gain = max(s[m], SINGULAR) ** 2
         PD = dot(D, m, PV, m, START, long)
         PD2 = dot(D2, m, PV, m, START, long)
-        DD = dot(D, m, D, m, START, long)
+        DD = squared_length(D, m, START, long)
         half_rate += PD / gain
         by_G_ddot += 2.0 * (PD2 + DD) / gain
         for o in range(len(s)):

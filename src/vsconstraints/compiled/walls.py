@@ -11,7 +11,7 @@ from .compiler import in_place, inner
 from .least_distance import KINDS, MULTIPLIER, SIDE
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ORIGIN
-from .linear import START, copy, copy_vector, dot, length
+from .linear import START, copy, copy_vector, dot, length, squared_length
 from .scratch import blank, flags, integers, matrix, vector
 from .workspace import Scratch
 
@@ -174,7 +174,7 @@ def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
             H[d, i] = normals[i, d] if p == n else dot(normals, i, Z, d, START, n)
             squared_in_basis += H[d, i] * H[d, i]
         if p < n:
-            squared = dot(normals, i, normals, i, START, n)
+            squared = squared_length(normals, i, START, n)
             # rows within the span of the violated ones are settled
             is_settled = squared_in_basis <= DEPENDENT * DEPENDENT * squared
             is_violated = i < free and walls.violation[i] > 0.0
