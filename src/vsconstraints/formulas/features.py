@@ -109,9 +109,7 @@ def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, 
     of_x = 1.0 - c
     of_y = 1.0 * c
     linear, angular = interaction(of_x, of_y, x, y, Z)
-    vx, vy, vz = linear
-    wx, wy, wz = angular
-    return vx, vy, vz, wx, wy, wz
+    return linear + angular
 
 
 @formula
@@ -124,8 +122,10 @@ def image_motion(
     point.
     """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-    P_dot = minus(cross(P, omega), v)
-    turning = plus(cross(P, omega_dot), cross(P_dot, omega))
+    by_rotation = cross(P, omega)
+    P_dot = minus(by_rotation, v)
+    by_angular_acceleration = cross(P, omega_dot)
+    turning = plus(by_angular_acceleration, cross(P_dot, omega))
     P_ddot = minus(turning, v_dot)
     X, Y, Z = vector(P)
     X_dot, Y_dot, Z_dot = P_dot
@@ -140,7 +140,8 @@ def ratio(X: Any, X_dot: Any, X_ddot: Any, Z: Any, Z_dot: Any, Z_ddot: Any) -> t
     """Quotient x = X/Z and two derivatives, from those of x Z = X."""
     x = X / Z
     x_dot = (X_dot - x * Z_dot) / Z
-    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    numerator = X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot
+    x_ddot = numerator / Z
     return x, x_dot, x_ddot
 
 
