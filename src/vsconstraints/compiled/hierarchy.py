@@ -91,10 +91,11 @@ def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scra
     G = matrix(scratch, J.shape[0], n + 1)
     X = blank(scratch, levels.ROWS_OF_X, n)
     for i in range(J.shape[0]):
-        copy(G, i, J, i, n)
-        G[i, n] = b[i]
+        missing = b[i]
         for j in range(rest.size):
-            G[i, n] -= J[i, j] * rest[j]
+            missing -= J[i, j] * rest[j]
+        copy(G, i, J, i, n)
+        G[i, n] = missing
     qr, rank, least = pseudoinverse(
         G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch
     )

@@ -47,7 +47,9 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
     # the direction of a row of rounding errors does not matter
     if min(squared_p, squared_q) <= negligible:
         return False
-    rounding = 2e-16 * (last - first) * np.sqrt(squared_p) * np.sqrt(squared_q)
+    length_p = np.sqrt(squared_p)
+    length_q = np.sqrt(squared_q)
+    rounding = 2e-16 * (last - first) * length_p * length_q
     if abs(product) <= rounding:
         return False
     # tangent t and cosine c of the angle: t is the smaller root of t² + 2 z t = 1
@@ -95,9 +97,10 @@ def add_gram_matrix(A: Array, scale: float, X: Array) -> None:
     n = X.shape[0]
     for i in range(A.shape[0]):
         for row in range(n):
-            scaled = A[i, row] / scale
+            by_row = A[i, row] / scale
             for column in range(n):
-                X[row, column] += scaled * (A[i, column] / scale)
+                by_column = A[i, column] / scale
+                X[row, column] += by_row * by_column
 
 
 @inner
@@ -112,7 +115,8 @@ def largest_of_whole(
     size = 0.0
     for i in range(whole.shape[0]):
         for j in range(n):
-            size += (whole[i, j] / scale) ** 2
+            entry = whole[i, j] / scale
+            size += entry**2
     for i in range(rows):
         # the squared largest singular value is between ‖whole‖_F² / n and ‖whole‖_F²; its value
         # matters only if the squared limit of a row is in that range
@@ -342,19 +346,22 @@ def bring(task: QR, least: float, A: Array, tolerance: float, qdd: Array, scratc
     for i in range(b):
         la.copy(rows.columns, i, A, i, n)
         for j in range(n):
-            squared_size += A[i, j] * A[i, j]
+            entry = A[i, j]
+            squared_size += entry * entry
         la.solve_lower(task, n, rows.columns, i)
     bound = la.factor(rows) * least
-    if not bound > max(CERTAIN * tolerance, WELL) * np.sqrt(squared_size):
+    needed = max(CERTAIN * tolerance, WELL)
+    if not bound > needed * np.sqrt(squared_size):
         return False
     # the change of x, in the free row of the QR
     change = rows.scalars
     for i in range(n):
         change[WORK, i] = 0.0
     for i in range(b):
-        change[WORK, i] = A[i, n]
+        missing = A[i, n]
         for j in range(n):
-            change[WORK, i] -= A[i, j] * qdd[j]
+            missing -= A[i, j] * qdd[j]
+        change[WORK, i] = missing
     la.solve_lower(rows, b, change, WORK)
     la.apply(rows, b, change, WORK)
     la.solve_upper(task, n, change, WORK)
