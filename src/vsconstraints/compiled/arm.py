@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray, IntArray
 from .memory import zeros
-from .records import BOOL, F8, I8, V3, Records, record
+from .records import V3, Records, record
 
 #: Joint controllers: computed torque; a speed loop inside a position loop; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)
@@ -21,15 +21,15 @@ class BodyArrays(NamedTuple):
     the motors as seen by the joints [kg m²], ``gravity`` is expressed in the base frame [m/s²].
     """
 
-    R: Annotated[Array, F8, "n", 3, 3]
-    t: Annotated[Array, F8, "n", 3]
-    axis: Annotated[Array, F8, "n", 3]
-    prismatic: Annotated[BoolArray, BOOL, "n"]
-    mass: Annotated[Array, F8, "n"]
-    centre: Annotated[Array, F8, "n", 3]
-    inertia: Annotated[Array, F8, "n", 3, 3]
-    rotor: Annotated[Array, F8, "n"]
-    gravity: Annotated[Array, F8, 3]
+    R: Annotated[Array, "n 3 3"]
+    t: Annotated[Array, "n 3"]
+    axis: Annotated[Array, "n 3"]
+    prismatic: Annotated[BoolArray, "n"]
+    mass: Annotated[Array, "n"]
+    centre: Annotated[Array, "n 3"]
+    inertia: Annotated[Array, "n 3 3"]
+    rotor: Annotated[Array, "n"]
+    gravity: Annotated[Array, "3"]
 
 
 #: Body while inertia and bias are computed, in the axes of the base: velocity at the base's origin,
@@ -53,9 +53,9 @@ class Motion(NamedTuple):
     Only the lower half of ``M`` is used.
     """
 
-    M: Annotated[Array, F8, "n", "n"]
-    L: Annotated[Array, F8, "n", "n"]
-    bias: Annotated[Array, F8, "n"]
+    M: Annotated[Array, "n n"]
+    L: Annotated[Array, "n n"]
+    bias: Annotated[Array, "n"]
     links: Annotated[Records, LINK, "n"]
 
 
@@ -67,15 +67,15 @@ class Drive(NamedTuple):
     rate: float  # ω of the critically damped loops
     outer: float  # κ of the position loop around the speed loop [1/s]
     # inertia of each joint assumed by the speed loop [kg m²]
-    weight: Annotated[Array, F8, "n"]
-    effort: Annotated[Array, F8, "n"]  # torque limit; inf if there is none
-    speed: Annotated[Array, F8, "n"]  # speed limit of the reference
+    weight: Annotated[Array, "n"]
+    effort: Annotated[Array, "n"]  # torque limit; inf if there is none
+    speed: Annotated[Array, "n"]  # speed limit of the reference
     # friction: viscous, Coulomb and static, and the speed at which 63 % of the difference between
     # the last two has vanished
-    viscous: Annotated[Array, F8, "n"]
-    coulomb: Annotated[Array, F8, "n"]
-    static: Annotated[Array, F8, "n"]
-    stribeck: Annotated[Array, F8, "n"]
+    viscous: Annotated[Array, "n"]
+    coulomb: Annotated[Array, "n"]
+    static: Annotated[Array, "n"]
+    stribeck: Annotated[Array, "n"]
     has_friction: int
     # fraction of the step to the commanded torque that the lag covers in a substep: 1 − exp(−h/τ)
     share: float
@@ -94,14 +94,14 @@ class Memory(NamedTuple):
     ``at_limit`` counts the substeps in which the torque limit was exceeded.
     """
 
-    q_c: Annotated[Array, F8, "n"]
-    qd_c: Annotated[Array, F8, "n"]
-    integral: Annotated[Array, F8, "n"]
-    gravity: Annotated[Array, F8, "n"]
-    torque: Annotated[Array, F8, "n"]
-    under_way: Annotated[Array, F8, "slots", "n"]
-    at: Annotated[IntArray, I8, 1]
-    at_limit: Annotated[IntArray, I8, "n"]
+    q_c: Annotated[Array, "n"]
+    qd_c: Annotated[Array, "n"]
+    integral: Annotated[Array, "n"]
+    gravity: Annotated[Array, "n"]
+    torque: Annotated[Array, "n"]
+    under_way: Annotated[Array, "slots n"]
+    at: Annotated[IntArray, "1"]
+    at_limit: Annotated[IntArray, "n"]
 
 
 class Arm(NamedTuple):
@@ -120,12 +120,12 @@ class Arm(NamedTuple):
     memory: Memory
     substeps: int
     h: float
-    commanded: Annotated[Array, F8, "n"]
-    acceleration: Annotated[Array, F8, "n"]
-    after: Annotated[Array, F8, "n"]
-    friction: Annotated[Array, F8, "n"]
-    speed: Annotated[Array, F8, "n"]
-    stages: Annotated[Array, F8, 4, "n"]
+    commanded: Annotated[Array, "n"]
+    acceleration: Annotated[Array, "n"]
+    after: Annotated[Array, "n"]
+    friction: Annotated[Array, "n"]
+    speed: Annotated[Array, "n"]
+    stages: Annotated[Array, "4 n"]
 
 
 def blank(

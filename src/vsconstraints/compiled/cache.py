@@ -172,17 +172,23 @@ class CachedFunction:
             for file in self.files:
                 os.utime(sum_file(file))
 
+    def _state_of(self, file: Path) -> str:
+        """Return the state of the code that a compiled file of the function belongs to."""
+        return file.name.removeprefix(self._function)[:HASH]
+
     def remove_old(self, kept: int) -> None:
         """Remove the files of all states of the function but the most recently used ones."""
         used: dict[str, float] = {}
         files = _compiled_files(self.folder, self._function)
         for file in files:
             with suppress(OSError):
-                state = file.name.removeprefix(self._function)[:HASH]
-                used[state] = max(used.get(state, 0.0), sum_file(file).stat().st_mtime)
-        old = sorted(used, key=lambda state: -used[state])[kept:]
+                state = self._state_of(file)
+                time = sum_file(file).stat().st_mtime
+                used[state] = max(used.get(state, 0.0), time)
+        newest_first = sorted(used, key=lambda state: -used[state])
+        old = newest_first[kept:]
         for file in files:
-            if file.name.removeprefix(self._function)[:HASH] in old:
+            if self._state_of(file) in old:
                 file.unlink(missing_ok=True)
                 sum_file(file).unlink(missing_ok=True)
 

@@ -87,6 +87,7 @@ def place_camera(step: Step, t: float) -> None:
     """
     tip = step.bodies[len(step.joints)]
     camera = step.camera[0]
+    eye = step.eye[0]
     R = matrix(camera.R)
     origin = vector(camera.t)
     if not camera.fixed:
@@ -94,7 +95,7 @@ def place_camera(step: Step, t: float) -> None:
         R = product(tip_R, R)
         origin = plus(vector(tip.origin), rotate(tip_R, origin))
     target_R, target_t = target_at(step, t)
-    put_pose(R, origin, step.eye[0].R, step.eye[0].origin)
+    put_pose(R, origin, eye.R, eye.origin)
     put_pose(target_R, target_t, step.target_R, step.target_t)
     if not step.measurement[0].pose_given:
         camera_R, camera_t = from_target(step, target_R, target_t)
@@ -121,10 +122,11 @@ def move_camera(step: Step, t: float) -> None:
     eye = step.eye[0]
     R = matrix(eye.R)
     origin = vector(eye.origin)
-    r = rotate(matrix(tip.R), vector(camera.t))
+    camera_t = vector(camera.t)
+    r = rotate(matrix(tip.R), camera_t)
     if camera.fixed:
         # treated as if the tip carried it: its motion is that of the target, reversed
-        r = minus(vector(camera.t), vector(tip.origin))
+        r = minus(camera_t, vector(tip.origin))
     _, velocity, acceleration = carry(step, n, r)
     omega = vector(tip.angular_velocity)
     alpha = vector(tip.angular_acceleration)
@@ -133,7 +135,8 @@ def move_camera(step: Step, t: float) -> None:
     if target.moves:
         known = 1.0 * target.known
         d, d_dot, d_ddot = displaced(target.motion, t)
-        from_centre = minus(minus(origin, vector(target.centre)), d)
+        from_centre_at_rest = minus(origin, vector(target.centre))
+        from_centre = minus(from_centre_at_rest, d)
         target_omega = times(known, vector(target.angular_velocity))
         velocity = add_scaled(velocity, -known, d_dot)
         acceleration = add_scaled(acceleration, -known, d_ddot)
@@ -149,7 +152,8 @@ def move_camera(step: Step, t: float) -> None:
     for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else sign
         axis = vector(step.bodies[j + 1].axis)
-        put_in_camera(R, sign, vector(step.J_point[:, j]), step.camera_J[:3, j])
+        velocity_of_origin = vector(step.J_point[:, j])
+        put_in_camera(R, sign, velocity_of_origin, step.camera_J[:3, j])
         put_in_camera(R, turns, axis, step.camera_J[3:, j])
 
 
@@ -203,7 +207,9 @@ def look_back(step: Step) -> None:
     taken = measurement.time
     for i in range(1, min(step.last[0].views, len(views))):
         before = (newest - i) % len(views)
-        if abs(views[before].time - taken) >= abs(views[nearest].time - taken):
+        time_before = abs(views[before].time - taken)
+        time_to_nearest = abs(views[nearest].time - taken)
+        if time_before >= time_to_nearest:
             break
         nearest = before
     view = views[nearest]
@@ -217,8 +223,10 @@ def look_back(step: Step) -> None:
     if measurement.pose_given:
         # the motion since then, in the camera's axes then, continues the measured pose
         measured = matrix(step.camera_R)
-        turned = transposed_product(R, matrix(views[newest].R))
-        moved = rotate_inverse(R, minus(vector(views[newest].t), origin))
+        now = views[newest]
+        turned = transposed_product(R, matrix(now.R))
+        from_origin = minus(vector(now.t), origin)
+        moved = rotate_inverse(R, from_origin)
         now_R = product(measured, turned)
         now_t = plus(vector(step.camera_t), rotate(measured, moved))
         put_pose(now_R, now_t, step.camera_R, step.camera_t)

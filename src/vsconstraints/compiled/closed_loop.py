@@ -86,9 +86,9 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         at = k % len(kept.rows_time)
         if stage == STEP:
             t = k * loop.Ts[0]
-            if evaluate == 0 or (
-                true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0
-            ):
+            if evaluate == 0:
+                return k, STEP
+            if true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0:
                 return k, STEP
             # the simulated world precedes; the controller's time starts here
             sample = parts.sensing, true, believed, t, k

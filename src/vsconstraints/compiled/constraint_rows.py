@@ -12,13 +12,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from ..formulas.features import (
-    image_row,
-    interaction,
-    pair_of_rows,
-    pose_error,
-    pose_rates,
-)
+from ..formulas.features import image_row, interaction, pair_of_rows, pose_motion
 from ..formulas.frames import (
     differences_in_image,
     differences_in_space,
@@ -26,7 +20,7 @@ from ..formulas.frames import (
     rotate_inverse_in_image,
 )
 from ..formulas.motion import displacement
-from ..formulas.rotation import rotation_vector_rate, whole_turns
+from ..formulas.rotation import whole_turns
 from ..formulas.row import gradient_error
 from ..formulas.tracking import funnel, goal_at
 from ..formulas.vectors import (
@@ -42,9 +36,10 @@ from ..formulas.vectors import (
 )
 from ..rows import Array
 from .compiler import IN_PLACE, OPTIONS, compiled, in_place
-from .kinematics import point_jacobian
+from .kinematics import camera_column, camera_twist, point_jacobian
 from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
 from .signatures import INT, VOID, signature
+from .visual_task import along_column
 from .workspace import Step
 
 WriteRows = Callable[[int, int], None]
@@ -188,9 +183,9 @@ def point_rows(
                 bend = curvature(*with_velocity)
             gradient = rotate(R, (along_x, along_y, along_z))
             sigma_dot = dot(gradient, p_dot)
-            drift = bend + gradient[0] * p_ddot[0]
-            drift += gradient[1] * p_ddot[1]
-            drift += gradient[2] * p_ddot[2]
+            drift = bend
+            for i in range(3):
+                drift += gradient[i] * p_ddot[i]
             write_row(step, row, K, value + part.margin, sigma_dot, drift)
             point_jacobian(step, step.robot_points[point].body, position, J)
             K_gradient = times(K, gradient)
@@ -229,7 +224,6 @@ def image_rows(
         parameters = to_fixed_tuple(step.parameters[number], count)
         K = part.K
         R = part.R
-        J = step.camera_J
         moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             marker = step.seen[step.which[row]]
@@ -259,8 +253,7 @@ def image_rows(
             per_y = K * slope_v * focal[1]
             linear, angular = interaction(per_x, per_y, marker.xy[0], marker.xy[1], marker.depth)
             for j in range(len(step.qd)):
-                camera_v = vector(J[:3, j])
-                camera_omega = vector(J[3:, j])
+                camera_v, camera_omega = camera_column(step, j)
                 step.rows.Lg[row, j] = pair_of_rows(linear, camera_v, angular, camera_omega)
 
     return rows
@@ -300,7 +293,6 @@ def image_funnel_rows() -> WriteRows:
     def rows(address: int, number: int) -> None:
         step = load_step(address)
         part = step.parts[number]
-        J = step.camera_J
         focal = step.camera[0].focal
         parameters = step.parameters[number]
         now = funnel_now(parameters, step.time[0], 2 * len(step.seen))
@@ -318,10 +310,8 @@ def image_funnel_rows() -> WriteRows:
             drift = slope * marker.drift[c] - now.bend
             write_row(step, row, part.K, sigma, sigma_dot, drift)
             L = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
-            for j in range(J.shape[1]):
-                by_joint = 0.0
-                for k in range(3):
-                    by_joint += L[k] * J[k, j] + L[3 + k] * J[3 + k, j]
+            for j in range(len(step.qd)):
+                by_joint = along_column(step, L, j)
                 step.rows.Lg[row, j] = part.K * slope * by_joint
 
     return rows
@@ -348,20 +338,13 @@ def pose_funnel_rows() -> WriteRows:
     def rows(address: int, number: int) -> None:
         step = load_step(address)
         part = step.parts[number]
-        eye = step.eye[0]
-        J = step.camera_J
         parameters = step.parameters[number]
         now = funnel_now(parameters, step.time[0], 12)
-        v = vector(eye.velocity)
-        omega = vector(eye.angular_velocity)
-        v_dot = vector(eye.acceleration)
-        omega_dot = vector(eye.angular_acceleration)
         goal_R, goal_t = goal_pose(parameters, now.goal)
         R = matrix(step.camera_R)
         origin = vector(step.camera_t)
-        E, t, theta_u = pose_error(goal_R, goal_t, R, origin, (0.0, 0.0, 0.0), False)
-        theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
-        t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+        near = (0.0, 0.0, 0.0)
+        motion = pose_motion(goal_R, goal_t, R, origin, near, False, camera_twist(step))
         for row in range(part.first, part.first + part.count):
             side = step.offsets[row]
             # entries of t, then of θu
@@ -369,22 +352,23 @@ def pose_funnel_rows() -> WriteRows:
             c = entry % 3
             is_rotation = entry >= 3
             if is_rotation:
-                error = theta_u[c]
-                velocity = theta_u_dot[c]
-                drift = theta_u_ddot[c]
-                along = L[c]
+                error = motion.theta_u[c]
+                velocity = motion.theta_u_dot[c]
+                drift = motion.theta_u_ddot[c]
+                along = motion.L[c]
             else:
-                error = t[c]
-                velocity = t_dot[c]
-                drift = t_ddot[c]
-                along = E[c]
+                error = motion.t[c]
+                velocity = motion.t_dot[c]
+                drift = motion.t_ddot[c]
+                along = motion.E[c]
             sigma = side * error - now.width
             sigma_dot = side * velocity - now.rate
             sigma_ddot = side * drift - now.bend
             write_row(step, row, part.K, sigma, sigma_dot, sigma_ddot)
-            for j in range(J.shape[1]):
-                column = vector(J[3:, j]) if is_rotation else vector(J[:3, j])
-                step.rows.Lg[row, j] = part.K * side * dot(along, column)
+            for j in range(len(step.qd)):
+                v, omega = camera_column(step, j)
+                by_joint = dot(along, omega if is_rotation else v)
+                step.rows.Lg[row, j] = part.K * side * by_joint
 
     return rows
 

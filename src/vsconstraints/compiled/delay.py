@@ -14,7 +14,6 @@ from .from_state import start_from
 from .laws import RESOLVER, answer_without_baseline, apply_law, is_answer, load_law, within
 from .memory import zeros
 from .parts import call_int_pointer, load_step, set_fields, struct_loader
-from .records import F8
 from .workspace import Answer, RowArrays, TaskArrays
 
 
@@ -37,8 +36,8 @@ class DelayArrays(NamedTuple):
     first: float
     #: Pending commands, in the order in which they act: q̈; or, if ``at_once``, q̇ with NaN where
     #: there was no command.
-    sent: Annotated[Array, F8, "commands", "n"]
-    now: Annotated[Array, F8, "2n + 1"]  #: t, q, q̇.
+    sent: Annotated[Array, "commands n"]
+    now: Annotated[Array, "2n+1"]  #: t, q, q̇.
     #: Predicted rows with the current limits of q̈, and the answer to them.
     ahead: RowArrays
     answer: Answer
@@ -78,7 +77,7 @@ class DelayArrays(NamedTuple):
             "first": first,
             "sent": np.full((under_way, n), math.nan if at_once else 0.0),
         }
-        arrays: DelayArrays = zeros(cls, {"2n + 1": 2 * n + 1}, known)
+        arrays: DelayArrays = zeros(cls, {"2n+1": 2 * n + 1}, known)
         return arrays
 
 

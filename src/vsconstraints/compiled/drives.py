@@ -12,6 +12,7 @@ from ..rows import Array
 from .arm import TORQUE, Arm, Drive
 from .compiler import in_place
 from .inertia import accelerate, update_gravity
+from .linear import clip
 
 #: Maximum number of sweeps that balance friction among the joints, and the change at which they
 #: end, relative to the greatest speed.
@@ -29,7 +30,7 @@ def symmetric_entry(M: Array, i: int, j: int) -> float:
 @in_place
 def limited(torque: float, effort: float) -> float:
     """Clip a torque to the limit ±effort."""
-    return min(max(torque, -effort), effort)
+    return clip(torque, -effort, effort)
 
 
 @in_place
@@ -115,19 +116,23 @@ def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
     for j in range(len(command)):
         error = speed_error(arm, q, qd, j)
         commanded = arm.commanded[j]
-        memory.at_limit[j] += abs(commanded) > drive.effort[j]
+        effort = drive.effort[j]
+        memory.at_limit[j] += abs(commanded) > effort
         # anti-windup: the integral stops while the torque is at its limit
-        is_possible = abs(commanded) <= drive.effort[j]
+        is_possible = abs(commanded) <= effort
         leads_back = error * commanded < 0.0
         if is_possible or leads_back:
             memory.integral[j] += h * error
-        speed = memory.qd_c[j] + h * command[j]
-        memory.q_c[j] += h * memory.qd_c[j]
-        if abs(speed) > drive.speed[j]:
-            speed = np.copysign(drive.speed[j], speed)
-            memory.q_c[j] += 0.5 * h * (speed - memory.qd_c[j])
+        qd_c = memory.qd_c[j]
+        speed = qd_c + h * command[j]
+        limit = drive.speed[j]
+        if abs(speed) > limit:
+            speed = np.copysign(limit, speed)
+            by_acceleration = 0.5 * h * (speed - qd_c)
         else:
-            memory.q_c[j] += 0.5 * h * h * command[j]
+            by_acceleration = 0.5 * h * h * command[j]
+        by_speed = memory.q_c[j] + h * qd_c
+        memory.q_c[j] = by_speed + by_acceleration
         memory.qd_c[j] = speed
 
 
@@ -151,14 +156,17 @@ def balance_friction(arm: Arm, qd: Array, v_free: Array, v: Array) -> float:
     M = arm.motion.M
     n = len(qd)
     greatest_change = 0.0
+    h = arm.h
     for j in range(n):
+        inertia = M[j, j]
         # momentum of the joint alone that friction has to take away
-        momentum = M[j, j] * v_free[j]
+        momentum = inertia * v_free[j]
         for k in range(n):
             if k != j:
-                momentum -= symmetric_entry(M, j, k) * (v[k] - v_free[k])
-        left = abs(momentum) - arm.h * dry_friction(drive, j, qd[j])
-        size = max(left, 0.0) / (M[j, j] + arm.h * drive.viscous[j])
+                lost_speed = v[k] - v_free[k]
+                momentum -= symmetric_entry(M, j, k) * lost_speed
+        left = abs(momentum) - h * dry_friction(drive, j, qd[j])
+        size = max(left, 0.0) / (inertia + h * drive.viscous[j])
         speed = np.copysign(size, momentum)
         greatest_change = max(greatest_change, abs(speed - v[j]))
         v[j] = speed

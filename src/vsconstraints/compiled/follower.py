@@ -21,9 +21,9 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
+from .linear import clip
 from .memory import zeros
 from .parts import address, call_int_pointer, checked, struct_loader
-from .records import F8, I8
 from .signatures import FLOAT, INT, MATRIX, VOID, signature
 
 #: Rows of the state of a joint: q, q̇ and the loop's acceleration a; wanted speed u; position
@@ -64,18 +64,18 @@ class Follower(NamedTuple):
     tick: float
     ticks: int
     periods: int
-    ages: Annotated[IntArray, I8, "ticks"]
-    fresh: Annotated[IntArray, I8, "ticks"]
+    ages: Annotated[IntArray, "ticks"]
+    fresh: Annotated[IntArray, "ticks"]
     positions: int
-    implicit: Annotated[IntArray, I8, 1]
-    unfollowed: Annotated[IntArray, I8, 1]
+    implicit: Annotated[IntArray, "1"]
+    unfollowed: Annotated[IntArray, "1"]
     lag: float
     feedback: float
-    acceleration: Annotated[Array, F8, "n"]
-    jerk: Annotated[Array, F8, "n"]
-    reference: Annotated[Array, F8, "s", "n"]
-    q_c: Annotated[Array, F8, "n"]
-    qd_c: Annotated[Array, F8, "n"]
+    acceleration: Annotated[Array, "n"]
+    jerk: Annotated[Array, "n"]
+    reference: Annotated[Array, "s n"]
+    q_c: Annotated[Array, "n"]
+    qd_c: Annotated[Array, "n"]
     move: int
     moved: int
 
@@ -108,9 +108,11 @@ def first_root(a: float, b: float, c: float) -> float:
 @in_place
 def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
     """Move joint j for t [s] with constant ȧ = ``jerk``, and q̈ = a + ``push``."""
+    # q + q̇ t + q̈ t²/2 + j t³/6
     a = x[A, j]
     qdd = a + push
-    mean_speed = x[QD, j] + t * (0.5 * qdd + t * jerk / 6.0)
+    half_change = 0.5 * qdd + t * jerk / 6.0
+    mean_speed = x[QD, j] + t * half_change
     mean_acceleration = qdd + 0.5 * t * jerk
     x[Q, j] += t * mean_speed
     x[QD, j] += t * mean_acceleration
@@ -123,7 +125,8 @@ def lag_behind(x: Array, j: int, t: float, lag: float, push: float) -> None:
     qdd = x[A, j] + push
     # q̈ decays as exp(−t/τ), which has the integral τ (1 − exp(−t/τ))
     integral = -lag * np.expm1(-t / lag)
-    x[Q, j] += t * x[QD, j] + lag * qdd * (t - integral)
+    by_acceleration = lag * qdd * (t - integral)
+    x[Q, j] += t * x[QD, j] + by_acceleration
     x[QD, j] += qdd * integral
     x[A, j] = qdd * (1.0 - integral / lag) - push
 
@@ -139,15 +142,16 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
     missing = x[WANTED, j] - x[QD, j]
     until = 0.0
     if missing != 0.0:
-        x[A, j] = np.copysign(most, missing)
-        qdd = x[A, j] + push
+        a = np.copysign(most, missing)
+        x[A, j] = a
+        qdd = a + push
         approaches = missing * qdd > 0.0
         until = missing / qdd if approaches else math.inf
         glide(x, j, min(t, until), 0.0, push)
     if until < t:
         x[QD, j] = x[WANTED, j]
         # beyond its limit the push carries the joint away
-        x[A, j] = min(max(-push, -most), most)
+        x[A, j] = clip(-push, -most, most)
         glide(x, j, t - until, 0.0, push)
 
 
@@ -199,9 +203,13 @@ def next_event(f: Follower, x: Array, j: int, jerk: float, met: bool) -> tuple[i
     """
     a = x[A, j]
     # a is what the loop asks for at a root of a − (u − q̇)/τ; if ``met``, that is so now
-    distance = 0.0 if met else a - asked_acceleration(f, x, j)
-    slope = jerk + (a + x[PUSH, j]) / f.lag
-    until_met = first_root(0.5 * jerk / f.lag, slope, distance)
+    distance = 0.0
+    if not met:
+        distance = a - asked_acceleration(f, x, j)
+    qdd = a + x[PUSH, j]
+    slope = jerk + qdd / f.lag
+    half_curvature = 0.5 * jerk / f.lag
+    until_met = first_root(half_curvature, slope, distance)
     if f.acceleration[j] < math.inf:
         end = np.copysign(f.acceleration[j], jerk)
         until_end = (end - a) / jerk
@@ -246,31 +254,36 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
         if left <= 0.0:
             return True
         asked = asked_acceleration(f, x, j)
-        aim = min(max(asked, -most), most)
-        if jerk == math.inf:
-            x[A, j] = aim
-        else:
+        aim = clip(asked, -most, most)
+        a = aim
+        if jerk < math.inf:
             # rounding may have left a just beyond its limit, from where a ramp would lead away
-            x[A, j] = min(max(x[A, j], -most), most)
-        met = met or x[A, j] == aim
-        qdd = x[A, j] + push
+            a = clip(x[A, j], -most, most)
+        x[A, j] = a
+        met = met or a == aim
+        qdd = a + push
         # what the loop asks for is at the limit, or beyond, and does not return at once
         grows = asked * qdd < 0.0
         # q̇ is rounded, which the short lag magnifies
-        rounding = ROUNDING * (abs(x[WANTED, j]) + abs(x[QD, j])) / lag
+        size_of_speeds = abs(x[WANTED, j]) + abs(x[QD, j])
+        rounding = ROUNDING * size_of_speeds / lag
         is_beyond = abs(asked) > most * (1.0 + SAME) + rounding
         is_at_limit = abs(asked) >= most * (1.0 - SAME) - rounding
+        # under lag alone, ȧ = −q̈/τ
+        is_slow_enough = abs(qdd) <= jerk * lag * (1.0 + SAME)
         if not met:
-            left, met = ramp(f, x, j, left, np.copysign(jerk, aim - x[A, j]), False)
+            toward_aim = np.copysign(jerk, aim - a)
+            left, met = ramp(f, x, j, left, toward_aim, False)
         elif is_beyond or (is_at_limit and grows):
             left = follow_at_limit(f, x, j, left, asked)
-        elif abs(qdd) <= jerk * lag * (1.0 + SAME):
-            until = exceeding(x[A, j], most, push, lag)
+        elif is_slow_enough:
+            until = exceeding(a, most, push, lag)
             lag_behind(x, j, min(left, until), lag, push)
             left -= until
         else:
             # the lag would change a faster than the jerk allows
-            left, met = ramp(f, x, j, left, np.copysign(jerk, -qdd), True)
+            against_motion = np.copysign(jerk, -qdd)
+            left, met = ramp(f, x, j, left, against_motion, True)
     return left <= 0.0
 
 
@@ -283,8 +296,9 @@ def approach(error: float, feedback: float, most: float) -> float:
     """
     # root of w²/(2A) + |w|/κ − |e| in the form without cancellation
     slowness = 1.0 / feedback
-    root = math.sqrt(slowness * slowness + 2.0 * abs(error) / most)
-    return 2.0 * error / (slowness + root)
+    discriminant = slowness * slowness + 2.0 * abs(error) / most
+    divisor = slowness + math.sqrt(discriminant)
+    return 2.0 * error / divisor
 
 
 @in_place
@@ -297,13 +311,15 @@ def take_command(f: Follower, x: Array, instant: int, duration: float) -> None:
         if f.positions == 0:
             x[WANTED, j] = x[speed, j]
             continue
+        reference = x[REFERENCE, j]
+        rate = x[RATE, j]
         if f.fresh[instant]:
-            distance = x[position, j] - x[REFERENCE, j]
-            x[RATE, j] = distance / max(f.Ts, duration)
-        error = x[REFERENCE, j] - x[Q, j]
+            rate = (x[position, j] - reference) / max(f.Ts, duration)
+            x[RATE, j] = rate
+        error = reference - x[Q, j]
         correction = approach(error, f.feedback, f.acceleration[j])
-        x[WANTED, j] = x[RATE, j] + correction
-        x[REFERENCE, j] += duration * x[RATE, j]
+        x[WANTED, j] = rate + correction
+        x[REFERENCE, j] = reference + duration * rate
 
 
 @in_place
@@ -400,10 +416,14 @@ def write_reference(f: Follower, x: Array) -> None:
     advance(f, loop, Ts)
     age_command(f, loop)
     for j in range(x.shape[1]):
-        end = f.q_c[j] + 0.5 * Ts * (f.qd_c[j] + loop[QD, j])
+        q_r = f.q_c[j]
+        qd_r = f.qd_c[j]
+        qd = loop[QD, j]
+        end = q_r + 0.5 * Ts * (qd_r + qd)
         distance = end - loop[Q, j]
-        to_loop_speed = (loop[QD, j] - f.qd_c[j]) / Ts
-        x[COMMAND, j] = to_loop_speed - REMOVED * distance / (Ts * Ts)
+        to_loop_speed = (qd - qd_r) / Ts
+        correction = REMOVED * distance / (Ts * Ts)
+        x[COMMAND, j] = to_loop_speed - correction
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)

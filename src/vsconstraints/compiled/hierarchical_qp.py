@@ -45,9 +45,12 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
         kappa_down = share_within(-box[LEAST, j], -qdd[j])
         kappa = min(kappa, kappa_up, kappa_down)
     for i in range(rows.phi.size):
-        influenced = np.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
-        law.tracked[i] = share_within(law.asked[i], law.tracked[i]) if influenced else 1.0
-        kappa = min(kappa, law.tracked[i])
+        norm = np.sqrt(law.squared[i])
+        share = 1.0
+        if norm > ZERO_GRADIENT * rows.scale[i]:
+            share = share_within(law.asked[i], law.tracked[i])
+        law.tracked[i] = share
+        kappa = min(kappa, share)
     for j in range(qdd.size):
         qdd[j] *= kappa
     return kappa
@@ -92,6 +95,7 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         return FAILED
     if not finite(answer.slack):
         return NEEDS_PYTHON
-    for i in range(m if kappa < 1.0 else 0):
-        answer.acted[i] |= law.tracked[i] <= kappa
+    if kappa < 1.0:
+        for i in range(m):
+            answer.acted[i] |= law.tracked[i] <= kappa
     return finished(law, rows, qdd, code)

@@ -29,6 +29,7 @@ from .linear import (
     copy_vector,
     dot,
     length,
+    squared_length,
     squares,
 )
 from .scratch import blank, empty_qr, flags, matrix
@@ -90,10 +91,11 @@ def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scra
     G = matrix(scratch, J.shape[0], n + 1)
     X = blank(scratch, levels.ROWS_OF_X, n)
     for i in range(J.shape[0]):
-        copy(G, i, J, i, n)
-        G[i, n] = b[i]
+        missing = b[i]
         for j in range(rest.size):
-            G[i, n] -= J[i, j] * rest[j]
+            missing -= J[i, j] * rest[j]
+        copy(G, i, J, i, n)
+        G[i, n] = missing
     qr, rank, least = pseudoinverse(
         G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch
     )
@@ -157,7 +159,7 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
     n = row.shape[1]
     copy(row, START, normals, i, n)
     apply_transposed(aim.qr, aim.rank, row, START)
-    moved = np.sqrt(dot(row, START, row, START, aim.rank, n))
+    moved = np.sqrt(squared_length(row, START, aim.rank, n))
     return not moved <= MET * length(row, START, n)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray
-from .records import BOOL, F8
 from .workspace import Scratch
 
 
@@ -22,10 +21,10 @@ class Images(NamedTuple):
 
     every: int
     dated: int
-    noise: Annotated[Array, F8, "N", "M", 2]
-    lost: Annotated[BoolArray, BOOL, "N"]
-    held: Annotated[Array, F8, "delay + 1", "M", 2]
-    taken: Annotated[Array, F8, "delay + 1"]
+    noise: Annotated[Array, "N M 2"]
+    lost: Annotated[BoolArray, "N"]
+    held: Annotated[Array, "delay+1 M 2"]
+    taken: Annotated[Array, "delay+1"]
 
 
 class Lenses(NamedTuple):
@@ -36,9 +35,9 @@ class Lenses(NamedTuple):
     """
 
     address: int
-    true: Annotated[Array, F8, "eye"]
-    believed: Annotated[Array, F8, "eye"]
-    pixels: Annotated[Array, F8, "M", 2]
+    true: Annotated[Array, "eye"]
+    believed: Annotated[Array, "eye"]
+    pixels: Annotated[Array, "M 2"]
 
 
 class Sensing(NamedTuple):

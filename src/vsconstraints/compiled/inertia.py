@@ -155,7 +155,8 @@ class Frame(NamedTuple):
 def acceleration_at(frame: Frame, r: Vector) -> Vector:
     """Return the acceleration of a body's point at r from its origin: a + α × r + ω × (ω × r)."""
     tangential = cross(frame.alpha, r)
-    centripetal = cross(frame.omega, cross(frame.omega, r))
+    by_rotation = cross(frame.omega, r)
+    centripetal = cross(frame.omega, by_rotation)
     return plus(frame.acceleration, plus(tangential, centripetal))
 
 
@@ -168,7 +169,8 @@ def next_frame(bodies: BodyArrays, i: int, q: float, qd: float, frame: Frame, li
     """
     is_prismatic = bodies.prismatic[i]
     axis = vector(bodies.axis[i])
-    R, z = turned_by_joint(frame.R, matrix(bodies.R[i]), axis, is_prismatic, q)
+    placement = matrix(bodies.R[i])
+    R, z = turned_by_joint(frame.R, placement, axis, is_prismatic, q)
     displacement = q if is_prismatic else 0.0
     to_joint = rotate(frame.R, vector(bodies.t[i]))
     r = add_scaled(to_joint, displacement, z)
@@ -206,9 +208,11 @@ def write_wrench_and_mass(bodies: BodyArrays, i: int, frame: Frame, link: Any) -
     # moment about the centre: I α + ω × I ω
     write_rotated_inertia(matrix(bodies.inertia[i]), frame.R, link.inertia)
     of_alpha = symmetric_product(link.inertia, frame.alpha)
-    of_omega = cross(frame.omega, symmetric_product(link.inertia, frame.omega))
+    angular_momentum = symmetric_product(link.inertia, frame.omega)
+    of_omega = cross(frame.omega, angular_momentum)
     about_centre = plus(of_alpha, of_omega)
-    put(plus(about_centre, cross(centre, force)), link.moment)
+    moment = plus(about_centre, cross(centre, force))
+    put(moment, link.moment)
     link.mass = m
     put(times(m, centre), link.first_moment)
     move_inertia_to_origin(link.inertia, m, centre)
@@ -228,16 +232,21 @@ def project_on_joints(bodies: BodyArrays, motion: Motion) -> None:
             add_link(link, links[i + 1])
         velocity = vector(link.velocity)
         turn = vector(link.turn)
-        by_force = dot(velocity, vector(link.force))
-        motion.bias[i] = by_force + dot(turn, vector(link.moment))
+        force = vector(link.force)
+        moment = vector(link.moment)
+        motion.bias[i] = dot(velocity, force) + dot(turn, moment)
         # momentum of all bodies behind the joint if it alone moves, with speed 1
         first_moment = vector(link.first_moment)
-        linear = plus(times(link.mass, velocity), cross(turn, first_moment))
-        angular = plus(symmetric_product(link.inertia, turn), cross(first_moment, velocity))
+        linear_by_velocity = times(link.mass, velocity)
+        linear_by_turn = cross(turn, first_moment)
+        linear = plus(linear_by_velocity, linear_by_turn)
+        angular_by_turn = symmetric_product(link.inertia, turn)
+        angular_by_velocity = cross(first_moment, velocity)
+        angular = plus(angular_by_turn, angular_by_velocity)
         for j in range(i + 1):
-            other = links[j]
-            by_linear = dot(vector(other.velocity), linear)
-            motion.M[i, j] = by_linear + dot(vector(other.turn), angular)
+            other_velocity = vector(links[j].velocity)
+            other_turn = vector(links[j].turn)
+            motion.M[i, j] = dot(other_velocity, linear) + dot(other_turn, angular)
         motion.M[i, i] += bodies.rotor[i]
 
 

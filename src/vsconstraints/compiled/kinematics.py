@@ -45,6 +45,24 @@ def put_matrix(A: Matrix, out: Array) -> None:
 
 
 @in_place
+def camera_twist(step: Step) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return v, ω, v̇ and ω̇ of the camera relative to the target, in the camera's axes."""
+    eye = step.eye[0]
+    v = vector(eye.velocity)
+    omega = vector(eye.angular_velocity)
+    v_dot = vector(eye.acceleration)
+    omega_dot = vector(eye.angular_acceleration)
+    return v, omega, v_dot, omega_dot
+
+
+@in_place
+def camera_column(step: Step, j: int) -> tuple[Vector, Vector]:
+    """Return v and ω of the camera for q̇ⱼ = 1: a column of its Jacobian."""
+    column = step.camera_J[:, j]
+    return vector(column[:3]), vector(column[3:])
+
+
+@in_place
 def turned_by_joint(
     before_R: Matrix, placement: Matrix, joint_axis: Vector, prismatic: bool, q: float
 ) -> tuple[Matrix, Vector]:

@@ -6,6 +6,8 @@ import math
 
 from .compiler import in_place
 from .laws import within
+from .linear import clip
+from .plan_arrays import QD, Q
 from .plan_cost import follow_block
 from .plan_rows import move
 from .predictive_arrays import ASKED, PlanArrays, limits_of
@@ -29,7 +31,7 @@ def set_box(plans: PlanArrays, rows: RowArrays) -> None:
 @in_place
 def in_box(plans: PlanArrays, k: int, j: int, qdd: float) -> float:
     """Return the acceleration of joint j in block k nearest to q̈ within the bounds."""
-    nearest: float = min(max(qdd, plans.low[k, j]), plans.high[k, j])
+    nearest: float = clip(qdd, plans.low[k, j], plans.high[k, j])
     return nearest
 
 
@@ -41,8 +43,9 @@ def brake(plans: PlanArrays) -> None:
         qd = plans.now[1 + n + j]
         for k in range(H):
             to_stop = -qd / plans.length
-            plans.plan[k, j] = in_box(plans, k, j, to_stop)
-            qd += plans.length * plans.plan[k, j]
+            qdd = in_box(plans, k, j, to_stop)
+            plans.plan[k, j] = qdd
+            qd += plans.length * qdd
 
 
 @in_place
@@ -84,10 +87,11 @@ def stopping_time(plans: PlanArrays) -> float:
     longest = 0.0
     can_stop = True
     for j in range(plans.then.size):
+        most = plans.most[j]
         end = end_speed(plans, j)
-        if plans.most[j] == math.inf and end != 0.0:
+        if most == math.inf and end != 0.0:
             can_stop = False
-        longest = max(longest, abs(end) / plans.most[j])
+        longest = max(longest, abs(end) / most)
     return longest if can_stop else 0.0
 
 
@@ -104,16 +108,19 @@ def end_speed(plans: PlanArrays, j: int) -> float:
 def walk(plans: PlanArrays) -> int:
     """Write the states at all instants along the plan, and return their number."""
     H, n = plans.plan.shape
+    x = plans.space.x
+    moved = plans.space.moved
+    states = plans.states
     at_stop = plans.times.size - 1  # the instant at the end of the brake
     stop = stopping_time(plans)
     end_of_plan = plans.times[at_stop - 1]
     plans.times[at_stop] = end_of_plan + stop
     plans.braking[0] = stop
     for k in range(H):
-        follow_block(plans.length, plans.plan, plans.space.x, k, n)
+        follow_block(plans.length, plans.plan, x, k, n)
     count = at_stop + 1 if stop > 0.0 else at_stop
     limits = limits_of(plans, count, plans.value[0])
-    move(limits, plans.plan, plans.space.x, plans.space.moved)
+    move(limits, plans.plan, x, moved)
     for t in range(count):
         brakes = t == at_stop
         # displacement at the current speed: half as far while that is braked
@@ -121,8 +128,8 @@ def walk(plans: PlanArrays) -> int:
         for j in range(n):
             q = plans.now[1 + j]
             qd = plans.now[1 + n + j]
-            plans.states[0, t, j] = q + tau * qd + plans.space.moved[0, t, j]
-            plans.states[1, t, j] = 0.0 if brakes else qd + plans.space.moved[1, t, j]
+            states[Q, t, j] = q + tau * qd + moved[Q, t, j]
+            states[QD, t, j] = 0.0 if brakes else qd + moved[QD, t, j]
     plans.outcome[ASKED] = count
     return count
 

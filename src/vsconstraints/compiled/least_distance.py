@@ -55,16 +55,18 @@ def normalise(G: Array, rows: Array, metric: QR) -> bool:
         for i in range(j):
             la.add(G, j, -R[j, i], G, i, START, m)
         for i in range(m):
-            G[j, i] *= metric.scalars[INVERSE, j]
-            rows[SCALE, i] += G[j, i] * G[j, i]
+            entry = G[j, i] * metric.scalars[INVERSE, j]
+            G[j, i] = entry
+            rows[SCALE, i] += entry * entry
         la.add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
-        rows[MULTIPLIER, i] = 0.0
         scale = 1.0 / np.sqrt(rows[SCALE, i])
+        rows[MULTIPLIER, i] = 0.0
         rows[SCALE, i] = scale
         if scale > 0.0:
-            rows[SIDE, i] *= scale
-            if not abs(rows[SIDE, i]) < math.inf:
+            side = scale * rows[SIDE, i]
+            rows[SIDE, i] = side
+            if not abs(side) < math.inf:
                 return False
     for j in range(p):
         for i in range(m):
@@ -84,7 +86,8 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
         la.add(rows, EXCESS, X[POINT, j], G, j, START, m)
     for i in range(m):
         excess = rows[EXCESS, i]
-        if excess > worst and excess > EXCEEDED * (size + abs(rows[SIDE, i])):
+        rounding = EXCEEDED * (size + abs(rows[SIDE, i]))
+        if excess > worst and excess > rounding:
             chosen = i
             worst = excess
     return chosen
@@ -111,9 +114,11 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
     leaving = NONE
     step = math.inf
     for j in range(q):
-        if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
+        force = X[FORCE, j]
+        ratio = X[RATIO, j]
+        if ratio > 0.0 and force < step * ratio:
             leaving = j
-            step = X[FORCE, j] / X[RATIO, j]
+            step = force / ratio
     return leaving, step
 
 
@@ -127,7 +132,7 @@ def advance(qr: QR, X: Array, turned: int, excess: float, q: int, p: int) -> int
     """
     la.copy(X, RATIO, X, turned, q)
     la.solve_upper(qr, q, X, RATIO)
-    outside = la.dot(X, turned, X, turned, q, p)
+    outside = la.squared_length(X, turned, q, p)
     leaving, step = longest_step(X, q)
     if np.sqrt(outside) > DEPENDENT:
         full = excess / outside

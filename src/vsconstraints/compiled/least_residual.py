@@ -39,7 +39,8 @@ def take(qr: QR, q: int, A: Array, i: int) -> int:
     for j in range(n):
         columns[q, j] = A[i, j] / size
     la.apply_transposed(qr, q, columns, q)
-    if np.sqrt(la.dot(columns, q, columns, q, q, n)) <= DEPENDENT:
+    outside = np.sqrt(la.squared_length(columns, q, q, n))
+    if outside <= DEPENDENT:
         return 0
     la.make_reflection(qr, q)
     return 1
@@ -61,15 +62,19 @@ def task_step(
     for j in range(n):
         Y[STEP, j] = Y[FORCE, j] = 0.0
     for i in range(k):
-        W[i, n] = la.dot(G, i, X, AIM, START, n) - la.dot(G, i, X, ROW, START, n)
+        at_aim = la.dot(G, i, X, AIM, START, n)
+        at_point = la.dot(G, i, X, ROW, START, n)
+        missing = at_aim - at_point
         la.copy(W, i, G, i, n)
-        la.add(Y, FORCE, W[i, n], G, i, START, n)
+        W[i, n] = missing
+        la.add(Y, FORCE, missing, G, i, START, n)
         la.apply_transposed(qr, q, W, i)
     if q < n:
         pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, STEP, scratch)
         la.apply(qr, q, Y, STEP)
         for i in range(k):
-            moved += la.dot(G, i, Y, STEP, START, n) ** 2
+            change = la.dot(G, i, Y, STEP, START, n)
+            moved += change**2
     scratch.taken[0] = taken
     distance: float = np.sqrt(moved)
     return distance
@@ -92,8 +97,10 @@ def first_in_the_way(
         taken = False
         for at in range(count):
             taken = taken or order[at] == i
-        if not taken and change > REACHED * stride * la.length(walls, i, n):
-            reached = max(0.0, sides[i] - la.dot(walls, i, X, ROW, START, n)) / change
+        negligible = REACHED * stride * la.length(walls, i, n)
+        if not taken and change > negligible:
+            room = sides[i] - la.dot(walls, i, X, ROW, START, n)
+            reached = max(0.0, room) / change
             if reached < step:
                 step = reached
                 blocking = i
@@ -158,9 +165,10 @@ def least_residual(
             worst = NONE
             weakest = -noise
             for at in range(count):
-                if Y[FORCE, first + at] < weakest:
+                force = Y[FORCE, first + at]
+                if force < weakest:
                     worst = at
-                    weakest = Y[FORCE, first + at]
+                    weakest = force
             if worst == NONE:
                 for at in range(count):
                     active[order[at]] = Y[FORCE, first + at] > noise
@@ -186,7 +194,8 @@ def cut(G: Array, n: int, damping: float, tolerance: float, scratch: Scratch) ->
         la.copy(W, i, G, i, n)
     largest = orthogonalise(W, k, START, n)
     for i in range(k):
-        if tolerance * largest < la.length(W, i, n) < WELL_CONDITIONED * largest:
+        gain = la.length(W, i, n)
+        if tolerance * largest < gain < WELL_CONDITIONED * largest:
             cut: float = max(tolerance, np.sqrt(damping))
             return cut
     return tolerance

@@ -41,13 +41,15 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
 
     Return True if a rotation was needed.
     """
-    squared_p = la.dot(X, p, X, p, first, last)
-    squared_q = la.dot(X, q, X, q, first, last)
+    squared_p = la.squared_length(X, p, first, last)
+    squared_q = la.squared_length(X, q, first, last)
     product = la.dot(X, p, X, q, first, last)
     # the direction of a row of rounding errors does not matter
     if min(squared_p, squared_q) <= negligible:
         return False
-    rounding = 2e-16 * (last - first) * np.sqrt(squared_p) * np.sqrt(squared_q)
+    length_p = np.sqrt(squared_p)
+    length_q = np.sqrt(squared_q)
+    rounding = 2e-16 * (last - first) * length_p * length_q
     if abs(product) <= rounding:
         return False
     # tangent t and cosine c of the angle: t is the smaller root of t² + 2 z t = 1
@@ -73,7 +75,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     """
     total = 0.0
     for i in range(rows):
-        total += la.dot(X, i, X, i, first, last)
+        total += la.squared_length(X, i, first, last)
     negligible = 1e-30 * total
     for _ in range(SWEEPS):
         turned = False
@@ -84,7 +86,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
             break
     largest = 0.0
     for i in range(rows):
-        largest = max(largest, la.dot(X, i, X, i, first, last))
+        largest = max(largest, la.squared_length(X, i, first, last))
     norm: float = np.sqrt(largest)
     return norm
 
@@ -95,9 +97,10 @@ def add_gram_matrix(A: Array, scale: float, X: Array) -> None:
     n = X.shape[0]
     for i in range(A.shape[0]):
         for row in range(n):
-            scaled = A[i, row] / scale
+            by_row = A[i, row] / scale
             for column in range(n):
-                X[row, column] += scaled * (A[i, column] / scale)
+                by_column = A[i, column] / scale
+                X[row, column] += by_row * by_column
 
 
 @inner
@@ -112,11 +115,12 @@ def largest_of_whole(
     size = 0.0
     for i in range(whole.shape[0]):
         for j in range(n):
-            size += (whole[i, j] / scale) ** 2
+            entry = whole[i, j] / scale
+            size += entry**2
     for i in range(rows):
         # the squared largest singular value is between ‖whole‖_F² / n and ‖whole‖_F²; its value
         # matters only if the squared limit of a row is in that range
-        limit = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
+        limit = la.squared_length(W, i, first, n) / (tolerance * tolerance)
         if 0.99 * size <= n * limit and limit <= 1.01 * size:
             # it is the largest singular value of wholeᵀ whole, which this matrix represents with
             # all digits
@@ -152,7 +156,7 @@ def shorten(
         largest = largest_of_whole(W, rows, first, tolerance, whole, scale, zeros)
     left = 0
     for i in range(rows):
-        size = np.sqrt(la.dot(W, i, W, i, first, n))
+        size = np.sqrt(la.squared_length(W, i, first, n))
         kept = size > tolerance * largest
         for j in range(first, n + 1):
             value = W[i, j] if kept else 0.0
@@ -342,19 +346,22 @@ def bring(task: QR, least: float, A: Array, tolerance: float, qdd: Array, scratc
     for i in range(b):
         la.copy(rows.columns, i, A, i, n)
         for j in range(n):
-            squared_size += A[i, j] * A[i, j]
+            entry = A[i, j]
+            squared_size += entry * entry
         la.solve_lower(task, n, rows.columns, i)
     bound = la.factor(rows) * least
-    if not bound > max(CERTAIN * tolerance, WELL) * np.sqrt(squared_size):
+    needed = max(CERTAIN * tolerance, WELL)
+    if not bound > needed * np.sqrt(squared_size):
         return False
     # the change of x, in the free row of the QR
     change = rows.scalars
     for i in range(n):
         change[WORK, i] = 0.0
     for i in range(b):
-        change[WORK, i] = A[i, n]
+        missing = A[i, n]
         for j in range(n):
-            change[WORK, i] -= A[i, j] * qdd[j]
+            missing -= A[i, j] * qdd[j]
+        change[WORK, i] = missing
     la.solve_lower(rows, b, change, WORK)
     la.apply(rows, b, change, WORK)
     la.solve_upper(task, n, change, WORK)

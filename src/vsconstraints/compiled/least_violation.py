@@ -77,15 +77,20 @@ def measure(rows: Violations, X: Array) -> tuple[bool, float]:
     value = 0.0
     size = length(X, START, n)
     for i in range(rows.d.size):
-        residual = rows.residual[i] = dot(rows.B, i, X, START, START, n) - rows.d[i]
-        rounding = rows.rounding[i] = ROUNDING * (rows.norms[i] * size + abs(rows.d[i]))
+        side = rows.d[i]
+        residual = dot(rows.B, i, X, START, START, n) - side
+        rounding = ROUNDING * (rows.norms[i] * size + abs(side))
         met = met and residual <= rounding
         # rows exceeded by rounding alone count here: a row of large scale blocks small ones by just
         # that much
-        rows.violated[i] = residual > 0.0
-        rows.reached[i] = rows.reached[i] and residual >= -rounding
-        rows.pulled[i] = rows.violated[i] or rows.reached[i]
-        if rows.violated[i]:
+        is_violated = residual > 0.0
+        is_reached = rows.reached[i] and residual >= -rounding
+        rows.residual[i] = residual
+        rows.rounding[i] = rounding
+        rows.violated[i] = is_violated
+        rows.reached[i] = is_reached
+        rows.pulled[i] = is_violated or is_reached
+        if is_violated:
             value += residual * residual
     return met, value
 
@@ -99,7 +104,10 @@ def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> No
     B = rows.B
     held = rows.held
     m, n = rows.B.shape
-    count = columns = at = free = 0
+    count = 0
+    columns = 0
+    at = 0
+    free = 0
     taken = scratch.taken[0]
     for i in range(m):
         count += rows.pulled[i]
@@ -130,18 +138,18 @@ def look_along(rows: Violations, step: Array, still: float) -> tuple[bool, bool]
     """
     stationary = True
     blocked = False
+    n = step.shape[1]
     for i in range(rows.d.size):
-        change = rows.change[i] = dot(rows.B, i, step, START, START, step.shape[1])
-        stationary = stationary and (
-            not rows.violated[i] or abs(change) <= still + rows.rounding[i]
-        )
+        rounding = rows.rounding[i]
+        change = dot(rows.B, i, step, START, START, n)
+        rows.change[i] = change
+        if rows.violated[i] and not abs(change) <= still + rounding:
+            stationary = False
         # a row of large scale that is just met blocks the step at once, unless it takes part in it
-        if (
-            not rows.pulled[i]
-            and rows.residual[i] >= -rows.rounding[i]
-            and change > rows.rounding[i]
-        ):
-            rows.reached[i] = blocked = True
+        is_just_met = not rows.pulled[i] and rows.residual[i] >= -rounding
+        if is_just_met and change > rounding:
+            rows.reached[i] = True
+            blocked = True
     return stationary, blocked
 
 
@@ -155,12 +163,15 @@ def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
     strongest = -math.inf
     threshold = 0.0
     for j in range(rows.held.size):
-        pull = noise = 0.0
+        pull = 0.0
+        noise = 0.0
         for i in range(rows.d.size):
             if rows.violated[i]:
-                pull += rows.residual[i] * rows.B[i, j]
-                noise += abs(rows.B[i, j]) * (still + rows.rounding[i])
-        pull *= rows.held[j] if box[LEAST, j] < box[GREATEST, j] else 0.0
+                entry = rows.B[i, j]
+                pull += rows.residual[i] * entry
+                noise += abs(entry) * (still + rows.rounding[i])
+        has_room = box[LEAST, j] < box[GREATEST, j]
+        pull *= rows.held[j] if has_room else 0.0
         if pull > strongest:
             worst = j
             strongest = pull
@@ -187,7 +198,8 @@ def line_search(residual: Array, change: Array, limit: float) -> float:
             continue
         derivative = 0.0
         for i in range(residual.size):
-            derivative += max(residual[i] + kink * change[i], 0.0) * change[i]
+            excess = max(residual[i] + kink * change[i], 0.0)
+            derivative += excess * change[i]
         if derivative >= 0.0:
             upper = kink
         else:
@@ -217,12 +229,14 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
             longest[j] = (x[j] - box[LEAST, j]) / -moves
         limit = min(limit, max(0.0, longest[j]))
     t = line_search(rows.residual, rows.change, limit)
+    reaches_box = t >= limit
     for j in range(x.size):
-        x[j] += t * step[0, j]
-        if t >= limit and longest[j] <= limit:
-            rows.held[j] = np.copysign(1.0, step[0, j])
-            x[j] = box[GREATEST if step[0, j] > 0.0 else LEAST, j]
-    return t >= limit
+        moves = step[0, j]
+        x[j] += t * moves
+        if reaches_box and longest[j] <= limit:
+            rows.held[j] = np.copysign(1.0, moves)
+            x[j] = box[GREATEST if moves > 0.0 else LEAST, j]
+    return reaches_box
 
 
 @inner

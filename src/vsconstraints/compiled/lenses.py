@@ -32,7 +32,8 @@ def undistorted(
     """
     X, Y = image
     largest_radius = INSIDE * reach
-    radius = np.sqrt(X * X + Y * Y)
+    squared_radius = X * X + Y * Y
+    radius = np.sqrt(squared_radius)
     share = min(1.0, largest_radius / max(radius, largest_radius))
     x = share * X
     y = share * Y
@@ -63,19 +64,23 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
     """
 
     def through(eye: Array, pixels: Array, out: Array, back: bool) -> int:
+        f_u = eye[F_U]
+        f_v = eye[F_V]
+        center_u = eye[CENTER_U]
+        center_v = eye[CENTER_V]
         reach = eye[REACH]
         coefficients = to_fixed_tuple(eye[FIXED:], count)
         refused = 0
         for i in range(len(pixels)):
-            x = (pixels[i, 0] - eye[CENTER_U]) / eye[F_U]
-            y = (pixels[i, 1] - eye[CENTER_V]) / eye[F_V]
+            x = (pixels[i, 0] - center_u) / f_u
+            y = (pixels[i, 1] - center_v) / f_v
             if not back:
                 x, y, _, _, _, _ = extended(lens, x, y, reach, coefficients)
             elif not math.isnan(x + y):
                 x, y, is_found = undistorted(lens, (x, y), reach, coefficients)
                 refused += not is_found
-            out[i, 0] = eye[F_U] * x + eye[CENTER_U]
-            out[i, 1] = eye[F_V] * y + eye[CENTER_V]
+            out[i, 0] = f_u * x + center_u
+            out[i, 1] = f_v * y + center_v
         return refused
 
     return through

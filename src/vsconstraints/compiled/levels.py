@@ -20,10 +20,12 @@ from .linear import (
     add,
     apply,
     away,
+    clip,
     constant,
     copy,
     dot,
     length,
+    squared_length,
     squares,
 )
 from .scratch import blank, matrix
@@ -99,7 +101,7 @@ def write_metric(
     stack(G, damping, Z, X, R, B)
     for j in range(p):
         # the reflection along (head, B[j]) leads column j to (−size, 0)
-        squared_below = dot(B, j, B, j, START, k)
+        squared_below = squared_length(B, j, START, k)
         size = np.sqrt(R[j, j] * R[j, j] + squared_below)
         head = R[j, j] + size
         for other in range(j + 1, p + 1):
@@ -140,11 +142,13 @@ def settle(
         value = dot(walls, i, X, ORIGIN, START, n)
         norm = length(walls, i, n)
         room = norm * size + abs(sides[i])
+        excess = value - sides[i]
         relaxed[i] = max(sides[i], value) + RELAXED * room
-        if i < m and value - sides[i] > SIGNIFICANT * room:
-            violation[i] = value - sides[i]
+        if i < m and excess > SIGNIFICANT * room:
+            violation[i] = excess
+            weight = weights[i]
             for j in range(n):
-                force = walls[i, j] * weights[i] * weights[i] * violation[i]
+                force = walls[i, j] * weight * weight * excess
                 pull[PULL, j] += force
                 pull[TERMS, j] += abs(force)
                 A[at, j] = walls[i, j] / norm
@@ -152,7 +156,8 @@ def settle(
     # if the violations pull a coordinate against the box, all points of least violation are at that
     # bound
     for j in range(n):
-        is_at_bound = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
+        x = X[ORIGIN, j]
+        is_at_bound = x <= box[LEAST, j] or x >= box[GREATEST, j]
         is_pulled = abs(pull[PULL, j]) > SIGNIFICANT * pull[TERMS, j]
         if is_at_bound and is_pulled:
             A[at, j] = 1.0
@@ -179,10 +184,12 @@ def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, f
         residual_cost += scaled * scaled * squared_norm
         add(X, NEW, scaled, G, i, START, n)
     for j in range(n):
-        distance = point[0, j] - X[CENTER, j]
+        x = point[0, j]
+        center = X[CENTER, j]
+        distance = x - center
         squared_distance += distance * distance
         X[NEW, j] += damping * distance
-        terms += abs(point[0, j]) + abs(X[CENTER, j])
+        terms += abs(x) + abs(center)
     return np.sqrt(residual_cost + damping * squared_distance), terms
 
 
@@ -209,8 +216,10 @@ def optimal(
     cost, terms = gradient(G, damping, X, point)
     slackness = 0.0  # Σ μ |a x − c|, 0 at a minimum
     for i in range(walls.shape[0]):
-        if rows[MULTIPLIER, i] > 0.0 and rows[SCALE, i] > 0.0:
-            multiplier = rows[MULTIPLIER, i] * rows[SCALE, i]
+        multiplier_of_unit_row = rows[MULTIPLIER, i]
+        scale = rows[SCALE, i]
+        if multiplier_of_unit_row > 0.0 and scale > 0.0:
+            multiplier = multiplier_of_unit_row * scale
             add(X, NEW, multiplier, walls, i, START, n)
             room = sides[i] - dot(walls, i, point, START, START, n)
             norm = length(walls, i, n)
@@ -220,9 +229,10 @@ def optimal(
     # squared gradient in the directions that the basis leaves; all of them without a basis
     squared_rest = 0.0
     for d in range(p):
-        squared_rest += dot(X, NEW, Z, d, START, n) ** 2
+        along_basis = dot(X, NEW, Z, d, START, n)
+        squared_rest += along_basis**2
     if p == 0:
-        squared_rest = dot(X, NEW, X, NEW, START, n)
+        squared_rest = squared_length(X, NEW, START, n)
     allowed = CHECKED * np.sqrt(damping) * cost + ROUNDED * terms
     is_stationary = np.sqrt(squared_rest) <= allowed
     is_complementary = slackness <= CHECKED * cost * cost
@@ -240,10 +250,13 @@ def damped(G: Array, X: Array, point: Array) -> bool:
         residual = away(G, i, point, START, X, CENTER)
         squared_residual += residual * residual
     for j in range(n):
-        squared_distance += (point[0, j] - X[CENTER, j]) ** 2
-        squared_size += point[0, j] ** 2
+        x = point[0, j]
+        distance = x - X[CENTER, j]
+        squared_distance += distance**2
+        squared_size += x**2
     norm = np.sqrt(squares(G, n))
-    tolerated = norm * (STRICT * np.sqrt(squared_distance) + MET * np.sqrt(squared_size))
+    rounding = MET * np.sqrt(squared_size)
+    tolerated = norm * (STRICT * np.sqrt(squared_distance) + rounding)
     increased: bool = np.sqrt(squared_residual) > tolerated
     return increased
 
@@ -303,10 +316,10 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
     """Clip the point to the box, and make it the next stage's origin and the current answer."""
     for j in range(qdd.size):
-        above = max(point[0, j], box[LEAST, j])
-        qdd[j] = min(above, box[GREATEST, j])
-        X[ORIGIN, j] = qdd[j]
-        X[OFFSET, j] = qdd[j] - X[CENTER, j]
+        x = clip(point[0, j], box[LEAST, j], box[GREATEST, j])
+        qdd[j] = x
+        X[ORIGIN, j] = x
+        X[OFFSET, j] = x - X[CENTER, j]
 
 
 @inner
@@ -356,5 +369,4 @@ def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
             add(point, START, X[POINT, d], Z, d, START, n)
     for j in range(n):
         x = X[ORIGIN, j] + point[0, j]
-        above = max(x, box[LEAST, j])
-        point[0, j] = min(above, box[GREATEST, j])
+        point[0, j] = clip(x, box[LEAST, j], box[GREATEST, j])

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import in_place
-from .records import F8
 
 
 def constant(value: int) -> int:
@@ -23,6 +22,12 @@ def constant(value: int) -> int:
     Numba would compile them anew for every plain constant.
     """
     return cast("int", np.int64(value))
+
+
+@in_place
+def clip(x: float, least: float, greatest: float) -> float:
+    """Return the number nearest to x within the bounds."""
+    return min(max(x, least), greatest)
 
 
 START = constant(0)  #: The first column or row.
@@ -59,7 +64,7 @@ def in_range(X: Array) -> bool:
     """True if the squared norm of every row of X is zero or well within floating point."""
     wrong = 0
     for i in range(X.shape[0]):
-        squared = dot(X, i, X, i, START, X.shape[1])
+        squared = squared_length(X, i, START, X.shape[1])
         wrong |= out_of_range(squared)
     return wrong == 0
 
@@ -74,9 +79,15 @@ def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
 
 
 @in_place
+def squared_length(X: Array, i: int, first: int, last: int) -> float:
+    """Return ‖X[i]‖² from entry ``first`` up to ``last``."""
+    return dot(X, i, X, i, first, last)
+
+
+@in_place
 def length(X: Array, i: int, last: int) -> float:
     """Return ‖X[i]‖ up to entry ``last``."""
-    norm: float = np.sqrt(dot(X, i, X, i, START, last))
+    norm: float = np.sqrt(squared_length(X, i, START, last))
     return norm
 
 
@@ -85,7 +96,7 @@ def squares(X: Array, last: int) -> float:
     """Return ‖X‖² (Frobenius) of the columns up to ``last``."""
     total = 0.0
     for i in range(X.shape[0]):
-        total += dot(X, i, X, i, START, last)
+        total += squared_length(X, i, START, last)
     return total
 
 
@@ -129,8 +140,8 @@ class QR(NamedTuple):
     The basis of the QR consists of the columns of Q, which is the product of the reflections.
     """
 
-    columns: Annotated[Array, F8, "c", "r"]
-    scalars: Annotated[Array, F8, 3, "r"]
+    columns: Annotated[Array, "c r"]
+    scalars: Annotated[Array, "3 r"]
 
 
 @in_place
@@ -151,7 +162,7 @@ def make_reflection(qr: QR, j: int) -> None:
     """
     v = qr.columns
     r = v.shape[1]
-    size = np.sqrt(dot(v, j, v, j, j, r))
+    size = np.sqrt(squared_length(v, j, j, r))
     # the sign without cancellation
     outward = np.copysign(size, v[j, j])
     v[j, j] += outward

@@ -17,7 +17,7 @@ from .compiler import inner
 from .constraint_rows import RowTemplate, WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
-from .linear import START, add, constant, dot
+from .linear import START, add, constant, dot, length, squared_length
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
@@ -34,12 +34,14 @@ SECOND = constant(2)
 @inner
 def add_bracket(a: Array, b: Array, out: Array) -> None:
     """Add [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b) of twists (v, ω) to ``out`` (6,)."""
+    omega_a = a[3:]
+    omega_b = b[3:]
     for i in range(3):
         j = (i + 1) % 3
         k = (i + 2) % 3
-        omega_a_v_b = a[3 + j] * b[k] - a[3 + k] * b[j]
-        out[i] += omega_a_v_b + a[j] * b[3 + k] - a[k] * b[3 + j]
-        out[3 + i] += a[3 + j] * b[3 + k] - a[3 + k] * b[3 + j]
+        omega_a_v_b = omega_a[j] * b[k] - omega_a[k] * b[j]
+        out[i] += omega_a_v_b + a[j] * omega_b[k] - a[k] * omega_b[j]
+        out[3 + i] += omega_a[j] * omega_b[k] - omega_a[k] * omega_b[j]
 
 
 @inner
@@ -91,14 +93,14 @@ def sort_descending(X: Array, count: int, s: Array) -> None:
     """Write the lengths of the rows of X, in their first ``count`` entries, to s, and sort both."""
     c = len(s)
     for m in range(c):
-        best = m
-        for o in range(m, c):
-            s[o] = np.sqrt(dot(X, o, X, o, START, count))
-            if s[o] > s[best]:
-                best = o
-        s[m], s[best] = s[best], s[m]
+        longest = m
+        for other in range(m, c):
+            s[other] = length(X, other, count)
+            if s[other] > s[longest]:
+                longest = other
+        s[m], s[longest] = s[longest], s[m]
         for i in range(X.shape[1]):
-            X[m, i], X[best, i] = X[best, i], X[m, i]
+            X[m, i], X[longest, i] = X[longest, i], X[m, i]
 
 
 @inner
@@ -149,7 +151,7 @@ def singular(M: Array, s: Array, U: Array) -> Array:
         for m in range(last):
             projection = dot(U, m, U, last, START, long)
             add(U, last, -projection, U, m, START, long)
-        size = np.sqrt(dot(U, last, U, last, START, long))
+        size = length(U, last, long)
         for i in range(long):
             U[last, i] /= size
     return X
@@ -159,12 +161,14 @@ def singular(M: Array, s: Array, U: Array) -> Array:
 def write_long_matrix(T: Array, first: int, count: int, M: Array) -> None:
     """Write ``count`` rows of J, from ``first`` on, to M, transposed if M is longer then."""
     n = T.shape[1]
+    is_wide = count <= n
     for i in range(count):
         for j in range(n):
-            if count <= n:
-                M[j, i] = T[JACOBIAN, j, first + i]
+            entry = T[JACOBIAN, j, first + i]
+            if is_wide:
+                M[j, i] = entry
             else:
-                M[i, j] = T[JACOBIAN, j, first + i]
+                M[i, j] = entry
 
 
 @inner
@@ -193,12 +197,14 @@ def log_determinant_rates(s: Array, PV: Array, D: Array, D2: Array) -> tuple[flo
         gain = max(s[m], SINGULAR) ** 2
         PD = dot(D, m, PV, m, START, long)
         PD2 = dot(D2, m, PV, m, START, long)
-        DD = dot(D, m, D, m, START, long)
+        DD = squared_length(D, m, START, long)
         half_rate += PD / gain
         by_G_ddot += 2.0 * (PD2 + DD) / gain
         for o in range(len(s)):
             other_gain = max(s[o], SINGULAR) ** 2
-            G_dot = dot(D, m, PV, o, START, long) + dot(PV, m, D, o, START, long)
+            D_PV = dot(D, m, PV, o, START, long)
+            PV_D = dot(PV, m, D, o, START, long)
+            G_dot = D_PV + PV_D
             by_G_dot += G_dot * G_dot / (gain * other_gain)
     return half_rate, by_G_ddot - by_G_dot
 
@@ -234,11 +240,13 @@ def write_slope(
     for m in range(short):
         others = product_of_others(s, m)
         for j in range(n):
+            J_j = T[JACOBIAN, j]
             for k in range(j + 1, n):
+                J_k = T[JACOBIAN, k]
                 for i in range(6):
                     change[i] = 0.0
-                # ∂J_j/∂q_k = −[J_k, J_j]
-                add_bracket(T[JACOBIAN, j], T[JACOBIAN, k], change)
+                # ∂J_j/∂q_k = −[J_k, J_j] = [J_j, J_k]
+                add_bracket(J_j, J_k, change)
                 for i in range(count):
                     row = i if is_wide else j
                     column = j if is_wide else i
@@ -294,12 +302,14 @@ def manipulability_rows() -> WriteRows:
         slope = np.empty(n)
         tip_twists(step, T)
         w, w_bend = measure(T, int(start), int(count), slope)
+        row = part.first
+        K = part.K
         factor = -1.0 / scale
         sigma = (minimum - w) / scale
         sigma_dot = 0.0
         for j in range(n):
             sigma_dot += factor * slope[j] * step.qd[j]
-            step.rows.Lg[part.first, j] = part.K * factor * slope[j]
-        write_row(step, part.first, part.K, sigma, sigma_dot, factor * w_bend)
+            step.rows.Lg[row, j] = K * factor * slope[j]
+        write_row(step, row, K, sigma, sigma_dot, factor * w_bend)
 
     return rows

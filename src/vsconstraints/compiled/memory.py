@@ -16,6 +16,8 @@ import numpy as np
 
 from ..errors import InvalidInput, format_value
 from ..formulas.limits import JointLimits
+from ..rows import Array, BoolArray, IntArray
+from .records import BOOL, F8, I8
 
 
 @cache
@@ -24,13 +26,27 @@ def fields(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
+#: Elements of arrays, by the types that declare them. Records are declared with their own.
+ELEMENTS: dict[Any, np.dtype[Any]] = {Array: F8, IntArray: I8, BoolArray: BOOL}
+
+
+def element_of(declared: Any) -> np.dtype[Any]:
+    """Return the type of a declared array's elements."""
+    if declared.__origin__ in ELEMENTS:
+        return ELEMENTS[declared.__origin__]
+    record: np.dtype[Any] = declared.__metadata__[0]
+    return record
+
+
 def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
-    """Return the shape of a declared array; a letter that ``lengths`` lacks stands for 1."""
-    _, *declared_lengths = declared.__metadata__
+    """Return the shape of an array with declared axes such as ``"N m 3"``.
+
+    An axis that ``lengths`` lacks has the length 1.
+    """
+    axes = declared.__metadata__[-1]
     shape = []
-    for length in declared_lengths:
-        is_letter = isinstance(length, str)
-        shape.append(lengths.get(length, 1) if is_letter else length)
+    for axis in str(axes).split():
+        shape.append(int(axis) if axis.isdecimal() else lengths.get(axis, 1))
     return tuple(shape)
 
 
@@ -40,7 +56,7 @@ def zeros(
     """Return a structure of zeros, with arrays of their declared types and shapes.
 
     ``known`` contains fields that exist already, by name: those of the structure and those of the
-    structures within it, at any depth. ``lengths`` are those of the letters in the
+    structures within it, at any depth. ``lengths`` are those of the axes in the
     declarations; see :func:`shape_of`.
     """
     values = dict(known or {})
@@ -50,8 +66,7 @@ def zeros(
             continue
         is_array = hasattr(declared, "__metadata__")
         if is_array:
-            dtype = declared.__metadata__[0]
-            values[name] = np.zeros(shape_of(declared, lengths), dtype)
+            values[name] = np.zeros(shape_of(declared, lengths), element_of(declared))
         elif declared in (int, float):
             values[name] = declared(0)
         elif declared is JointLimits:

@@ -170,18 +170,39 @@ if accelerator.USED:
     accelerator.read_fields(Stored, _load)
 
 
-def _reader(offset: int, kind: Any) -> Any:
-    """Return the function that reads a number, or refers to an inner structure."""
+def _loader(result: Any, offset: int) -> Any:
+    """Return the intrinsic that loads a value of a type, ``offset`` bytes after an address."""
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def load(typing_context: Any, structure: Any) -> Any:
+    def load(typing_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            (address,) = values
-            if isinstance(kind, Stored):
-                return builder.add(address, llvm.Constant(WORD, offset))
-            return _load(builder, address, offset, context.get_value_type(kind))
+            (base,) = values
+            kind = context.get_value_type(result)
+            return _load(builder, base, offset, kind)
+
+        return result(address), generate
+
+    return load
+
+
+def _inner_address(kind: Stored, offset: int) -> Any:
+    """Return the intrinsic for the structure that begins ``offset`` bytes within another one."""
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def refer(typing_context: Any, structure: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            (base,) = values
+            return builder.add(base, llvm.Constant(WORD, offset))
 
         return kind(structure), generate
+
+    return refer
+
+
+def _reader(offset: int, kind: Any) -> Any:
+    """Return the function that reads a number, or refers to an inner structure."""
+    is_structure = isinstance(kind, Stored)
+    load = _inner_address(kind, offset) if is_structure else _loader(kind, offset)
 
     def read(structure: Any) -> Any:
         return load(structure)
@@ -191,25 +212,8 @@ def _reader(offset: int, kind: Any) -> Any:
 
 def _array_reader(offset: int, kind: Any) -> Any:
     """Return the function that makes an array of its address and its shape."""
-    shape_type = types.UniTuple(INT, kind.ndim)
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def data(typing_context: Any, structure: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            (address,) = values
-            pointer = context.get_value_type(signature.return_type)
-            return _load(builder, address, offset, pointer)
-
-        return types.CPointer(kind.dtype)(structure), generate
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def shape(typing_context: Any, structure: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            (address,) = values
-            lengths = context.get_value_type(signature.return_type)
-            return _load(builder, address, offset + WORD_SIZE, lengths)
-
-        return shape_type(structure), generate
+    data = _loader(types.CPointer(kind.dtype), offset)
+    shape = _loader(types.UniTuple(INT, kind.ndim), offset + WORD_SIZE)
 
     def read(structure: Any) -> Any:
         return numba.carray(data(structure), shape(structure))
@@ -306,13 +310,15 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
 
     @intrinsic  # type: ignore[untyped-decorator]
     def call_pointer(typing_context: Any, address: Any, arguments: Any) -> Any:
+        count = len(arguments)
+
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             number, packed = values
-            _, argument_types = signature.args
-            given = [builder.extract_value(packed, i) for i in range(len(argument_types))]
+            given = [builder.extract_value(packed, i) for i in range(count)]
             types_given = [value.type for value in given]
-            kind = llvm.FunctionType(context.get_value_type(result), types_given)
-            pointer = builder.inttoptr(number, kind.as_pointer())
+            result_type = context.get_value_type(result)
+            function_type = llvm.FunctionType(result_type, types_given)
+            pointer = builder.inttoptr(number, function_type.as_pointer())
             answer = builder.call(pointer, given)
             return context.get_dummy_value() if result == VOID else answer
 
@@ -349,19 +355,11 @@ def fixed_tuple_as(function: Callable[..., Any]) -> None:
 
     @overload(function, prefer_literal=True, jit_options=PART)  # type: ignore[untyped-decorator]
     def to_tuple(array: Any, count: Any) -> Any:
-        if array.layout != "C" or not isinstance(count, types.IntegerLiteral):
+        is_known = isinstance(count, types.IntegerLiteral)
+        if array.layout != "C" or not is_known:
             return None
-        kind = types.UniTuple(array.dtype, count.literal_value)
-
-        @intrinsic  # type: ignore[untyped-decorator]
-        def load(typing_context: Any, address: Any) -> Any:
-            def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-                (number,) = values
-                numbers = context.get_value_type(kind)
-                pointer = builder.inttoptr(number, numbers.as_pointer())
-                return builder.load(pointer)
-
-            return kind(types.intp), generate
+        numbers = types.UniTuple(array.dtype, count.literal_value)
+        load = _loader(numbers, 0)
 
         def implementation(array: Any, count: Any) -> Any:
             return load(array.ctypes.data)

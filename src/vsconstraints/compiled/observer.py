@@ -13,7 +13,6 @@ from .laws import RESOLVER, is_answer, load_law
 from .linear import copy_vector
 from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
-from .records import F8
 from .workspace import Answer, RowArrays, TaskArrays
 
 #: Rows of an observation.
@@ -28,13 +27,13 @@ class ObserverArrays(NamedTuple):
     time_constant: float
     dead_time: float
     #: SIGMA and SIGMA_DOT of the previous sample, NaN if there was none, and DRIFT d̂ [1/s].
-    seen: Annotated[Array, F8, 3, "m"]
-    after: Annotated[Array, F8, 3, "m"]  #: Values of this sample, stored once the law has answered.
+    seen: Annotated[Array, "3 m"]
+    after: Annotated[Array, "3 m"]  #: Values of this sample, stored once the law has answered.
     #: Fields of the corrected rows.
-    phi: Annotated[Array, F8, "m"]
-    Lf: Annotated[Array, F8, "m"]
-    sigma: Annotated[Array, F8, "m"]
-    sigma_dot: Annotated[Array, F8, "m"]
+    phi: Annotated[Array, "m"]
+    Lf: Annotated[Array, "m"]
+    sigma: Annotated[Array, "m"]
+    sigma_dot: Annotated[Array, "m"]
     corrected: RowArrays  #: Corrected rows, which share the other fields of the rows.
 
     @classmethod

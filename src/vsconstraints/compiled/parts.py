@@ -180,19 +180,22 @@ def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Excepti
 
     The warning contains name, file and line of each formula, and the compiler's reason.
     """
-    names = " and ".join(
-        f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line "
-        f"{formula.__code__.co_firstlineno})"
-        for formula in formulas
-        if formula is not None
-    )
-    reason = next((line for line in str(error).splitlines()[1:] if line.strip()), str(error))
-    chooses = any(
-        "where" in formula.__code__.co_names for formula in formulas if formula is not None
-    )
-    remedy = "; use vsconstraints.formulas.where in place of np.where" if chooses else ""
+    names = []
+    remedy = ""
+    for formula in formulas:
+        if formula is None:
+            continue
+        code = formula.__code__
+        file = inspect.getsourcefile(formula)
+        names.append(f"{formula.__qualname__} ({file}, line {code.co_firstlineno})")
+        if "where" in code.co_names:
+            remedy = "; use vsconstraints.formulas.where in place of np.where"
+    message = str(error)
+    reasons = [line for line in message.splitlines()[1:] if line.strip()]
+    reason = reasons[0] if reasons else message
     warnings.warn(
-        f"the compiler refuses a formula, so that rows of {names} are made in NumPy{remedy}: "
+        f"the compiler refuses a formula, so that rows of {' and '.join(names)} are made in NumPy"
+        f"{remedy}: "
         f"{reason.strip()}",
         RuntimeWarning,
         stacklevel=3,

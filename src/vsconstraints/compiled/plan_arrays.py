@@ -18,12 +18,17 @@ from typing import Annotated, NamedTuple
 
 from ..rows import Array, IntArray
 from .linear import QR, constant
-from .records import F8, I8
 
 #: Rows of the workspace behind those of :mod:`.least_distance`, and the total number of rows.
 TURNED = constant(5)
 SIDE = constant(6)
 VECTORS = 7
+WORK = f"{VECTORS} p"  #: Axes of these vectors.
+#: Parts of a motion: q and q̇ at every instant.
+Q, QD = range(2)
+#: Rows of an adjoint: gradients with respect to the acceleration of a block, and to q and q̇ of the
+#: state before it.
+BY_QDD, BY_Q, BY_QD = range(3)
 
 
 class Cost(NamedTuple):
@@ -48,11 +53,11 @@ class Factor(NamedTuple):
     The cost-to-go of a state x is ½ xᵀP x − pᵀx, where the last row of P is p, with this sign.
     """
 
-    Y: Annotated[Array, F8, "H", "n", "2n"]
-    y: Annotated[Array, F8, "H", "n"]
-    L: Annotated[Array, F8, "H", "n", "n"]
-    inverse: Annotated[Array, F8, "H", "n"]
-    P: Annotated[Array, F8, "2n + 1", "2n"]
+    Y: Annotated[Array, "H n 2n"]
+    y: Annotated[Array, "H n"]
+    L: Annotated[Array, "H n n"]
+    inverse: Annotated[Array, "H n"]
+    P: Annotated[Array, "2n+1 2n"]
 
 
 class Limits(NamedTuple):
@@ -85,28 +90,29 @@ class Space(NamedTuple):
     ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇
     at every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held``
     is their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
-    and ``slack_unit`` the excess that a slack z = 1 allows. See :func:`.pull_on` for ``adjoint``.
+    and ``slack_unit`` the excess that a slack z = 1 allows. ``adjoint`` has
+    the rows ``BY_QDD`` to ``BY_QD``.
     """
 
     p: int
-    u: Annotated[Array, F8, "H", "n"]
-    x: Annotated[Array, F8, "H + 1", "2n"]
-    moved: Annotated[Array, F8, 2, "N", "n"]
-    work: Annotated[Array, F8, VECTORS, "p"]
-    normals: Annotated[Array, F8, "p", "p"]
+    u: Annotated[Array, "H n"]
+    x: Annotated[Array, "H+1 2n"]
+    moved: Annotated[Array, "2 N n"]
+    work: Annotated[Array, WORK]
+    normals: Annotated[Array, "p p"]
     qr: QR
-    active: Annotated[IntArray, I8, "p"]
-    held: Annotated[IntArray, I8, 1]
-    slack: Annotated[Array, F8, "m"]
-    slack_unit: Annotated[Array, F8, "m"]
-    adjoint: Annotated[Array, F8, 3, "n"]
+    active: Annotated[IntArray, "p"]
+    held: Annotated[IntArray, "1"]
+    slack: Annotated[Array, "m"]
+    slack_unit: Annotated[Array, "m"]
+    adjoint: Annotated[Array, "3 n"]
 
 
 def lengths_of(H: int, N: int, n: int, m: int) -> dict[str, int]:
-    """Return the lengths of the letters in declarations.
+    """Return the lengths of the axes in declarations.
 
     They are those of H blocks, up to N instants, n joints and m rows.
     """
     p = H * n + m  # a QR is of up to p active rows
-    sums = {"H + 1": H + 1, "N - 1": N - 1, "2n": 2 * n, "2n + 1": 2 * n + 1}
+    sums = {"H+1": H + 1, "N-1": N - 1, "2n": 2 * n, "2n+1": 2 * n + 1}
     return {"H": H, "N": N, "n": n, "m": m, "p": p, "c": p, "r": p, **sums}

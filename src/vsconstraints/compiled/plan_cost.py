@@ -34,6 +34,14 @@ def factorise(cost: Cost, factor: Factor) -> bool:
 
 
 @in_place
+def feedback_of(cost: Cost, k: int) -> tuple[float, float, float, float]:
+    """Return K_p and K_v, s and d of block k."""
+    gains = cost.gains[k]
+    rest = cost.rest[k]
+    return gains[0], gains[1], rest[0], rest[1]
+
+
+@in_place
 def write_terms_of_acceleration(k: int, cost: Cost, factor: Factor) -> None:
     """Write ½ uᵀL u + uᵀ(Y x − y): the terms of the cost with the acceleration u of block k.
 
@@ -44,27 +52,27 @@ def write_terms_of_acceleration(k: int, cost: Cost, factor: Factor) -> None:
     T = cost.length
     h = 0.5 * cost.length**2
     P = factor.P
-    Y = factor.Y
-    y = factor.y
-    L = factor.L
+    Y = factor.Y[k]
+    y = factor.y[k]
+    L = factor.L[k]
     linear = 2 * n
-    Kp = cost.gains[k, 0]
-    Kv = cost.gains[k, 1]
-    s = cost.rest[k, 0]
-    d = cost.rest[k, 1]
+    Kp, Kv, s, d = feedback_of(cost, k)
     for i in range(n):
         pull = cost.pull[k, i]
         free = cost.damping * cost.free[k, i]
-        y[k, i] = pull + free + h * P[linear, i] + T * P[linear, n + i]
+        y[i] = pull + free + h * P[linear, i] + T * P[linear, n + i]
         for j in range(n):
             square = cost.square[k, i, j]
             unit = cost.damping if i == j else 0.0
             # the acceleration of joint i moves its q by h, and its q̇ by T
             by_q = h * P[i, j] + T * P[n + i, j]
             by_qd = h * P[i, n + j] + T * P[n + i, n + j]
-            L[k, i, j] = square + unit + h * by_q + T * by_qd
-            Y[k, i, j] = Kp * square + s * unit + by_q
-            Y[k, i, n + j] = Kv * square + d * unit + T * by_q + by_qd
+            own = square + unit
+            feedback_of_q = Kp * square + s * unit
+            feedback_of_qd = Kv * square + d * unit
+            L[i, j] = own + h * by_q + T * by_qd
+            Y[i, j] = feedback_of_q + by_q
+            Y[i, n + j] = feedback_of_qd + T * by_q + by_qd
 
 
 @in_place
@@ -87,10 +95,7 @@ def add_cost_of_block(k: int, cost: Cost, P: Array) -> None:
     """Add the cost of block k without acceleration to the cost-to-go."""
     n = cost.pull.shape[1]
     linear = 2 * n
-    Kp = cost.gains[k, 0]
-    Kv = cost.gains[k, 1]
-    s = cost.rest[k, 0]
-    d = cost.rest[k, 1]
+    Kp, Kv, s, d = feedback_of(cost, k)
     for i in range(n):
         pull = cost.pull[k, i]
         free = cost.damping * cost.free[k, i]
@@ -99,10 +104,13 @@ def add_cost_of_block(k: int, cost: Cost, P: Array) -> None:
         for j in range(n):
             square = cost.square[k, i, j]
             unit = cost.damping if i == j else 0.0
-            P[i, j] += Kp * Kp * square + s * s * unit
-            P[i, n + j] += Kp * Kv * square + s * d * unit
-            P[n + i, j] += Kp * Kv * square + s * d * unit
-            P[n + i, n + j] += Kv * Kv * square + d * d * unit
+            q_q = Kp * Kp * square + s * s * unit
+            q_qd = Kp * Kv * square + s * d * unit
+            qd_qd = Kv * Kv * square + d * d * unit
+            P[i, j] += q_q
+            P[i, n + j] += q_qd
+            P[n + i, j] += q_qd
+            P[n + i, n + j] += qd_qd
 
 
 @in_place
@@ -128,8 +136,9 @@ def eliminate(k: int, factor: Factor) -> bool:
             L[i, j] *= inverse[j]
     for i in range(n):
         for c in range(i):
-            y[i] -= L[i, c] * y[c]
-            add(Y, i, -L[i, c], Y, c, START, states)
+            multiple = L[i, c]
+            y[i] -= multiple * y[c]
+            add(Y, i, -multiple, Y, c, START, states)
         y[i] *= inverse[i]
         for j in range(states):
             Y[i, j] *= inverse[i]
@@ -145,24 +154,31 @@ def eliminate(k: int, factor: Factor) -> bool:
 def roll_out(cost: Cost, factor: Factor, space: Space) -> None:
     """Write the plan and the states that follow from w."""
     H, n = cost.pull.shape
-    T = cost.length
+    states = 2 * n
     u = space.u
     x = space.x
     for k in range(H):
+        L = factor.L[k]
+        Y = factor.Y[k]
+        first = k * n
         # Lᵀ u = w + y − Y x
         for i in range(n):
-            w = space.work[POINT, k * n + i]
-            feedback = dot(factor.Y[k], i, x, k, START, 2 * n)
+            w = space.work[POINT, first + i]
+            feedback = dot(Y, i, x, k, START, states)
             u[k, i] = w + factor.y[k, i] - feedback
         for i in range(n - 1, -1, -1):
             u[k, i] *= factor.inverse[k, i]
-            add(u, k, -u[k, i], factor.L[k], i, START, i)
-        follow_block(T, u, x, k, n)
+            add(u, k, -u[k, i], L, i, START, i)
+        follow_block(cost.length, u, x, k, n)
 
 
 @in_place
 def follow_block(T: float, u: Array, x: Array, k: int, n: int) -> None:
     """Write the state after block k."""
     for j in range(n):
-        x[k + 1, j] = x[k, j] + T * (x[k, n + j] + 0.5 * T * u[k, j])
-        x[k + 1, n + j] = x[k, n + j] + T * u[k, j]
+        q = x[k, j]
+        qd = x[k, n + j]
+        qdd = u[k, j]
+        mean_speed = qd + 0.5 * T * qdd
+        x[k + 1, j] = q + T * mean_speed
+        x[k + 1, n + j] = qd + T * qdd

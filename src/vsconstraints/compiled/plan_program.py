@@ -14,7 +14,7 @@ from ..rows.tolerances import ZERO_GRADIENT
 from .codes import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 from .compiler import in_place
 from .least_distance import NEW, POINT, clip_forces
-from .linear import QR, START, dot
+from .linear import QR, length
 from .plan_arrays import Cost, Factor, Limits, Space
 from .plan_cost import factorise
 from .plan_rows import constraint_of, differentiate, excess, first_slack_row, predict
@@ -58,10 +58,11 @@ def measure_excess(
         if not over > 0.0:
             continue
         differentiate(cost, factor, limits, row, space.adjoint, X)
-        length = np.sqrt(dot(X, NEW, X, NEW, START, limits.low.size))
-        if length > ZERO_GRADIENT * limits.scale[i]:
-            greatest = max(greatest, over / length)
-            sum_of_logarithms += np.log(length * weights[i] / limits.scale[i])
+        norm = length(X, NEW, limits.low.size)
+        scale = limits.scale[i]
+        if norm > ZERO_GRADIENT * scale:
+            greatest = max(greatest, over / norm)
+            sum_of_logarithms += np.log(norm * weights[i] / scale)
             count += 1
     distance = greatest if greatest > 0.0 else 1.0
     return distance, np.exp(sum_of_logarithms / max(count, 1))

@@ -10,7 +10,7 @@ from ..rows import Array
 from .compiler import in_place
 from .least_distance import NEW, NONE
 from .linear import START, dot
-from .plan_arrays import Cost, Factor, Limits, Space
+from .plan_arrays import BY_Q, BY_QD, BY_QDD, QD, Cost, Factor, Limits, Q, Space
 from .plan_cost import roll_out
 
 
@@ -21,15 +21,18 @@ def move(limits: Limits, u: Array, x: Array, moved: Array) -> None:
     for t in range(limits.instants):
         k = limits.block[t]
         tau = limits.since[t]
+        brakes = k == len(u)
         for j in range(n):
             q = x[k, j]
             qd = x[k, n + j]
-            if k == len(u):
-                moved[0, t, j] = q + 0.5 * limits.stop * qd
-                moved[1, t, j] = 0.0
+            if brakes:
+                moved[Q, t, j] = q + 0.5 * limits.stop * qd
+                moved[QD, t, j] = 0.0
             else:
-                moved[0, t, j] = q + tau * (qd + 0.5 * tau * u[k, j])
-                moved[1, t, j] = qd + tau * u[k, j]
+                qdd = u[k, j]
+                mean_speed = qd + 0.5 * tau * qdd
+                moved[Q, t, j] = q + tau * mean_speed
+                moved[QD, t, j] = qd + tau * qdd
 
 
 @in_place
@@ -56,19 +59,21 @@ def constraint_of(limits: Limits, row: int) -> tuple[int, int]:
 def bound_of(limits: Limits, row: int) -> tuple[int, int, bool]:
     """Return block and joint of a bound of the box, and True if it is the upper bound."""
     n = limits.gradient.shape[2]
+    upper_bounds = limits.low.size
     bound = row - limits.left.size
-    is_upper = bound < limits.low.size
-    entry = bound % limits.low.size
+    is_upper = bound < upper_bounds
+    entry = bound % upper_bounds
     return entry // n, entry % n, is_upper
 
 
 @in_place
 def row_of_bound(limits: Limits, k: int, j: int, is_upper: bool) -> int:
     """Return the row of a bound of joint j in block k: the inverse of :func:`bound_of`."""
+    n = limits.gradient.shape[2]
     first = limits.left.size
     if not is_upper:
         first += limits.low.size
-    row: int = first + k * limits.gradient.shape[2] + j
+    row: int = first + k * n + j
     return row
 
 
@@ -82,8 +87,8 @@ def first_slack_row(limits: Limits) -> int:
 @in_place
 def at(limits: Limits, moved: Array, t: int, i: int) -> float:
     """Return the value of constraint i at an instant."""
-    order = 1 if limits.by_speed[i] else 0
-    change = dot(limits.gradient[t], i, moved[order], t, START, moved.shape[2])
+    part = QD if limits.by_speed[i] else Q
+    change = dot(limits.gradient[t], i, moved[part], t, START, moved.shape[2])
     value: float = limits.value[t, i] + change
     return value
 
@@ -105,9 +110,10 @@ def excess(limits: Limits, space: Space, row: int) -> float:
         next_value = at(limits, space.moved, t + 1, i)
         return constraint_excess(limits, t, i, value, next_value)
     k, j, is_upper = bound_of(limits, row)
+    qdd = space.u[k, j]
     if is_upper:
-        return float(space.u[k, j] - limits.high[k, j])
-    return float(limits.low[k, j] - space.u[k, j])
+        return float(qdd - limits.high[k, j])
+    return float(limits.low[k, j] - qdd)
 
 
 @in_place
@@ -155,9 +161,12 @@ def most_exceeded_bound(limits: Limits, space: Space, least: float) -> int:
     most = least
     for k in range(len(limits.low)):
         for j in range(limits.low.shape[1]):
-            above = space.u[k, j] - limits.high[k, j]
-            below = limits.low[k, j] - space.u[k, j]
-            over = max(above, below) / (limits.high[k, j] - limits.low[k, j])
+            qdd = space.u[k, j]
+            low = limits.low[k, j]
+            high = limits.high[k, j]
+            above = qdd - high
+            below = low - qdd
+            over = max(above, below) / (high - low)
             if over > most:
                 chosen = row_of_bound(limits, k, j, above > below)
                 most = over
@@ -184,15 +193,18 @@ def differentiate(
     # from Lᵀ u = w + y − Y x: the gradient g with respect to w is L⁻¹ times that with respect to u,
     # and −Yᵀ g is added to that with respect to x
     while k >= 0:
+        L = factor.L[k]
+        Y = factor.Y[k]
+        first = k * n
         for i in range(n):
-            g = adjoint[0, i]
+            g = adjoint[BY_QDD, i]
             for c in range(i):
-                g -= factor.L[k, i, c] * X[NEW, k * n + c]
+                g -= L[i, c] * X[NEW, first + c]
             g *= factor.inverse[k, i]
-            X[NEW, k * n + i] = g
+            X[NEW, first + i] = g
             for j in range(n):
-                adjoint[1, j] -= factor.Y[k, i, j] * g
-                adjoint[2, j] -= factor.Y[k, i, n + j] * g
+                adjoint[BY_Q, j] -= Y[i, j] * g
+                adjoint[BY_QD, j] -= Y[i, n + j] * g
         step_back(T, adjoint)
         k -= 1
 
@@ -201,7 +213,7 @@ def differentiate(
 def begin_at_bound(limits: Limits, row: int, adjoint: Array) -> int:
     """Write the adjoint of a bound of the box at its block, and return the number of the block."""
     k, j, is_upper = bound_of(limits, row)
-    adjoint[0, j] = 1.0 if is_upper else -1.0
+    adjoint[BY_QDD, j] = 1.0 if is_upper else -1.0
     return k
 
 
@@ -216,13 +228,15 @@ def begin_at_constraint(limits: Limits, row: int, adjoint: Array) -> int:
     factor_of_row = limits.row_factor[t, i]
     if k == len(limits.low):
         for j in range(limits.gradient.shape[2]):
-            adjoint[1, j] = factor_of_row * limits.gradient[t + 1, i, j]
-            adjoint[2, j] = 0.5 * limits.stop * adjoint[1, j]
+            by_q = factor_of_row * limits.gradient[t + 1, i, j]
+            adjoint[BY_Q, j] = by_q
+            adjoint[BY_QD, j] = 0.5 * limits.stop * by_q
     else:
         pull_on(limits, adjoint, t + 1, i, factor_of_row, True)
     if t > 0:
         is_same_block = limits.block[t] == k
-        pull_on(limits, adjoint, t, i, -factor_of_row * limits.falls[t], is_same_block)
+        factor_before = -factor_of_row * limits.falls[t]
+        pull_on(limits, adjoint, t, i, factor_before, is_same_block)
     return k
 
 
@@ -230,29 +244,25 @@ def begin_at_constraint(limits: Limits, row: int, adjoint: Array) -> int:
 def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, inside: bool) -> None:
     """Add the gradient of a row at an instant to the adjoint.
 
-    adjoint[0] is the gradient with respect to the acceleration of the row's block. adjoint[1] and
-    adjoint[2] are those with respect to q and q̇ of the state before the block. Unless ``inside``,
-    the instant is the end of the previous block.
+    Unless ``inside`` the row's block, the instant is the end of the previous one.
     """
     tau = limits.since[t] if inside else 0.0
     for j in range(adjoint.shape[1]):
-        c = factor * limits.gradient[t, i, j]
+        slope = factor * limits.gradient[t, i, j]
         if limits.by_speed[i]:
-            adjoint[0, j] += tau * c
-            adjoint[2, j] += c
+            adjoint[BY_QDD, j] += tau * slope
+            adjoint[BY_QD, j] += slope
         else:
-            adjoint[0, j] += 0.5 * tau * tau * c
-            adjoint[1, j] += c
-            adjoint[2, j] += tau * c
+            adjoint[BY_QDD, j] += 0.5 * tau * tau * slope
+            adjoint[BY_Q, j] += slope
+            adjoint[BY_QD, j] += tau * slope
 
 
 @in_place
 def step_back(T: float, adjoint: Array) -> None:
-    """Propagate the adjoint of the state after a block to its acceleration and its first state.
-
-    adjoint[0] becomes the gradient with respect to the acceleration. adjoint[1] and adjoint[2]
-    become those with respect to q and q̇ of the state before the block.
-    """
+    """Propagate the adjoint of the state after a block to its acceleration and its first state."""
     for j in range(adjoint.shape[1]):
-        adjoint[0, j] = T * (0.5 * T * adjoint[1, j] + adjoint[2, j])
-        adjoint[2, j] += T * adjoint[1, j]
+        by_q = adjoint[BY_Q, j]
+        by_qd = adjoint[BY_QD, j]
+        adjoint[BY_QDD, j] = T * (0.5 * T * by_q + by_qd)
+        adjoint[BY_QD, j] = by_qd + T * by_q

@@ -13,15 +13,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
 from . import least_distance
 from .codes import FAILED, INCOMPATIBLE, SOLVED
 from .compiler import in_place
 from .least_distance import FORCE, NEW, NO_POINT, NONE, POINT, advance, clip_forces
-from .linear import START, apply_transposed, copy, dot, make_reflection
+from .linear import START, apply_transposed, copy, dot, length, make_reflection, squared_length
 from .plan_arrays import SIDE, TURNED, Cost, Factor, Limits, Space
 from .plan_rows import (
     constraint_of,
@@ -124,14 +122,15 @@ def write_normal(
         negligible = ZERO_GRADIENT * limits.scale[i]
         if space.p > first_slack:
             # the slack allows an excess of unit z = unit (z + π) − unit π; z + π is the coordinate
-            X[NEW, first_slack + i] = -space.slack_unit[i]
-            side -= space.slack_unit[i] * penalty
-    length = np.sqrt(dot(X, NEW, X, NEW, START, space.p))
-    if length <= negligible:
+            unit = space.slack_unit[i]
+            X[NEW, first_slack + i] = -unit
+            side -= unit * penalty
+    norm = length(X, NEW, space.p)
+    if norm <= negligible:
         return math.nan
     for j in range(space.p):
-        X[NEW, j] /= length
-    distance: float = side / length
+        X[NEW, j] /= norm
+    distance: float = side / norm
     return distance
 
 
@@ -155,13 +154,14 @@ def most_negative_slack(space: Space, penalty: float, first: int) -> int:
     """
     X = space.work
     chosen = NONE
-    least = -NEGLIGIBLE * penalty
+    negligible = NEGLIGIBLE * penalty
+    least = -negligible
     for i in range(space.p - first):
         z = X[POINT, first + i] - penalty
         if z < least:
             chosen = i
             least = z
-        space.slack[i] = space.slack_unit[i] * z if z > NEGLIGIBLE * penalty else 0.0
+        space.slack[i] = space.slack_unit[i] * z if z > negligible else 0.0
     return chosen
 
 
@@ -172,7 +172,7 @@ def cost_of(space: Space, penalty: float, first: int) -> float:
     It increases with every added row.
     """
     X = space.work
-    total = dot(X, POINT, X, POINT, START, first)
+    total = squared_length(X, POINT, START, first)
     for j in range(first, space.p):
         z = X[POINT, j] - penalty
         total += z * (z + 2.0 * penalty)
@@ -247,7 +247,7 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
             continue
         side = write_normal(cost, factor, limits, space, row, UNUSED_PENALTY)
         turn_new(space, q)
-        outside = dot(X, TURNED, X, TURNED, q, space.p)
+        outside = squared_length(X, TURNED, q, space.p)
         if abs(side) < math.inf and outside > INDEPENDENT:
             append(space, row, side, q)
             q += 1

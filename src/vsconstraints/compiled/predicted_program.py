@@ -23,6 +23,7 @@ from .codes import (
     B,
 )
 from .compiler import in_place
+from .plan_arrays import QD, Q
 from .predictive_arrays import PlanArrays
 from .workspace import RowArrays, TaskArrays
 
@@ -51,16 +52,17 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays) -> None:
         per_speed = 1.0 if on_phi else 1.0 / plans.K[i]
         quantity = plans.at[PHI if on_phi else SIGMA] + i
         at_gradient = plans.at[GRADIENT] + i * n
-        moved = plans.space.moved[1 if on_phi else 0]
+        moved = plans.space.moved[QD if on_phi else Q]
         first = plans.seen[0, quantity]
         difference = current_value(plans, rows, i) - first
         drift = drift_while_fading(plans, rows, i, per_speed)
         for t in range(count):
-            value = plans.seen[t, quantity] + difference
+            predicted = plans.seen[t]
+            value = predicted[quantity] + difference
             if drift != 0.0:
                 value -= drift * np.expm1(-plans.times[t] / plans.fading)
             for j in range(n):
-                slope = per_speed * plans.seen[t, at_gradient + j]
+                slope = per_speed * predicted[at_gradient + j]
                 plans.gradient[t, i, j] = slope
                 value -= slope * moved[t, j]
             plans.value[t, i] = value
@@ -167,7 +169,9 @@ def write_cost(plans: PlanArrays, count: int, task: TaskArrays) -> float:
         if task.rest.size:
             add_rest(plans, task, block, t)
     size = total / blocks
-    return plans.damping * (size if size > 0.0 else 1.0)
+    if not size > 0.0:
+        size = 1.0
+    return plans.damping * size
 
 
 @in_place
@@ -188,14 +192,16 @@ def add_residual(plans: PlanArrays, task: TaskArrays, block: int, t: int, total:
     n = plans.plan.shape[1]
     seen = plans.seen
     at_b = plans.at[B]
+    square = plans.square[block]
     for r in range(task.b.size):
         b = seen[t, at_b + r] + (task.b[r] - seen[0, at_b + r])
         for i in range(n):
-            Ji = jacobian_entry(plans, task, t, r, i)
-            total += Ji * Ji
-            plans.pull[block, i] += Ji * b
+            J_i = jacobian_entry(plans, task, t, r, i)
+            total += J_i * J_i
+            plans.pull[block, i] += J_i * b
             for j in range(n):
-                plans.square[block, i, j] += Ji * jacobian_entry(plans, task, t, r, j)
+                J_j = jacobian_entry(plans, task, t, r, j)
+                square[i, j] += J_i * J_j
     return total
 
 
@@ -203,16 +209,18 @@ def add_residual(plans: PlanArrays, task: TaskArrays, block: int, t: int, total:
 def add_feedback(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> None:
     """Write K_p and K_v of a block, and remove their feedback of the plan so far from Jᵀb."""
     n = plans.plan.shape[1]
+    moved = plans.space.moved
+    at_error = plans.at[ERROR]
     squared = 0.0
     for r in range(task.b.size):
-        squared += plans.seen[t, plans.at[ERROR] + r] ** 2
+        squared += plans.seen[t, at_error + r] ** 2
     tracking = plans.tracking
     Kp, Kv = gains(squared, tracking[KP0], tracking[KP_SLOPE], tracking[KV_FACTOR])
     plans.gains[block, 0] = Kp
     plans.gains[block, 1] = Kv
     for i in range(n):
         for j in range(n):
-            feedback = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
+            feedback = Kp * moved[Q, t, j] + Kv * moved[QD, t, j]
             plans.pull[block, i] += plans.square[block, i, j] * feedback
 
 
@@ -223,12 +231,13 @@ def add_rest(plans: PlanArrays, task: TaskArrays, block: int, t: int) -> None:
     stiffness = plans.tracking[REST_STIFFNESS]
     plans.rest[block, 0] = stiffness
     plans.rest[block, 1] = damping
+    moved = plans.space.moved
     at_rest = plans.at[REST]
     for j in range(plans.plan.shape[1]):
         free = task.rest[j]
         if at_rest >= 0:
             free += plans.seen[t, at_rest + j] - plans.seen[0, at_rest + j]
-        feedback = stiffness * plans.space.moved[0, t, j] + damping * plans.space.moved[1, t, j]
+        feedback = stiffness * moved[Q, t, j] + damping * moved[QD, t, j]
         plans.free[block, j] = free + feedback
 
 

@@ -16,7 +16,7 @@ from .laws import RESOLVER, load_law
 from .least_distance import FORCE
 from .linear import copy_vector
 from .parts import call_int_pointer, load_step
-from .plan_arrays import Cost
+from .plan_arrays import QD, Cost, Q
 from .plan_program import plan_best
 from .predicted_program import limit, linearise, write_cost
 from .predictive_arrays import (
@@ -45,7 +45,7 @@ def predict(plans: PlanArrays) -> int:
     evaluate = load_step(plans.step).evaluate
     for t in range(count):
         later = 0.0 if plans.frozen else plans.times[t]
-        arguments = (plans.step, plans.now[0] + later, plans.states[0, t], plans.states[1, t])
+        arguments = (plans.step, plans.now[0] + later, plans.states[Q, t], plans.states[QD, t])
         if call_int_pointer(evaluate, arguments) != 0:
             return t
         copy_vector(plans.seen[t], plans.out)
@@ -90,8 +90,9 @@ def report_slack(plans: PlanArrays, answer: Answer) -> float:
     """Write the slack of each row to the answer, and return the greatest."""
     greatest = 0.0
     for i in range(answer.slack.size):
-        answer.slack[i] = plans.space.slack[i]
-        greatest = max(greatest, answer.slack[i])
+        slack = plans.space.slack[i]
+        answer.slack[i] = slack
+        greatest = max(greatest, slack)
     return greatest
 
 
@@ -116,7 +117,13 @@ def decide(
     limit(plans, count, rows.scale)
     damping = write_cost(plans, count, task)
     cost = Cost(
-        plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free
+        length=plans.length,
+        damping=damping,
+        gains=plans.gains,
+        rest=plans.rest,
+        square=plans.square,
+        pull=plans.pull,
+        free=plans.free,
     )
     limits = limits_of(plans, count, rows.scale)
     code, active = plan_best(cost, plans.factor, limits, plans.space, plans.weights)

@@ -10,7 +10,6 @@ from .compiler import in_place
 from .memory import zeros
 from .parts import struct_loader
 from .plan_arrays import Factor, Limits, Space
-from .records import F8, I8
 
 #: Reported numbers: instants at which rows and task were predicted, instants requested, active rows
 #: of the plan, and the code of its program.
@@ -37,42 +36,42 @@ class PlanArrays(NamedTuple):
     damping: float
     margin: float
     #: K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
-    tracking: Annotated[Array, F8, 5]
-    most: Annotated[Array, F8, "n"]  #: Greatest |q̈|.
-    K: Annotated[Array, F8, "m"]  #: K of the rows, 0 for rows that give φ itself.
-    weights: Annotated[Array, F8, "m"]  #: Weights of violations.
-    now: Annotated[Array, F8, "2n + 1"]  #: t, q, q̇.
+    tracking: Annotated[Array, "5"]
+    most: Annotated[Array, "n"]  #: Greatest |q̈|.
+    K: Annotated[Array, "m"]  #: K of the rows, 0 for rows that give φ itself.
+    weights: Annotated[Array, "m"]  #: Weights of violations.
+    now: Annotated[Array, "2n+1"]  #: t, q, q̇.
     #: First entries of the parts of a prediction, or −1; predictions; outputs of the step.
-    at: Annotated[IntArray, I8, PARTS]
-    seen: Annotated[Array, F8, "N", "outputs"]
-    out: Annotated[Array, F8, "outputs"]
+    at: Annotated[IntArray, PARTS]
+    seen: Annotated[Array, "N outputs"]
+    out: Annotated[Array, "outputs"]
     #: Instants from now [s], their blocks, and the time since the block began [s]; the last instant
     #: is that of the brake.
-    times: Annotated[Array, F8, "N"]
-    block: Annotated[IntArray, I8, "N"]
-    since: Annotated[Array, F8, "N"]
-    states: Annotated[Array, F8, 2, "N", "n"]  #: q and q̇.
-    plan: Annotated[Array, F8, "H", "n"]  #: Planned q̈.
-    then: Annotated[Array, F8, "n"]  #: q̈ after the plan.
-    made: Annotated[Array, F8, 1]  #: Time at which it was made, NaN if there is no plan.
-    outcome: Annotated[IntArray, I8, OUTCOMES]  #: Reported numbers.
-    braking: Annotated[Array, F8, 1]  #: Duration of the brake [s].
+    times: Annotated[Array, "N"]
+    block: Annotated[IntArray, "N"]
+    since: Annotated[Array, "N"]
+    states: Annotated[Array, "2 N n"]  #: q and q̇.
+    plan: Annotated[Array, "H n"]  #: Planned q̈.
+    then: Annotated[Array, "n"]  #: q̈ after the plan.
+    made: Annotated[Array, "1"]  #: Time at which it was made, NaN if there is no plan.
+    outcome: Annotated[IntArray, OUTCOMES]  #: Reported numbers.
+    braking: Annotated[Array, "1"]  #: Duration of the brake [s].
     #: See :class:`.Cost`.
-    gains: Annotated[Array, F8, "H", 2]
-    rest: Annotated[Array, F8, "H", 2]
-    square: Annotated[Array, F8, "H", "n", "n"]
-    pull: Annotated[Array, F8, "H", "n"]
-    free: Annotated[Array, F8, "H", "n"]
+    gains: Annotated[Array, "H 2"]
+    rest: Annotated[Array, "H 2"]
+    square: Annotated[Array, "H n n"]
+    pull: Annotated[Array, "H n"]
+    free: Annotated[Array, "H n"]
     factor: Factor
     #: See :class:`.Limits`.
-    value: Annotated[Array, F8, "N", "m"]
-    gradient: Annotated[Array, F8, "N", "m", "n"]
-    by_speed: Annotated[IntArray, I8, "m"]
-    falls: Annotated[Array, F8, "N - 1"]
-    left: Annotated[Array, F8, "N - 1", "m"]
-    row_factor: Annotated[Array, F8, "N - 1", "m"]
-    low: Annotated[Array, F8, "H", "n"]
-    high: Annotated[Array, F8, "H", "n"]
+    value: Annotated[Array, "N m"]
+    gradient: Annotated[Array, "N m n"]
+    by_speed: Annotated[IntArray, "m"]
+    falls: Annotated[Array, "N-1"]
+    left: Annotated[Array, "N-1 m"]
+    row_factor: Annotated[Array, "N-1 m"]
+    low: Annotated[Array, "H n"]
+    high: Annotated[Array, "H n"]
     space: Space
 
 

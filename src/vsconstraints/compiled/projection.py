@@ -47,8 +47,9 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
     for j in range(n):
         squared += X[UNIT, j] * X[UNIT, j]
     if squared > 0.0:
+        size = np.sqrt(squared)
         for j in range(n):
-            X[UNIT, j] /= np.sqrt(squared)
+            X[UNIT, j] /= size
     norm: float = largest * np.sqrt(squared_error)
     return norm
 
@@ -76,14 +77,15 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         return NEEDS_PYTHON
     X = blank(scratch, ROWS_OF_X, n)
     along = blank(scratch, 1, k)[0]
+    options = law.options
     if pushed(law, rows, answer.acted, X[Z]):
         error = direction(J, e, X, along)
         no_rest = J[:0, 0]
-        tolerance = law.options[TOLERANCE]
-        call_int_pointer(law.track, (scratch, J, along, tolerance, no_rest, X[NULL]))
-        part = opening(error, law.options[CLOSED], law.options[OPENED])
+        call_int_pointer(law.track, (scratch, J, along, options[TOLERANCE], no_rest, X[NULL]))
+        part = opening(error, options[CLOSED], options[OPENED])
         for j in range(n):
-            X[NULL, j] = (1.0 - part) * (X[Z, j] - X[NULL, j])
+            in_null_space = X[Z, j] - X[NULL, j]
+            X[NULL, j] = (1.0 - part) * in_null_space
         # the pushes without their part along the unit vector, twice against rounding
         for _ in range(2):
             inner = 0.0

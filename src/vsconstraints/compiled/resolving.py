@@ -12,7 +12,7 @@ from .codes import INCOMPATIBLE, NEEDS_PYTHON, TOLERANCE
 from .compiler import in_place, inner
 from .laws import within, write_rates
 from .least_violation import GREATEST, LEAST
-from .linear import START, copy_vector, dot, finite, in_range, out_of_range
+from .linear import START, copy_vector, finite, in_range, out_of_range, squared_length
 from .parts import call_int_pointer
 from .scratch import matrix
 from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
@@ -33,7 +33,7 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     n = answer.qdd.size
     wrong = False
     for i in range(phi.size):
-        law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
+        law.squared[i] = squared_length(rows.Lg, i, START, n)
         wrong |= out_of_range(law.squared[i])
         wrong |= not abs(phi[i]) < math.inf
         wrong |= not abs(Lf[i]) < math.inf

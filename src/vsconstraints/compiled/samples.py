@@ -15,7 +15,7 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import pose_difference, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .records import BOOL, F8, I8, LOOP_PARTS, Records
+from .records import LOOP_PARTS, Records
 from .workspace import Answer, RowArrays, TaskArrays
 
 #: Stages of a sample: rows and task; the law; the unconstrained baseline; records and the robot's
@@ -32,12 +32,12 @@ class Goals(NamedTuple):
     ``by_pose``, otherwise the third.
     """
 
-    begins: Annotated[Array, F8, "goals"]
-    pixels: Annotated[Array, F8, "goals", "M", 2]
-    R: Annotated[Array, F8, "goals", 3, 3]
-    t: Annotated[Array, F8, "goals", 3]
-    tolerance: Annotated[Array, F8, "goals", 4]
-    by_pose: Annotated[BoolArray, BOOL, 1]
+    begins: Annotated[Array, "goals"]
+    pixels: Annotated[Array, "goals M 2"]
+    R: Annotated[Array, "goals 3 3"]
+    t: Annotated[Array, "goals 3"]
+    tolerance: Annotated[Array, "goals 4"]
+    by_pose: Annotated[BoolArray, "1"]
 
 
 class PlantArrays(NamedTuple):
@@ -48,14 +48,14 @@ class PlantArrays(NamedTuple):
     commanded ones are the sum of the rows of a state, ``of_speeds``, by their ``speed_weights``.
     """
 
-    transition: Annotated[Array, F8, "s", "s"]
-    x: Annotated[Array, F8, "s", "n"]
-    after: Annotated[Array, F8, "s", "n"]
-    push: Annotated[Array, F8, "N", "n"]
+    transition: Annotated[Array, "s s"]
+    x: Annotated[Array, "s n"]
+    after: Annotated[Array, "s n"]
+    push: Annotated[Array, "N n"]
     limits: JointLimits
-    last: Annotated[Array, F8, "n"]
-    speed_weights: Annotated[Array, F8, "r"]
-    of_speeds: Annotated[Array, F8, "r", "n"]
+    last: Annotated[Array, "n"]
+    speed_weights: Annotated[Array, "r"]
+    of_speeds: Annotated[Array, "r n"]
 
 
 class Kept(NamedTuple):
@@ -66,52 +66,52 @@ class Kept(NamedTuple):
     takes to detect rest, even if no other field is recorded.
     """
 
-    states: Annotated[Array, F8, "N", "s", "n"]
-    error: Annotated[Array, F8, "N", "k"]
-    camera_error: Annotated[Array, F8, "poses", 2]
-    feature_error: Annotated[Array, F8, "poses"]
-    camera_R: Annotated[Array, F8, "poses", 3, 3]
-    camera_t: Annotated[Array, F8, "poses", 3]
-    pixels: Annotated[Array, F8, "N", "M", 2]
-    points: Annotated[Array, F8, "N", "P", 3]
-    phi: Annotated[Array, F8, "N", "m"]
-    sigma: Annotated[Array, F8, "N", "m"]
-    active: Annotated[BoolArray, BOOL, "N", "m"]
-    saturated: Annotated[BoolArray, BOOL, "N"]
-    rows_time: Annotated[Array, F8, "N"]
-    step_time: Annotated[Array, F8, "N"]
+    states: Annotated[Array, "N s n"]
+    error: Annotated[Array, "N k"]
+    camera_error: Annotated[Array, "poses 2"]
+    feature_error: Annotated[Array, "poses"]
+    camera_R: Annotated[Array, "poses 3 3"]
+    camera_t: Annotated[Array, "poses 3"]
+    pixels: Annotated[Array, "N M 2"]
+    points: Annotated[Array, "N P 3"]
+    phi: Annotated[Array, "N m"]
+    sigma: Annotated[Array, "N m"]
+    active: Annotated[BoolArray, "N m"]
+    saturated: Annotated[BoolArray, "N"]
+    rows_time: Annotated[Array, "N"]
+    step_time: Annotated[Array, "N"]
 
 
 class Running(NamedTuple):
     """Scores so far, for m rows and n joints."""
 
-    phi_max: Annotated[Array, F8, "m"]
-    sigma_max: Annotated[Array, F8, "m"]
+    phi_max: Annotated[Array, "m"]
+    sigma_max: Annotated[Array, "m"]
     # samples with σ > 0; samples in which the row is active; the first and the last of these, −1 if
     # none
-    outside: Annotated[IntArray, I8, "m"]
-    acted: Annotated[IntArray, I8, "m"]
-    first_active: Annotated[IntArray, I8, "m"]
-    last_active: Annotated[IntArray, I8, "m"]
+    outside: Annotated[IntArray, "m"]
+    acted: Annotated[IntArray, "m"]
+    first_active: Annotated[IntArray, "m"]
+    last_active: Annotated[IntArray, "m"]
     # current and greatest number of consecutive samples with φ ≥ 0
-    positive: Annotated[IntArray, I8, "m"]
-    longest_positive: Annotated[IntArray, I8, "m"]
-    acceleration_max: Annotated[Array, F8, "n"]  # |q̈_c|
+    positive: Annotated[IntArray, "m"]
+    longest_positive: Annotated[IntArray, "m"]
+    acceleration_max: Annotated[Array, "n"]  # |q̈_c|
     # samples of the scenario's duration, which is common to all laws; only in these Σ‖Δq̈_c‖,
     # Σ‖Δq̈_c‖² and changes of the set of active rows are counted
-    common: Annotated[IntArray, I8, 1]
-    variation: Annotated[Array, F8, 1]
-    squared_variation: Annotated[Array, F8, 1]
-    switches: Annotated[IntArray, I8, 1]
+    common: Annotated[IntArray, "1"]
+    variation: Annotated[Array, "1"]
+    squared_variation: Annotated[Array, "1"]
+    switches: Annotated[IntArray, "1"]
     # last sample of each goal in which it is not reached; −1 if none
-    unreached: Annotated[IntArray, I8, "goals"]
+    unreached: Annotated[IntArray, "goals"]
     # samples in which the command is at a limit of the actuators
-    saturated: Annotated[IntArray, I8, 1]
+    saturated: Annotated[IntArray, "1"]
     # L_fφ / Σⱼ|L_gφⱼ|aⱼ when φ first reaches zero; NaN before
-    share_to_hold: Annotated[Array, F8, "m"]
+    share_to_hold: Annotated[Array, "m"]
     # values of the last sample
-    active: Annotated[BoolArray, BOOL, "m"]
-    qdd: Annotated[Array, F8, "n"]
+    active: Annotated[BoolArray, "m"]
+    qdd: Annotated[Array, "n"]
 
 
 class Loop(NamedTuple):
@@ -123,19 +123,19 @@ class Loop(NamedTuple):
     error [px] of a feature that itself decides whether a goal is reached, NaN for other features.
     """
 
-    parts: Annotated[Records, LOOP_PARTS, 1]
-    Ts: Annotated[Array, F8, 1]
-    clock: Annotated[IntArray, I8, 2]
+    parts: Annotated[Records, LOOP_PARTS, "1"]
+    Ts: Annotated[Array, "1"]
+    clock: Annotated[IntArray, "2"]
     rows: RowArrays
     task: TaskArrays
     answer: Answer
-    alone: Annotated[Array, F8, "n"]
+    alone: Annotated[Array, "n"]
     true: RowArrays
-    pixels: Annotated[Array, F8, "M", 2]
-    points: Annotated[Array, F8, "P", 3]
-    camera_R: Annotated[Array, F8, 3, 3]
-    camera_t: Annotated[Array, F8, 3]
-    own_error: Annotated[Array, F8, 1]
+    pixels: Annotated[Array, "M 2"]
+    points: Annotated[Array, "P 3"]
+    camera_R: Annotated[Array, "3 3"]
+    camera_t: Annotated[Array, "3"]
+    own_error: Annotated[Array, "1"]
     goals: Goals
     plant: PlantArrays
     kept: Kept
@@ -165,10 +165,11 @@ def hold(transition: Array, x: Array, after: Array) -> None:
 
 def go_to_speeds(plant: PlantArrays, commanded: Array, Ts: float, qdd: Array) -> None:
     """Write the q̈ (n,) by which the arm reaches commanded speeds (n,) within a period."""
+    weights = plant.speed_weights
     for j in range(len(commanded)):
         before = 0.0
-        for i in range(len(plant.speed_weights)):
-            before += plant.speed_weights[i] * plant.of_speeds[i, j]
+        for i in range(len(weights)):
+            before += weights[i] * plant.of_speeds[i, j]
         qdd[j] = (commanded[j] - before) / Ts
 
 
@@ -181,12 +182,12 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     given = plant.limits
     saturated = False
     for j in range(len(given.acceleration)):
-        least, greatest = actuator_box(plant.last[j], actuator_limits(given, j))
+        limits = actuator_limits(given, j)
+        least, greatest = actuator_box(plant.last[j], limits)
         qdd[j] = between(qdd[j], least, greatest)
         alone[j] = between(alone[j], least, greatest)
         saturated = saturated or at_end(qdd[j], least, greatest)
-    for j in range(len(qdd)):
-        plant.last[j] = qdd[j]
+    put(qdd, plant.last)
     return saturated
 
 
@@ -211,6 +212,7 @@ def judge_contact(loop: Loop) -> None:
     greater than that.
     """
     rows = loop.true
+    alone = loop.alone
     acceleration = loop.plant.limits.acceleration
     shares = loop.scores.share_to_hold
     if len(acceleration) == 0:
@@ -219,15 +221,20 @@ def judge_contact(loop: Loop) -> None:
         is_judged = not math.isnan(shares[i])
         if is_judged:
             continue
-        rate = rows.Lf[i]
-        for j in range(len(loop.alone)):
-            rate += rows.Lg[i, j] * loop.alone[j]
-        phi_after = rows.phi[i] + loop.Ts[0] * rate
-        is_reached = max(rows.phi[i], phi_after) >= 0.0
+        phi = rows.phi[i]
+        drift = rows.Lf[i]
+        rate = drift
+        for j in range(len(alone)):
+            rate += rows.Lg[i, j] * alone[j]
+        phi_after = phi + loop.Ts[0] * rate
+        is_reached = max(phi, phi_after) >= 0.0
         if not is_reached:
             continue
         most = greatest_change(rows, i, acceleration)
-        shares[i] = rows.Lf[i] / most if most > 0.0 else np.copysign(math.inf, rows.Lf[i])
+        if most > 0.0:
+            shares[i] = drift / most
+        else:
+            shares[i] = np.copysign(math.inf, drift)
 
 
 def greatest_change(rows: RowArrays, i: int, acceleration: Array) -> float:
@@ -257,7 +264,8 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
         slowed = 0.0
         if differs:
             for j in range(len(qdd)):
-                slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
+                missing = alone[j] - qdd[j]
+                slowed += rows.Lg[i, j] * missing
         active[i] = slowed > NOTICED * rows.switching_gain[i]
         if active[i]:
             nearest = max(nearest, nearness(rows, i))
@@ -304,11 +312,14 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
 
 def score_command(scores: Running, qdd: Array) -> float:
     """Score q̈_c (n,) of a sample, and return the square of its change since the last one."""
+    last = scores.qdd
+    greatest = scores.acceleration_max
     squared = 0.0
     for j in range(len(qdd)):
-        squared += (qdd[j] - scores.qdd[j]) ** 2
-        scores.acceleration_max[j] = max(scores.acceleration_max[j], abs(qdd[j]))
-        scores.qdd[j] = qdd[j]
+        change = qdd[j] - last[j]
+        squared += change**2
+        greatest[j] = max(greatest[j], abs(qdd[j]))
+        last[j] = qdd[j]
     return squared
 
 
@@ -319,8 +330,11 @@ def score_row(scores: Running, rows: RowArrays, i: int) -> None:
     scores.phi_max[i] = max(scores.phi_max[i], phi)
     scores.sigma_max[i] = max(scores.sigma_max[i], sigma)
     scores.outside[i] += sigma > 0.0
-    scores.positive[i] = scores.positive[i] + 1 if phi >= 0.0 else 0
-    scores.longest_positive[i] = max(scores.longest_positive[i], scores.positive[i])
+    positive = 0
+    if phi >= 0.0:
+        positive = scores.positive[i] + 1
+    scores.positive[i] = positive
+    scores.longest_positive[i] = max(scores.longest_positive[i], positive)
 
 
 def score_activity(scores: Running, active: BoolArray, k: int) -> bool:
@@ -351,8 +365,7 @@ def finish(loop: Loop, k: int) -> None:
     mark_acting(loop.true, qdd, loop.alone, active)
     score(loop.scores, loop.true, qdd, active, k)
     pushed = k % len(plant.push)
-    for j in range(plant.x.shape[1]):
-        plant.x[-1, j] = plant.push[pushed, j]
+    put(plant.push[pushed], plant.x[-1])
     keep(loop, k)
     hold(plant.transition, plant.x, plant.after)
 
@@ -363,7 +376,9 @@ def score_goal(loop: Loop, k: int) -> None:
     goals = loop.goals
     camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
-    distance, turn = pose_difference(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
+    goal_R = goals.R[goal]
+    goal_t = goals.t[goal]
+    distance, turn = pose_difference(loop.camera_R, loop.camera_t, goal_R, goal_t)
     away = loop.own_error[0]
     if math.isnan(away):
         away = feature_error(loop.pixels, goals.pixels[goal])
@@ -371,7 +386,10 @@ def score_goal(loop: Loop, k: int) -> None:
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away
     speed = fastest(loop.plant.x[1])
-    if not reached(distance, turn, away, speed, goals.tolerance[goal], goals.by_pose[0]):
+    tolerance = goals.tolerance[goal]
+    by_pose = goals.by_pose[0]
+    is_reached = reached(distance, turn, away, speed, tolerance, by_pose)
+    if not is_reached:
         loop.scores.unreached[goal] = k
 
 

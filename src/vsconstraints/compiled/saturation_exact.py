@@ -12,12 +12,12 @@ import numpy as np
 from ..formulas.row import BOUND
 from ..rows import Array
 from .codes import DAMPING, LIMIT, NEEDS_PYTHON, SHORT, SOLVED, TOLERANCE
-from .compiler import compiled, inner
+from .compiler import compiled, in_place, inner
 from .hierarchy import Aim, Priorities, aim_at, aim_at_task, hierarchy
 from .laws import RESOLVER, load_law
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
-from .linear import ONE, START, add, apply, copy, dot, length
+from .linear import ONE, START, add, apply, clip, copy, dot, length
 from .resolving import (
     acceleration_box,
     demanded,
@@ -52,8 +52,9 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
     if size > 0.0:
         add(T, START, 1.0 / size, X, START, START, n)
     for d in range(n - rank):
-        T[1 + d, rank + d] = 1.0
-        apply(qr, rank, T, 1 + d)
+        row = 1 + d
+        T[row, rank + d] = 1.0
+        apply(qr, rank, T, row)
     return T
 
 
@@ -86,6 +87,16 @@ def to_coordinates(
         c[upper + j] = box[GREATEST, j]
         c[lower + j] = -box[LEAST, j]
     return Demands(A, c, scale, weights)
+
+
+@in_place
+def write_acceleration(y: Array, T: Array, box: Array, qdd: Array) -> None:
+    """Write q̈ = Σ y_d T_d (n,), clipped to the box."""
+    for j in range(qdd.size):
+        total = 0.0
+        for d in range(y.size):
+            total += y[d] * T[d, j]
+        qdd[j] = clip(total, box[LEAST, j], box[GREATEST, j])
 
 
 @inner
@@ -155,11 +166,7 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     code, _ = hierarchy(demands, aim, priorities, found, scratch)
     if code not in (SOLVED, SHORT):
         return resolve_otherwise(address, law, rows, task, answer)
-    for j in range(n):
-        total = 0.0
-        for d in range(p):
-            total += found.qdd[d] * T[d, j]
-        qdd[j] = min(max(total, box[LEAST, j]), box[GREATEST, j])
+    write_acceleration(found.qdd, T, box, qdd)
     for i in range(m):
         answer.acted[i] = acted[i]
     answer.iterations[0] = 0

@@ -56,14 +56,16 @@ def pose_step(
     """Write the Gauss–Newton step (1, 6) from a pose, and return its length."""
     W = parts.matrix(scratch, 2 * len(markers), 7)
     for i in range(len(markers)):
-        P = rotate_inverse(R, minus(vector(markers[i]), t))
-        Z = max(P[2], MINIMUM_DEPTH)
-        x = P[0] / Z
-        y = P[1] / Z
+        from_camera = minus(vector(markers[i]), t)
+        X, Y, depth = rotate_inverse(R, from_camera)
+        Z = max(depth, MINIMUM_DEPTH)
+        x = X / Z
+        y = Y / Z
         for c in range(2):
+            row = 2 * i + c
             entries = image_row(c, x, y, Z)
             for j in range(6):
-                W[2 * i + c, j] = entries[j]
+                W[row, j] = entries[j]
         W[2 * i, 6] = seen[i, 0] - x
         W[2 * i + 1, 6] = seen[i, 1] - y
     pseudoinverse(W, START, CERTAIN * RANK_TOLERANCE, RANK_TOLERANCE, W, step, START, scratch)
@@ -151,10 +153,11 @@ def observe_at(
     if not found:
         return 1
     for i in range(len(seen)):
-        P = rotate_inverse(R, minus(vector(believed.markers[i]), where))
-        if not P[2] >= MINIMUM_DEPTH:
+        from_camera = minus(vector(believed.markers[i]), where)
+        _, _, depth = rotate_inverse(R, from_camera)
+        if not depth >= MINIMUM_DEPTH:
             return 1
-        believed.measured[i, 2] = P[2]
+        believed.measured[i, 2] = depth
     put_matrix(R, believed.camera_R)
     put(where, believed.camera_t)
     measurement = believed.measurement[0]

@@ -25,7 +25,7 @@ from .camera import (
 )
 from .codes import AGE, DEPTH, IMAGE, ORIENTATION, OWN, POSITION, SHAPE, SPEED, WORST
 from .compiler import IN_PLACE, compiled, in_place
-from .kinematics import move, place, put
+from .kinematics import camera_twist, move, place, put
 from .parts import address as address_of
 from .parts import call_int_pointer, call_void_pointer, checked, load_step
 from .signatures import FLAGS, FLOAT, INT, MATRIX, STACK, VECTOR, VOID, signature
@@ -41,7 +41,6 @@ def see(step: Step, i: int, t: float) -> bool:
 
     Return False if the marker is not in front of the camera.
     """
-    eye = step.eye[0]
     camera = step.camera[0]
     marker = step.seen[i]
     P = in_camera(step, i)
@@ -50,10 +49,7 @@ def see(step: Step, i: int, t: float) -> bool:
     if step.measurement[0].given:
         P = measured_position(step, i, t, P)
     P = times(camera.depth_factor, P)
-    v = vector(eye.velocity)
-    omega = vector(eye.angular_velocity)
-    v_dot = vector(eye.acceleration)
-    omega_dot = vector(eye.angular_acceleration)
+    v, omega, v_dot, omega_dot = camera_twist(step)
     x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
     marker.xy[0] = x
     marker.xy[1] = y
@@ -62,8 +58,8 @@ def see(step: Step, i: int, t: float) -> bool:
     marker.depth = P[2]
     marker.drift[1] = y_ddot
     marker.drift[0] = x_ddot
-    step.pixels[i, 0] = camera.focal[0] * x + camera.offset[0]
-    step.pixels[i, 1] = camera.focal[1] * y + camera.offset[1]
+    for c in range(2):
+        step.pixels[i, c] = camera.focal[c] * marker.xy[c] + camera.offset[c]
     return True
 
 
@@ -75,26 +71,27 @@ def measured_position(step: Step, i: int, t: float, P: Vector) -> Vector:
     the model. An old measurement is moved by what the model has moved since.
     """
     camera = step.camera[0]
+    correction = step.correction[i]
     model_x = P[0] / P[2]
     model_y = P[1] / P[2]
-    pixel_u = step.measured[i, 0]
-    pixel_v = step.measured[i, 1]
-    depth = step.measured[i, 2]
+    u, v, depth = vector(step.measured[i])
     dx = dy = dz = 0.0
     if step.measurement[0].time < t - JUST_NOW:
         dx, dy, dz = moved_since(step, i)
     Z = P[2]
-    step.depth_ratio[i] = depth / P[2]
+    ratio = depth / P[2]
     if depth >= MINIMUM_DEPTH:
         Z = max(depth + dz, MINIMUM_DEPTH)
-        step.depth_ratio[i] = Z / P[2]
-    if not (math.isnan(pixel_u) or math.isnan(pixel_v)):
-        measured_x = (pixel_u - camera.offset[0]) / camera.focal[0]
-        measured_y = (pixel_v - camera.offset[1]) / camera.focal[1]
-        step.correction[i, 0] = measured_x + dx - model_x
-        step.correction[i, 1] = measured_y + dy - model_y
-    x = model_x + step.correction[i, 0]
-    y = model_y + step.correction[i, 1]
+        ratio = Z / P[2]
+    step.depth_ratio[i] = ratio
+    is_missing = math.isnan(u) or math.isnan(v)
+    if not is_missing:
+        measured_x = (u - camera.offset[0]) / camera.focal[0]
+        measured_y = (v - camera.offset[1]) / camera.focal[1]
+        correction[0] = measured_x + dx - model_x
+        correction[1] = measured_y + dy - model_y
+    x = model_x + correction[0]
+    y = model_y + correction[1]
     return x * Z, y * Z, Z
 
 
@@ -106,12 +103,10 @@ def write_innovation(step: Step, t: float) -> None:
     """
     innovation = step.innovation
     measurement = step.measurement[0]
-    camera = step.camera[0]
+    focal = step.camera[0].focal
     innovation[:] = 0.0
     if measurement.given:
-        image, shape = image_innovation(
-            step.pixels, step.correction, camera.focal[0], camera.focal[1]
-        )
+        image, shape = image_innovation(step.pixels, step.correction, focal[0], focal[1])
         innovation[IMAGE] = image
         innovation[SHAPE] = shape
         innovation[AGE] = t - measurement.time
@@ -121,9 +116,11 @@ def write_innovation(step: Step, t: float) -> None:
         innovation[POSITION] = distance
         innovation[ORIENTATION] = turned
     for j in range(len(step.slip)):
-        innovation[SPEED] = max(innovation[SPEED], abs(step.slip[j]) / MEMORY)
+        speed = abs(step.slip[j]) / MEMORY
+        innovation[SPEED] = max(innovation[SPEED], speed)
     for i in range(len(step.bounds)):
-        innovation[WORST] = max(innovation[WORST], innovation[i] / step.bounds[i])
+        ratio = innovation[i] / step.bounds[i]
+        innovation[WORST] = max(innovation[WORST], ratio)
 
 
 @in_place
@@ -158,19 +155,23 @@ def take_state(step: Step, t: float, q: Array, qd: Array) -> bool:
     Return False if q or q̇ has another size or stride, or if a number is not finite.
     """
     n = len(step.joints)
-    if q.size != n or qd.size != n or not abs(t) < np.inf:
+    fits = q.size == n and qd.size == n
+    if not (fits and abs(t) < np.inf):
         return False
     # calls of the entry point skip the check of types, so that other strides are possible
-    if n > 1 and (q.strides[0] != q.itemsize or qd.strides[0] != qd.itemsize):
+    is_dense = q.strides[0] == q.itemsize and qd.strides[0] == qd.itemsize
+    if n > 1 and not is_dense:
         return False
+    interval = t - step.time[0]
     for i in range(n):
-        if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
+        is_finite = np.isfinite(q[i]) and np.isfinite(qd[i])
+        if not is_finite:
             return False
         mean_speed = 0.5 * (qd[i] + step.qd[i])
         moved = q[i] - step.q[i]
         if step.joints[i].continuous != 0:
             moved -= whole_turns(moved)
-        step.slip[i] = slip(step.slip[i], moved, mean_speed, t - step.time[0])
+        step.slip[i] = slip(step.slip[i], moved, mean_speed, interval)
         step.q[i] = q[i]
         step.qd[i] = qd[i]
     step.time[0] = t
@@ -274,20 +275,28 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
     """
     step = load_step(address)
     M = len(step.seen)
-    if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M:
-        return 1
-    if not -np.inf < taken <= t + JUST_NOW:
+    rows, columns = pixels.shape
+    fits = rows == M and columns == 2 and depth.size == M
+    is_past = -np.inf < taken <= t + JUST_NOW
+    if not (fits and is_past):
         return 1
     # calls of the entry point skip the check of types, so that other strides are possible
-    if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
+    row_stride, column_stride = pixels.strides
+    is_dense = row_stride == 16 and column_stride == 8 and depth.strides[0] == 8
+    if M > 0 and not is_dense:
         return 1
     for i in range(M):
-        if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] < 0.0:
+        u = pixels[i, 0]
+        v = pixels[i, 1]
+        Z = depth[i]
+        is_infinite = abs(u) == np.inf or abs(v) == np.inf
+        if is_infinite or Z < 0.0:
             return 1
-        known = 0.0 < depth[i] < np.inf
-        step.measured[i, 0] = pixels[i, 0]
-        step.measured[i, 1] = pixels[i, 1]
-        step.measured[i, 2] = depth[i] if known else np.nan
+        is_known = 0.0 < Z < np.inf
+        measured = step.measured[i]
+        measured[0] = u
+        measured[1] = v
+        measured[2] = Z if is_known else np.nan
     step.measurement[0].given = 1
     step.measurement[0].time = taken
     return 0
@@ -308,11 +317,12 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
         place_camera(step, t[k])
         seen[k] = True
         for i in range(len(step.markers)):
-            P = in_camera(step, i)
-            if not P[2] >= MINIMUM_DEPTH:
+            X, Y, Z = in_camera(step, i)
+            if not Z >= MINIMUM_DEPTH:
                 seen[k] = False
-            pixels[k, i, 0] = camera.focal[0] * P[0] / P[2] + camera.offset[0]
-            pixels[k, i, 1] = camera.focal[1] * P[1] / P[2] + camera.offset[1]
+            pixels[k, i, 0] = camera.focal[0] * X / Z + camera.offset[0]
+            pixels[k, i, 1] = camera.focal[1] * Y / Z + camera.offset[1]
         for i in range(len(step.robot_points)):
             body = step.bodies[step.robot_points[i].body]
-            put(plus(vector(body.origin), point_from_body(step, i)), points[k, i])
+            position = plus(vector(body.origin), point_from_body(step, i))
+            put(position, points[k, i])

@@ -34,8 +34,9 @@ def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
     acceleration = arm.acceleration
     at_end = arm.after
     for j in range(len(q)):
-        q[j] += h * qd[j] + 0.5 * h * h * acceleration[j]
-        arm.speed[j] = qd[j] + h * acceleration[j]
+        qdd = acceleration[j]
+        q[j] += h * qd[j] + 0.5 * h * h * qdd
+        arm.speed[j] = qd[j] + h * qdd
     update_motion(arm, q, arm.speed)
     if arm.drive.at_once:
         command_torque(arm, q, arm.speed, command)
@@ -62,17 +63,24 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
     for stage in range(3):
         share, bend = STAGES[stage]
         earlier = max(stage - 1, 0)
+        span = share * h
         for j in range(n):
-            moved = q[j] + share * h * qd[j]
+            moved = q[j] + span * qd[j]
             stage_q[j] = moved + bend * h * h * a[earlier, j]
-            stage_qd[j] = qd[j] + share * h * a[stage, j]
+            stage_qd[j] = qd[j] + span * a[stage, j]
         evaluate(arm.true, stage_q, stage_qd, arm.motion)
         accelerate(arm.motion, arm.memory.torque, arm.friction, a[stage + 1])
+    weight = h / 6.0
+    squared_weight = h * h / 6.0
     for j in range(n):
-        first_three = a[0, j] + a[1, j] + a[2, j]
-        weighted = a[0, j] + 2.0 * a[1, j] + 2.0 * a[2, j] + a[3, j]
-        q[j] += h * qd[j] + h * h / 6.0 * first_three
-        qd[j] += h / 6.0 * weighted
+        first = a[0, j]
+        second = a[1, j]
+        third = a[2, j]
+        last = a[3, j]
+        first_three = first + second + third
+        all_four = first + 2.0 * second + 2.0 * third + last
+        q[j] += h * qd[j] + squared_weight * first_three
+        qd[j] += weight * all_four
     update_motion(arm, q, qd)
 
 
@@ -100,9 +108,10 @@ def begin(arm_address: int, x: Array) -> None:
     update_motion(arm, q, qd)
     command_torque(arm, q, qd, at_rest)
     for j in range(len(q)):
-        memory.torque[j] = limited(arm.commanded[j], effort[j])
+        torque = limited(arm.commanded[j], effort[j])
+        memory.torque[j] = torque
         for i in range(len(memory.under_way)):
-            memory.under_way[i, j] = memory.torque[j]
+            memory.under_way[i, j] = torque
 
 
 @compiled(signature(INT, INT, MATRIX), IN_PLACE, from_python=False)

@@ -30,8 +30,10 @@ def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: A
     at = START
     for i in range(rows.phi.size):
         if acted[i] and rows.phi[i] >= least:
-            length = np.sqrt(law.squared[i])
-            inverse = 1.0 / length if length > ZERO_GRADIENT * rows.scale[i] else 0.0
+            norm = np.sqrt(law.squared[i])
+            inverse = 0.0
+            if norm > ZERO_GRADIENT * rows.scale[i]:
+                inverse = 1.0 / norm
             for j in range(n):
                 A[at, j] = inverse * rows.Lg[i, j]
             A[at, n] = inverse * law.asked[i]
@@ -72,10 +74,13 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     for i in range(m):
         acted[i] = law.asked[i] != math.inf
     acting = gather(law, rows, acted, -math.inf, A)
-    is_resolved = tracked and (acting == 0 or bring(qr, least, A[:acting], tolerance, qdd, scratch))
+    active = A[:acting]
+    is_resolved = tracked
+    if tracked and acting > 0:
+        is_resolved = bring(qr, least, active, tolerance, qdd, scratch)
     if is_resolved:
         return finished(law, rows, qdd, SOLVED)
-    rank, _, _ = resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)
+    rank, _, _ = resolve(active, J, b, tolerance, rest, qdd, scratch)
     if rank == acting:
         return finished(law, rows, qdd, SOLVED)
     # dependent rows that are active before they reach their boundary are met in the least-squares

@@ -20,7 +20,6 @@ from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answe
 from .linear import finite
 from .memory import zeros
 from .parts import call_int_pointer, set_fields, struct_loader
-from .records import BOOL, F8
 from .resolving import checkable, valid
 from .scratch import emptied, matrix, vector
 from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
@@ -39,13 +38,13 @@ class SpeedArrays(NamedTuple):
     gain: float
     gain_at_zero: float
     slope_at_zero: float
-    task_weights: Annotated[Array, F8, "k"]  #: Diagonal of W; (0,) for 1.
+    task_weights: Annotated[Array, "k"]  #: Diagonal of W; (0,) for 1.
     damping: float  #: μ; 0 for a program without.
     #: Greatest |q̈| between two commands, NaN for those of the rows; least and greatest q̇ that it
     #: allows, (0,) each without a limit.
     acceleration: float
-    least: Annotated[Array, F8, "n"]
-    greatest: Annotated[Array, F8, "n"]
+    least: Annotated[Array, "n"]
+    greatest: Annotated[Array, "n"]
     #: ξ, d_i and d_s of velocity dampers; 0 of other laws.
     speed: float
     influence: float
@@ -54,7 +53,7 @@ class SpeedArrays(NamedTuple):
     zone: float
     full: float
     tune: float
-    avoided: Annotated[BoolArray, BOOL, "m"]
+    avoided: Annotated[BoolArray, "m"]
     scratch: Scratch
     rows: RowArrays
     task: TaskArrays
@@ -94,14 +93,16 @@ def speed_before(law: LawArrays, task: TaskArrays, j: int) -> float:
 @in_place
 def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
     """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v, with ∂s/∂t = ė − J q̇."""
+    error = task.error
     largest = 0.0
-    for i in range(task.error.size):
-        largest = max(largest, abs(task.error[i]))
+    for i in range(error.size):
+        largest = max(largest, abs(error[i]))
     gain = adaptive_gain(largest, own.gain_at_zero, own.gain, own.slope_at_zero)
-    for i in range(task.error.size):
-        v[i] = -task.error_rate[i] - gain * task.error[i]
+    for i in range(error.size):
+        total = -task.error_rate[i] - gain * error[i]
         for j in range(task.qd.size):
-            v[i] += task.J[i, j] * task.qd[j]
+            total += task.J[i, j] * task.qd[j]
+        v[i] = total
 
 
 @inner
@@ -130,7 +131,8 @@ def command_speeds(
 def resolve_rate(law: LawArrays, task: TaskArrays, v: Array, qd: Array) -> None:
     """Write J†v (n,), with the law's rank tolerance."""
     tolerance = law.options[TOLERANCE]
-    call_int_pointer(law.track, (law.scratch, task.J, v, tolerance, task.rest[:0], qd))
+    no_rest = task.rest[:0]
+    call_int_pointer(law.track, (law.scratch, task.J, v, tolerance, no_rest, qd))
 
 
 @compiled(RESOLVER, from_python=False)
@@ -158,22 +160,25 @@ def project(
 
     ``norm_share`` is λ̄: 1 keeps the norm of the error alone, 0 each of its components.
     """
-    k, n = task.J.shape
+    J = task.J
+    k, n = J.shape
     taken = own.scratch.taken[0]
-    image = vector(own.scratch, k)
-    pull = vector(own.scratch, n)
+    image = vector(own.scratch, k)  # J x
+    pull = vector(own.scratch, n)  # Jᵀ e
     for i in range(k):
-        image[i] = 0.0
+        total = 0.0
         for j in range(n):
-            image[i] += task.J[i, j] * x[j]
+            total += J[i, j] * x[j]
+        image[i] = total
     along = 0.0
     size = 0.0
     for j in range(n):
-        pull[j] = 0.0
+        total = 0.0
         for i in range(k):
-            pull[j] += task.J[i, j] * task.error[i]
-        size += pull[j] * pull[j]
-        along += pull[j] * x[j]
+            total += J[i, j] * task.error[i]
+        pull[j] = total
+        size += total * total
+        along += total * x[j]
     resolve_rate(law, task, image, out)
     for j in range(n):
         in_null_space = x[j] - out[j]
@@ -187,7 +192,9 @@ def project(
 @in_place
 def is_avoided(own: SpeedArrays, law: LawArrays, rows: RowArrays, i: int) -> bool:
     """True if row i is one of those that are avoided, and the arm is in its outer zone."""
-    if not own.avoided[i] or not rows.K[i] > 0.0 or not law.squared[i] > 0.0:
+    limits_position = rows.K[i] > 0.0
+    has_gradient = law.squared[i] > 0.0
+    if not (own.avoided[i] and limits_position and has_gradient):
         return False
     return bool(rows.sigma[i] > -zone_width(own, rows, i))
 
@@ -202,11 +209,28 @@ def zone_width(own: SpeedArrays, rows: RowArrays, i: int) -> float:
 @in_place
 def norm_share_of(task: TaskArrays) -> float:
     """Return λ̄ of :func:`project` for the error of the task."""
+    error = task.error
     squared = 0.0
-    for i in range(task.error.size):
-        squared += task.error[i] * task.error[i]
+    for i in range(error.size):
+        squared += error[i] * error[i]
     share: float = opening(np.sqrt(squared), CLOSED, OPENED)
     return share
+
+
+@in_place
+def avoidance_factor(
+    own: SpeedArrays, rows: RowArrays, i: int, speed: float, effect: float
+) -> float:
+    """Return the multiple of the avoiding motion that is subtracted for row i.
+
+    ``speed`` is that of the row by the task alone, and ``effect`` that of the avoiding motion. The
+    multiple grows with the depth in the zone, from 0 to (1 + tune) |speed / effect|.
+    """
+    width = zone_width(own, rows, i)
+    full_width = own.full * width
+    depth = max((rows.sigma[i] + width) / full_width, 0.0)
+    factor: float = opening(depth, 0.0, 1.0) * (1.0 + own.tune) * abs(speed / effect)
+    return factor
 
 
 @compiled(RESOLVER, from_python=False)
@@ -242,9 +266,7 @@ def resolved_rate_avoidance(address: int, rows: RowArrays, task: TaskArrays, ans
             speed += gradient[j] * primary[j]
             effect += gradient[j] * along[j]
         if abs(speed) < abs(effect):
-            width = zone_width(own, rows, i)
-            depth = max((rows.sigma[i] + width) / (own.full * width), 0.0)
-            factor = opening(depth, 0.0, 1.0) * (1.0 + own.tune) * abs(speed / effect)
+            factor = avoidance_factor(own, rows, i, speed, effect)
             for j in range(n):
                 answer.qdd[j] -= factor * along[j]
             answer.acted[i] = True
@@ -263,11 +285,20 @@ def write_box(own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArray
         return False
     for j in range(n):
         before = speed_before(law, task, j)
-        least = rows.qdd_min[j] if of_rows else -own.acceleration
-        greatest = rows.qdd_max[j] if of_rows else own.acceleration
+        least = -own.acceleration
+        greatest = own.acceleration
+        if of_rows:
+            least = rows.qdd_min[j]
+            greatest = rows.qdd_max[j]
         own.least[j] = before + own.period * least
         own.greatest[j] = before + own.period * greatest
     return bounds(own.least, own.greatest, n)
+
+
+@in_place
+def damping_rows(own: SpeedArrays, n: int) -> int:
+    """Return the number of rows √μ q̇ = 0 of the program's task."""
+    return n if own.damping > 0.0 else 0
 
 
 @inner
@@ -278,10 +309,11 @@ def has_room(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> bool:
     """
     k, n = task.J.shape
     m = rows.phi.size
-    damped = n if own.damping > 0.0 else 0
-    rescaled = m if own.speed > 0.0 else 0
-    needed = (k + damped) * (n + 1) + rescaled * n + 2 * m
-    return bool(needed <= own.scratch.numbers.size)
+    task_rows = k + damping_rows(own, n)
+    rescaled_rows = m if own.speed > 0.0 else 0
+    of_task = task_rows * (n + 1)
+    of_rows = rescaled_rows * n + 2 * m
+    return bool(of_task + of_rows <= own.scratch.numbers.size)
 
 
 @inner
@@ -300,16 +332,19 @@ def damper_gradients(own: SpeedArrays, rows: RowArrays) -> Array:
 def write_damped_task(own: SpeedArrays, task: TaskArrays, v: Array, J: Array) -> None:
     """Write W J and W v of the task J q̇ = v and, if J has more rows, √μ q̇ = 0."""
     k, n = task.J.shape
+    weights = own.task_weights
     write_task(own, task, v[:k])
     for i in range(k):
-        weight = own.task_weights[i] if own.task_weights.size > 0 else 1.0
+        weight = weights[i] if weights.size > 0 else 1.0
         v[i] *= weight
         for j in range(n):
             J[i, j] = weight * task.J[i, j]
+    diagonal = np.sqrt(own.damping)
     for i in range(J.shape[0] - k):
-        v[k + i] = 0.0
+        row = k + i
+        v[row] = 0.0
         for j in range(n):
-            J[k + i, j] = np.sqrt(own.damping) if i == j else 0.0
+            J[row, j] = diagonal if i == j else 0.0
 
 
 @in_place
@@ -335,10 +370,10 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     """
     k, n = task.J.shape
     m = rows.phi.size
-    damped = n if own.damping > 0.0 else 0
     none = rows.phi[:0]
-    v = vector(own.scratch, k + damped)
-    J = matrix(own.scratch, k + damped, n)
+    task_rows = k + damping_rows(own, n)
+    v = vector(own.scratch, task_rows)
+    J = matrix(own.scratch, task_rows, n)
     write_damped_task(own, task, v, J)
     phi = vector(own.scratch, m)
     drift = vector(own.scratch, m)

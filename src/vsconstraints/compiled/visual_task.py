@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..formulas.features import image_row, pose_error, pose_rates
-from ..formulas.rotation import rotation_vector_rate, whole_turns
+from ..formulas.features import image_row, pose_motion
+from ..formulas.rotation import whole_turns
 from ..formulas.tracking import demanded, gains, goal_at, minimum_jerk, resting
 from ..formulas.vectors import matrix, rotate, vector
 from ..rows import Array
 from .codes import CAMERA_POSE, IMAGE_POINTS
 from .compiler import in_place
-from .kinematics import put
+from .kinematics import camera_column, camera_twist, put
 from .linear import constant
 from .workspace import Step
 
@@ -27,30 +27,34 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
 
     See :class:`vsconstraints.vision.features.CameraPose`.
     """
-    eye = step.eye[0]
     task = step.task
     goal_R = matrix(step.goals[goal].R)
     goal_t = vector(step.goals[goal].t)
     R = matrix(step.camera_R)
     origin = vector(step.camera_t)
     last_theta_u = vector(step.last_error[3:])
-    v = vector(eye.velocity)
-    omega = vector(eye.angular_velocity)
-    v_dot = vector(eye.acceleration)
-    omega_dot = vector(eye.angular_acceleration)
-    E, t, theta_u = pose_error(goal_R, goal_t, R, origin, last_theta_u, continues)
-    theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
-    t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
-    put(t, task.error[:3])
-    put(theta_u, task.error[3:])
-    put(t_dot, task.error_rate[:3])
-    put(theta_u_dot, task.error_rate[3:])
-    put(t_ddot, step.drift[:3])
-    put(theta_u_ddot, step.drift[3:])
-    J = step.camera_J
-    for j in range(J.shape[1]):
-        put(rotate(E, vector(J[:3, j])), task.J[:3, j])
-        put(rotate(L, vector(J[3:, j])), task.J[3:, j])
+    twist = camera_twist(step)
+    motion = pose_motion(goal_R, goal_t, R, origin, last_theta_u, continues, twist)
+    put(motion.t, task.error[:3])
+    put(motion.theta_u, task.error[3:])
+    put(motion.t_dot, task.error_rate[:3])
+    put(motion.theta_u_dot, task.error_rate[3:])
+    put(motion.t_ddot, step.drift[:3])
+    put(motion.theta_u_ddot, step.drift[3:])
+    for j in range(len(step.qd)):
+        v, omega = camera_column(step, j)
+        put(rotate(motion.E, v), task.J[:3, j])
+        put(rotate(motion.L, omega), task.J[3:, j])
+
+
+@in_place
+def along_column(step: Step, L: Any, j: int) -> float:
+    """Return L Jⱼ of a row of the interaction matrix (6,) and a column of the camera's Jacobian."""
+    v, omega = camera_column(step, j)
+    total = 0.0
+    for i in range(3):
+        total += L[i] * v[i] + L[3 + i] * omega[i]
+    return total
 
 
 @in_place
@@ -62,12 +66,12 @@ def mixed(share: float, current: float, at_goal: float) -> float:
 @in_place
 def mixed_drift(step: Step, L: Any, L_goal: Array) -> float:
     """Return the product of a row of the mixed interaction matrix and (v̇, ω̇) of the camera."""
-    eye = step.eye[0]
     share = step.options[0].share
+    _, _, v_dot, omega_dot = camera_twist(step)
     drift = 0.0
     for i in range(3):
-        drift += mixed(share, L[i], L_goal[i]) * eye.acceleration[i]
-        drift += mixed(share, L[3 + i], L_goal[3 + i]) * eye.angular_acceleration[i]
+        drift += mixed(share, L[i], L_goal[i]) * v_dot[i]
+        drift += mixed(share, L[3 + i], L_goal[3 + i]) * omega_dot[i]
     return drift
 
 
@@ -77,25 +81,23 @@ def write_image(step: Step, goal: int) -> None:
     task = step.task
     share = step.options[0].share
     is_mixed = share > 0.0
-    J = step.camera_J
     for row in range(len(task.error)):
         # x and y of the first marker, of the second one, and so on
         marker = step.seen[row // 2]
         c = row % 2
+        velocity = marker.velocity[c]
         L = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
         L_goal = step.goal_interaction[goal, row]
         by_joints = 0.0
-        for j in range(J.shape[1]):
-            entry = 0.0
-            entry_at_goal = 0.0
-            for i in range(3):
-                entry += L[i] * J[i, j] + L[3 + i] * J[3 + i, j]
-                entry_at_goal += L_goal[i] * J[i, j] + L_goal[3 + i] * J[3 + i, j]
+        for j in range(len(step.qd)):
+            entry = along_column(step, L, j)
             by_joints += entry * step.qd[j]
-            task.J[row, j] = mixed(share, entry, entry_at_goal) if is_mixed else entry
+            if is_mixed:
+                entry = mixed(share, entry, along_column(step, L_goal, j))
+            task.J[row, j] = entry
         task.error[row] = marker.xy[c] - step.goal_points[goal, row]
-        task.error_rate[row] = marker.velocity[c]
-        step.partial[row] = marker.velocity[c] - by_joints
+        task.error_rate[row] = velocity
+        step.partial[row] = velocity - by_joints
         step.drift[row] = mixed_drift(step, L, L_goal) if is_mixed else marker.drift[c]
 
 

@@ -11,7 +11,7 @@ from .compiler import in_place, inner
 from .least_distance import KINDS, MULTIPLIER, SIDE
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ORIGIN
-from .linear import START, copy, copy_vector, dot, length
+from .linear import START, copy, copy_vector, dot, length, squared_length
 from .scratch import blank, flags, integers, matrix, vector
 from .workspace import Scratch
 
@@ -147,8 +147,9 @@ def gather_walls(
     # x ≤ greatest, then −x ≤ −least
     for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
         for j in range(n):
-            if sign * box[end, j] < math.inf:
-                sides[at] = sign * box[end, j]
+            side = sign * box[end, j]
+            if side < math.inf:
+                sides[at] = side
                 normals[at, j] = sign
                 at += 1
     limits = vector(scratch, w)
@@ -174,14 +175,15 @@ def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
             H[d, i] = normals[i, d] if p == n else dot(normals, i, Z, d, START, n)
             squared_in_basis += H[d, i] * H[d, i]
         if p < n:
-            squared = dot(normals, i, normals, i, START, n)
+            squared = squared_length(normals, i, START, n)
             # rows within the span of the violated ones are settled
             is_settled = squared_in_basis <= DEPENDENT * DEPENDENT * squared
             is_violated = i < free and walls.violation[i] > 0.0
             if is_settled or is_violated:
                 walls.limits[i] = math.inf
-        walls.rows[SIDE, i] = walls.limits[i] - dot(normals, i, X, ORIGIN, START, n)
-        if not walls.rows[SIDE, i] > -math.inf:
+        side = walls.limits[i] - dot(normals, i, X, ORIGIN, START, n)
+        walls.rows[SIDE, i] = side
+        if not side > -math.inf:
             return False
     return True
 
@@ -193,7 +195,8 @@ def hold(walls: Inequalities) -> None:
     for i in range(walls.held.size):
         strongest = max(strongest, walls.rows[MULTIPLIER, i])
     for i in range(walls.held.size):
-        walls.held[i] = walls.held[i] or walls.rows[MULTIPLIER, i] > PULLING * strongest
+        pulls = walls.rows[MULTIPLIER, i] > PULLING * strongest
+        walls.held[i] = walls.held[i] or pulls
 
 
 @in_place
@@ -208,8 +211,9 @@ def report(walls: Inequalities, resolved: Resolved) -> bool:
             for j in range(qdd.size):
                 excess += walls.normals[i, j] * qdd[j]
             violation[i] = max(0.0, excess)
-        slack[walls.which[i]] = violation[i]
-        acted[walls.which[i]] = violation[i] > 0.0 or walls.held[i]
+        row = walls.which[i]
+        slack[row] = violation[i]
+        acted[row] = violation[i] > 0.0 or walls.held[i]
     for i in range(slack.size):
         unmet = unmet or slack[i] > 0.0
     return unmet

@@ -1,7 +1,7 @@
 """Arrays of compiled functions, declared once: every field with its type and shape.
 
-A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of
-:class:`Size`. :mod:`.memory` makes the arrays.
+A field ``Annotated[Array, "m n"]`` is an array of that type with the axes m and n, whose lengths
+are those of :class:`Size`. :mod:`.memory` makes the arrays.
 """
 
 from __future__ import annotations
@@ -17,13 +17,10 @@ from ..rows import Array, BoolArray, IntArray
 from .memory import fields, shape_of, zeros
 from .records import (
     BODY,
-    BOOL,
     CAMERA,
     EYE,
-    F8,
     GOAL,
     GRADIENT_ERROR,
-    I8,
     JOINT,
     MARKER,
     MEASUREMENT,
@@ -42,27 +39,27 @@ from .records import (
 class RowArrays(NamedTuple):
     """Arrays of :class:`vsconstraints.rows.Rows`."""
 
-    phi: Annotated[Array, F8, "m"]
-    Lg: Annotated[Array, F8, "m", "n"]
-    Lf: Annotated[Array, F8, "m"]
-    sigma: Annotated[Array, F8, "m"]
-    sigma_dot: Annotated[Array, F8, "m"]
-    K: Annotated[Array, F8, "m"]
-    switching_gain: Annotated[Array, F8, "m"]
-    scale: Annotated[Array, F8, "m"]
-    qdd_min: Annotated[Array, F8, "limits"]
-    qdd_max: Annotated[Array, F8, "limits"]
+    phi: Annotated[Array, "m"]
+    Lg: Annotated[Array, "m n"]
+    Lf: Annotated[Array, "m"]
+    sigma: Annotated[Array, "m"]
+    sigma_dot: Annotated[Array, "m"]
+    K: Annotated[Array, "m"]
+    switching_gain: Annotated[Array, "m"]
+    scale: Annotated[Array, "m"]
+    qdd_min: Annotated[Array, "limits"]
+    qdd_max: Annotated[Array, "limits"]
 
 
 class TaskArrays(NamedTuple):
     """Arrays of :class:`vsconstraints.rows.Task`."""
 
-    J: Annotated[Array, F8, "k", "n"]
-    b: Annotated[Array, F8, "k"]
-    error: Annotated[Array, F8, "k"]
-    error_rate: Annotated[Array, F8, "k"]
-    rest: Annotated[Array, F8, "rest"]
-    qd: Annotated[Array, F8, "n"]
+    J: Annotated[Array, "k n"]
+    b: Annotated[Array, "k"]
+    error: Annotated[Array, "k"]
+    error_rate: Annotated[Array, "k"]
+    rest: Annotated[Array, "rest"]
+    qd: Annotated[Array, "n"]
 
 
 class Answer(NamedTuple):
@@ -72,11 +69,11 @@ class Answer(NamedTuple):
     write it to ``alone``, unless that is (0,).
     """
 
-    qdd: Annotated[Array, F8, "n"]
-    acted: Annotated[BoolArray, BOOL, "m"]
-    slack: Annotated[Array, F8, "m"]
-    iterations: Annotated[IntArray, I8, 1]
-    alone: Annotated[Array, F8, "n"]
+    qdd: Annotated[Array, "n"]
+    acted: Annotated[BoolArray, "m"]
+    slack: Annotated[Array, "m"]
+    iterations: Annotated[IntArray, "1"]
+    alone: Annotated[Array, "n"]
 
 
 class Scratch(NamedTuple):
@@ -85,8 +82,8 @@ class Scratch(NamedTuple):
     The creator has to hold the array as long as any part of it is in use.
     """
 
-    numbers: Annotated[Array, F8, 1]
-    taken: Annotated[IntArray, I8, 1]
+    numbers: Annotated[Array, "1"]
+    taken: Annotated[IntArray, "1"]
 
 
 class LawArrays(NamedTuple):
@@ -106,23 +103,23 @@ class LawArrays(NamedTuple):
     tracks: int  #: 1 if the demand depends on the effect of the unconstrained command on the rows.
     period: float  #: T_s [s], or NaN.
     #: Options of the resolver, and parameters of the demand's formula.
-    options: Annotated[Array, F8, 1]
-    parameters: Annotated[Array, F8, 1]
+    options: Annotated[Array, "1"]
+    parameters: Annotated[Array, "1"]
     #: (m,) weights of the rows' violations, or (0,) if all are 1.
-    weights: Annotated[Array, F8, "m"]
-    memory: Annotated[Array, F8, "m", 1]  #: (m, f) memory of the demand for each row, or (0, 0).
+    weights: Annotated[Array, "m"]
+    memory: Annotated[Array, "m 1"]  #: (m, f) memory of the demand for each row, or (0, 0).
     #: (m,) L_gφ q̈ of the previous answer, or (0,) if the demand does not use it.
-    last_rates: Annotated[Array, F8, "m"]
+    last_rates: Annotated[Array, "m"]
     #: (n,) last commanded q̇ of a law that commands joint speeds, NaN before the first; (0,) of
     #: others, whose q̈ is clipped to the box of the rows.
-    speeds: Annotated[Array, F8, "n"]
+    speeds: Annotated[Array, "n"]
     #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) bounds, the next memory, and (m,) L_gφ q̈ and (1,)
     #: ‖q̈‖ of the unconstrained command.
-    squared: Annotated[Array, F8, "m"]
-    asked: Annotated[Array, F8, "m"]
-    after: Annotated[Array, F8, "m", 1]
-    tracked: Annotated[Array, F8, "m"]
-    effort: Annotated[Array, F8, 1]
+    squared: Annotated[Array, "m"]
+    asked: Annotated[Array, "m"]
+    after: Annotated[Array, "m 1"]
+    tracked: Annotated[Array, "m"]
+    effort: Annotated[Array, "1"]
     scratch: Scratch  #: Scratch for everything else; empty whenever a law begins.
     #: Input and output of the current call, if they are not those of a step or of a loop.
     rows: RowArrays
@@ -139,75 +136,75 @@ class Step(NamedTuple):
     # function that evaluates the step; scene
     evaluate: int
     joints: Annotated[Records, JOINT, "n"]
-    camera: Annotated[Records, CAMERA, 1]
-    markers: Annotated[Array, F8, "M", 3]  # in the target's frame
+    camera: Annotated[Records, CAMERA, "1"]
+    markers: Annotated[Array, "M 3"]  # in the target's frame
     robot_points: Annotated[Records, POINT, "P"]
-    target: Annotated[Records, TARGET, 1]
+    target: Annotated[Records, TARGET, "1"]
     # task: normalised markers and L of each goal; the joints' posture
-    options: Annotated[Records, TASK, 1]
+    options: Annotated[Records, TASK, "1"]
     goals: Annotated[Records, GOAL, "goals"]
-    goal_points: Annotated[Array, F8, "goals", "2M"]
-    goal_interaction: Annotated[Array, F8, "goals", "2M", 6]
-    posture: Annotated[Array, F8, "n"]
+    goal_points: Annotated[Array, "goals 2M"]
+    goal_interaction: Annotated[Array, "goals 2M 6"]
+    posture: Annotated[Array, "n"]
     # constraints: parameters of their formulas; marker or robot point of each row; gradient and
     # constant of linear rows; middle of the range of rows on a continuous joint, NaN elsewhere
     parts: Annotated[Records, PART, "parts"]
-    parameters: Annotated[Array, F8, "parts", "parameters"]
-    which: Annotated[IntArray, I8, "m"]
-    gradients: Annotated[Array, F8, "m", "n"]
-    offsets: Annotated[Array, F8, "m"]
-    middles: Annotated[Array, F8, "m"]
+    parameters: Annotated[Array, "parts parameters"]
+    which: Annotated[IntArray, "m"]
+    gradients: Annotated[Array, "m n"]
+    offsets: Annotated[Array, "m"]
+    middles: Annotated[Array, "m"]
     # error of gradients, with c_e s of eq. (49)
-    gradient_error: Annotated[Records, GRADIENT_ERROR, 1]
-    gradient_share: Annotated[Array, F8, "m", "n"]
+    gradient_error: Annotated[Records, GRADIENT_ERROR, "1"]
+    gradient_share: Annotated[Array, "m n"]
     # current time and state, limits of q̈, and the previous command
-    time: Annotated[Array, F8, 1]
-    q: Annotated[Array, F8, "n"]
-    qd: Annotated[Array, F8, "n"]
+    time: Annotated[Array, "1"]
+    q: Annotated[Array, "n"]
+    qd: Annotated[Array, "n"]
     limits: JointLimits
-    last_command: Annotated[Array, F8, "n"]
+    last_command: Annotated[Array, "n"]
     # memory of the task: previous sample, its s minus the value at the goal, ∂s/∂t and J_s; s at
     # the goal's first sample and s_ref, both minus the value at the goal, and ṡ_ref
-    last: Annotated[Records, SAMPLE, 1]
-    last_error: Annotated[Array, F8, "k or 6"]
-    last_partial: Annotated[Array, F8, "k"]
-    last_J: Annotated[Array, F8, "k", "n"]
-    last_reference: Annotated[Array, F8, 3, "k"]
+    last: Annotated[Records, SAMPLE, "1"]
+    last_error: Annotated[Array, "k_or_6"]
+    last_partial: Annotated[Array, "k"]
+    last_J: Annotated[Array, "k n"]
+    last_reference: Annotated[Array, "3 k"]
     # bodies and camera; the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist
     # relative to it
-    bodies: Annotated[Records, BODY, "n + 1"]
-    eye: Annotated[Records, EYE, 1]
-    target_R: Annotated[Array, F8, 3, 3]
-    target_t: Annotated[Array, F8, 3]
-    camera_J: Annotated[Array, F8, 6, "n"]
+    bodies: Annotated[Records, BODY, "n+1"]
+    eye: Annotated[Records, EYE, "1"]
+    target_R: Annotated[Array, "3 3"]
+    target_t: Annotated[Array, "3"]
+    camera_J: Annotated[Array, "6 n"]
     seen: Annotated[Records, MARKER, "M"]
     places: Annotated[Records, PLACE, "P"]
     # camera in the last samples according to the model, a ring buffer, and at the time of the
     # image; measured pixels and Z, NaN if missing; last measured offset of a marker from the model,
     # in normalised coordinates
     views: Annotated[Records, VIEW, VIEWS]
-    then: Annotated[Records, VIEW, 1]
-    measurement: Annotated[Records, MEASUREMENT, 1]
-    measured: Annotated[Array, F8, "M", 3]
-    correction: Annotated[Array, F8, "M", 2]
+    then: Annotated[Records, VIEW, "1"]
+    measurement: Annotated[Records, MEASUREMENT, "1"]
+    measured: Annotated[Array, "M 3"]
+    correction: Annotated[Array, "M 2"]
     # ratio of a marker's measured Z to that of the model; NaN if none is measured
-    depth_ratio: Annotated[Array, F8, "M"]
+    depth_ratio: Annotated[Array, "M"]
     # innovation: formulas.innovation.slip; bounds of vision.measurement.INNOVATIONS; the values,
     # and their greatest ratio to the bounds
-    slip: Annotated[Array, F8, "n"]
-    bounds: Annotated[Array, F8, 7]
-    innovation: Annotated[Array, F8, 8]
+    slip: Annotated[Array, "n"]
+    bounds: Annotated[Array, "7"]
+    innovation: Annotated[Array, "8"]
     # scratch: the Jacobian of a point; ∂s/∂t; s̈ for q̈ = 0
-    J_point: Annotated[Array, F8, 3, "n"]
-    partial: Annotated[Array, F8, "k"]
-    drift: Annotated[Array, F8, "k"]
+    J_point: Annotated[Array, "3 n"]
+    partial: Annotated[Array, "k"]
+    drift: Annotated[Array, "k"]
     # output, with robot points in the base frame and the camera's pose in the target's frame
     rows: RowArrays
     task: TaskArrays
-    pixels: Annotated[Array, F8, "M", 2]
-    points: Annotated[Array, F8, "P", 3]
-    camera_R: Annotated[Array, F8, 3, 3]
-    camera_t: Annotated[Array, F8, 3]
+    pixels: Annotated[Array, "M 2"]
+    points: Annotated[Array, "P 3"]
+    camera_R: Annotated[Array, "3 3"]
+    camera_t: Annotated[Array, "3"]
 
 
 #: Outputs of a step, in the order in which they stand in one array.
@@ -253,14 +250,14 @@ class Size:
 
     @property
     def lengths(self) -> dict[str, int]:
-        """Lengths of the letters in declarations."""
+        """Lengths of the axes in declarations."""
         n = self.n
         M = self.M
         k = self.k
         counts = {
-            "n + 1": n + 1,
+            "n+1": n + 1,
             "2M": 2 * M,
-            "k or 6": max(k, 6),
+            "k_or_6": max(k, 6),
             "limits": n * self.limited,
             "rest": n * self.rests,
         }

@@ -274,7 +274,8 @@ class PositionConstraint(ByFormula, Constraint):
         gradient = self.gradient(y)
         gradient_q = (gradient[:, None, :] @ motion.J)[:, 0, :]
         sigma_dot = (gradient * motion.velocity).sum(axis=1)
-        drift = (gradient * motion.drift).sum(axis=1) + self.curvature(y, motion.velocity)
+        by_drift = (gradient * motion.drift).sum(axis=1)
+        drift = by_drift + self.curvature(y, motion.velocity)
         return self.block(self.sigma(y), sigma_dot, gradient_q, drift)
 
 
@@ -283,7 +284,7 @@ def to_first_order(value: Array, gradient: Array) -> Array:
 
     It is exact where σ is linear or a signed distance, and of first order elsewhere.
     """
-    slope = np.sqrt((gradient * gradient).sum(axis=-1))
+    slope = np.linalg.norm(gradient, axis=-1)
     clearance: Array = -value / slope
     return clearance
 

@@ -78,9 +78,10 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
         if segment.length <= FIXED:
             continue
         direction = (segment.end - segment.start) / segment.length
-        R = pin.Quaternion.FromTwoVectors(z, direction).matrix()
+        turn = pin.Quaternion.FromTwoVectors(z, direction)
         middle = 0.5 * (segment.start + segment.end)
-        part = pin.SE3(R, middle), coal.Capsule(link_radius, segment.length)
+        placement = pin.SE3(turn.matrix(), middle)
+        part = placement, coal.Capsule(link_radius, segment.length)
         bodies[segment.link] = Body(segment.link, segment.joint, (part,))
     return tuple(bodies.values())
 
@@ -93,7 +94,8 @@ def _made_of(robot: Robot) -> tuple[object, ...]:
     try:
         changed = source.path.stat().st_mtime_ns
         meshes = _meshes(source.path, source.package_dirs, changed)
-        files = tuple((path, path.stat().st_mtime_ns) for path in (source.path, *meshes))
+        paths = (source.path, *meshes)
+        files = tuple((path, path.stat().st_mtime_ns) for path in paths)
     except OSError:  # a missing file is reported where it is read
         files = ()
     locked = tuple(source.positions.tolist())
@@ -116,9 +118,11 @@ def _hulls(links: Keyed) -> tuple[Body, ...]:
     bodies: dict[str, Body] = {}
     for solid in robot.collision_geometry().geometryObjects:
         link = robot.model.frames[solid.parentFrame].name
-        part = pin.SE3(solid.placement), convex(solid.geometry, solid.name)
+        placement = pin.SE3(solid.placement)
+        part = placement, convex(solid.geometry, solid.name)
         others = bodies[link].parts if link in bodies else ()
-        bodies[link] = Body(link, int(solid.parentJoint), (*others, part))
+        joint = int(solid.parentJoint)
+        bodies[link] = Body(link, joint, (*others, part))
     return tuple(bodies.values())
 
 
@@ -131,7 +135,8 @@ def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGe
     if not Path(file).is_file():
         raise ConfigurationError(f"no mesh file at {str(file)!r}")
     try:
-        to_metres = unit_of_mesh(Path(file)) * vector(scale, 3, "scale of a mesh")
+        factors = vector(scale, 3, "scale of a mesh")
+        to_metres = unit_of_mesh(Path(file)) * factors
         loaded = coal.MeshLoader().load(str(file), to_metres)
     except (RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{str(file)!r} cannot be read as a mesh: {error}") from error
@@ -189,6 +194,8 @@ def segments(robot: Robot) -> Iterator[Segment]:
         is_last = joint == model.njoints - 1
         following = tip.placement if is_last else model.jointPlacements[joint + 1]
         end = np.array(following.translation)
-        slides = model.joints[joint].shortname().startswith("JointModelP")
+        joint_type = model.joints[joint].shortname()
+        slides = joint_type.startswith("JointModelP")
         shared = joint > 1 and not slides
-        yield Segment(names.get(joint, tip.name), joint, np.zeros(3), end, shared)
+        link = names.get(joint, tip.name)
+        yield Segment(link, joint, np.zeros(3), end, shared)

@@ -15,7 +15,7 @@ from ..robots.robot import Robot
 from ..rows import Array, BoolArray
 from .base import require_positive
 from .bodies import FIXED, segments
-from .meshes import Surface, surface
+from .meshes import Surface, box_around, surface
 
 #: Greatest length of the line of a link, or of a solid of it, in spacings. Each point is a row, and
 #: the number of patches that cover a link's surface grows with the square of this length.
@@ -70,7 +70,8 @@ def link_points(
     enlargement = 0.0
     for link, cover in covers.items():
         candidates = _points(link, cover.offsets)
-        moving = list(compress(candidates, _are_moved(robot, candidates)))
+        is_moved = _are_moved(robot, candidates)
+        moving = list(compress(candidates, is_moved))
         if moving:
             enlargement = max(enlargement, cover.reach)
         for i, point in enumerate(moving, start=1):
@@ -133,17 +134,20 @@ def _covers_of_segments(
         if segment.length < FIXED:
             continue
         _require_short(segment.link, segment.length, spacing)
-        count = max(1, int(np.ceil(segment.length / spacing - 1e-9)))
+        needed = int(np.ceil(segment.length / spacing - 1e-9))
+        count = max(1, needed)
         first = 1 if start_is_covered else 0
         shares = np.arange(first, count + 1) / count
         start_is_covered = links is None or segment.link in links
-        frame = robot.model.frames[robot.model.getFrameId(segment.link)]
+        number = robot.model.getFrameId(segment.link)
+        frame = robot.model.frames[number]
         to_link = frame.placement.inverse()
         start = np.asarray(to_link.act(segment.start))
         end = np.asarray(to_link.act(segment.end))
         half_gap = 0.5 * (segment.length / count)
         reach = float(np.hypot(radius, half_gap))
-        covers[segment.link] = _Cover(start + shares[:, None] * (end - start), reach)
+        offsets = start + shares[:, None] * (end - start)
+        covers[segment.link] = _Cover(offsets, reach)
     return covers
 
 
@@ -157,9 +161,9 @@ def _covers_of_geometry(robot: Robot, spacing: float) -> dict[str, _Cover]:
         placement = frame.placement.inverse() * body.placement
         R = np.array(placement.rotation)
         t = np.array(placement.translation)
-        body.geometry.computeLocalAABB()
-        box = body.geometry.aabb_local
-        _require_short(frame.name, float(np.max(box.max_ - box.min_)), spacing)
+        low, high = box_around(body.geometry)
+        length = float(np.max(high - low))
+        _require_short(frame.name, length, spacing)
         patches, slack = surface(body.geometry, 0.5 * spacing)
         in_link = Surface(patches @ R.T + t, slack)
         surfaces.setdefault(frame.name, []).append(in_link)
@@ -197,7 +201,8 @@ def _sliced(surfaces: Sequence[Surface], spacing: float, more: int) -> _Cover:
     required = max(1, int(np.ceil(length / spacing)))
     count = required + more
     part = (x[:, main] - low[main]) / max(length, 1e-300)
-    slice_of = np.minimum((part * count).astype(int), count - 1)
+    number = (part * count).astype(int)
+    slice_of = np.minimum(number, count - 1)
     centres = []
     for i in np.unique(slice_of):
         inside = x[slice_of == i]
@@ -207,7 +212,8 @@ def _sliced(surfaces: Sequence[Surface], spacing: float, more: int) -> _Cover:
     points: Array = np.array(centres) @ axes + middle
     reach = 0.0
     for patches, slack in surfaces:
-        reach = max(reach, _distance_to_nearest(patches, points) + slack)
+        distance = _distance_to_nearest(patches, points)
+        reach = max(reach, distance + slack)
     return _Cover(points, reach)
 
 
@@ -216,6 +222,7 @@ def _distance_to_nearest(patches: Array, points: Array) -> float:
 
     The distance to one point is convex: on a patch it is largest at a corner.
     """
-    distances = np.linalg.norm(patches[:, :, None] - points, axis=3)
+    from_points = patches[:, :, None] - points
+    distances = np.linalg.norm(from_points, axis=3)
     of_patches = distances.max(axis=1).min(axis=1)
     return float(of_patches.max())

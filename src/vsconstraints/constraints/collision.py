@@ -134,7 +134,9 @@ class BodyDistance(Constraint):
         q = state.robot.q
         qd = state.robot.qd
         distance, g = self._measure(q)
-        return self.block(self.margin - distance, g @ qd, g, self.curvature(q, qd))
+        sigma = self.margin - distance
+        sigma_dot = g @ qd
+        return self.block(sigma, sigma_dot, g, self.curvature(q, qd))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distances minus the margin [m]."""
@@ -145,8 +147,9 @@ class BodyDistance(Constraint):
         """Return the solids of a body with their poses, for the joint Jacobians computed last."""
         placed = []
         for placement, solid in body.parts:
-            pose = self._data.oMi[body.joint] * placement
-            placed.append(_Placed(solid, coal.Transform3s(pose.rotation, pose.translation)))
+            placement_in_base = self._data.oMi[body.joint] * placement
+            pose = coal.Transform3s(placement_in_base.rotation, placement_in_base.translation)
+            placed.append(_Placed(solid, pose))
         return placed
 
     def _measure(self, q: Array) -> tuple[Array, Array]:
@@ -154,12 +157,12 @@ class BodyDistance(Constraint):
         jacobian = pin.computeJointJacobians(self._model, self._data, q)
         J = np.asarray(jacobian).reshape(6, -1)
         placed = {key: self._placed(body) for key, body in self._bodies.items()}
-        distances = np.empty(len(self.pairs))
-        wrenches = np.empty((len(self.pairs), 6))
+        count = len(self.pairs)
+        distances = np.empty(count)
+        wrenches = np.empty((count, 6))
         for i, (first, second) in enumerate(self.pairs):
-            solids_of_first = placed[id(first)]
-            solids_of_second = placed[id(second)]
-            found = [self._nearest(a, b, i) for a, b in product(solids_of_first, solids_of_second)]
+            solids = product(placed[id(first)], placed[id(second)])
+            found = [self._nearest(a, b, i) for a, b in solids]
             nearest = min(found, key=attrgetter("distance"))
             distances[i] = nearest.distance
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin

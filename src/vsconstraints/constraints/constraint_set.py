@@ -68,13 +68,14 @@ class ConstraintSet:
                 f"rows must have different labels: {', '.join(repeated)} appears more than once; "
                 f"give names"
             )
+        gives_phi = [isinstance(each, SpeedConstraint) for each in self.constraints]
         self.K = self._by_row([each.K for each in self.constraints])
         gains = self._by_row([each.switching_gain for each in self.constraints])
         scales = self._by_row([each.scale for each in self.constraints])
-        gives_phi = self._by_row([isinstance(each, SpeedConstraint) for each in self.constraints])
         # shared by the rows of every step and by the scores: no controller may change them or make
         # them writable
-        self.approach_time = _unchangeable(np.where(gives_phi > 0.0, 0.0, self.K))
+        approach_time = np.where(self._by_row(gives_phi) > 0.0, 0.0, self.K)
+        self.approach_time = _unchangeable(approach_time)
         self.switching_gain = _unchangeable(gains)
         self.scale = _unchangeable(scales)
         lengths = [each.characteristic_length(scene) for each in self.constraints]
@@ -89,7 +90,8 @@ class ConstraintSet:
     @in_one_line
     def __repr__(self) -> str:
         kinds = [f"{self.kinds.count(kind)} {kind}" for kind in dict.fromkeys(self.kinds)]
-        return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
+        rows = counted(len(self.labels), "row")
+        return f"<ConstraintSet: {rows} ({enumerated(kinds, 8)})>"
 
     def scaled(self, factors: RowFactors) -> ConstraintSet:
         """Return the set with a law's factors on K and u⁺.
@@ -134,7 +136,8 @@ class ConstraintSet:
 
         It is given in each row's natural unit.
         """
-        return _concatenated([each.sampling_band(self.scene, Ts) for each in self.constraints])
+        bands = [each.sampling_band(self.scene, Ts) for each in self.constraints]
+        return _concatenated(bands)
 
 
 def _concatenated(vectors: Sequence[Array]) -> Array:

@@ -65,7 +65,8 @@ class FieldOfView(ImageConstraint):
         self.half_size: Array = half * (1.0 - (margin or 0.0))
         if margin_px is not None:
             self.half_size = half - margin_px
-        if not ((self.half_size > 0.0) & (self.half_size <= half)).all():
+        is_part = (self.half_size > 0.0) & (self.half_size <= half)
+        if not is_part.all():
             raise ConfigurationError(
                 f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px "
                 f"< {half.min():g}"
@@ -123,11 +124,13 @@ class FieldOfView(ImageConstraint):
         direction = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
         # on the rectangle |u/a|ⁿ + |v/b|ⁿ is between 1 and 2, so that no n makes it vanish, and it
         # falls with the n-th power of the distance from the centre
-        on_rectangle = direction / np.abs(direction / half).max(axis=-1, keepdims=True)
+        relative = np.abs(direction / half)
+        on_rectangle = direction / relative.max(axis=-1, keepdims=True)
         u, v = on_rectangle.T
         a, b = half
         value, _, _ = formulas.superellipse(u, v, a, b, self.n)
         share = (1.0 + value) ** (-1.0 / self.n)
         boundary = on_rectangle * share[:, None]
-        _, certain = self._camera.distortion.remove(self._camera.normalised(boundary))
+        normalised = self._camera.normalised(boundary)
+        _, certain = self._camera.distortion.remove(normalised)
         return bool(certain.all())

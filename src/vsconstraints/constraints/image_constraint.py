@@ -92,7 +92,8 @@ class ImageConstraint(PositionConstraint):
             image.velocity[selection],
             image.drift[selection],
         )
-        return self.chain_rule(self.relative(motion, state))
+        relative_motion = self.relative(motion, state)
+        return self.chain_rule(relative_motion)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the markers concerned."""
@@ -104,7 +105,8 @@ class ImageConstraint(PositionConstraint):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the distance to the curve σ = 0 in the image [px], with the sign of −σ."""
         pixels = self.displaced(trace.pixels[:, self._selection], trace.t)
-        distance = self._curve(trace.image_size, trace.t).distance(pixels)
+        curve = self._curve(trace.image_size, trace.t)
+        distance = curve.distance(pixels)
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
@@ -122,21 +124,14 @@ class ImageConstraint(PositionConstraint):
             displacements = self.motion.displacement(t)
         if not self._formula_gives_sigma:
             return self.search_curve(image_size, displacements)
-        extremes: tuple[tuple[float, ...], ...] = ()
-        if displacements is not None:
-            # rounded outwards to halves of the image, so that similar times share an entry of the
-            # cache
-            half = 0.5 * np.asarray(image_size)
-            low = np.floor(displacements.min(axis=0) / half) * half
-            high = np.ceil(displacements.max(axis=0) / half) * half
-            extremes = tuple(low.tolist()), tuple(high.tolist())
+        extremes = _extremes(displacements, image_size)
         frame: tuple[float, ...] = ()
         if self.frame is not None:
             R, origin = self.frame
             frame = (*R.ravel().tolist(), *origin.tolist())
         dependencies = self.formula, self.parameters, self.margin, frame
-        key = Keyed((tuple(image_size), extremes, *dependencies), self)
-        return _cached_curve(key)
+        key = (tuple(image_size), extremes, *dependencies)
+        return _cached_curve(Keyed(key, self))
 
     def search_curve(
         self, image_size: tuple[float, float], displacements: Array | None
@@ -155,9 +150,29 @@ class ImageConstraint(PositionConstraint):
         Parts that depend on only one of them are computed once per row or column.
         """
         if not self._formula_gives_sigma:
-            return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
+            points = np.stack(np.meshgrid(u, v), axis=-1)
+            return self.sigma(points)
         value = self.evaluated(u[None, :], v[:, None])[0]
-        return np.broadcast_to(value, (len(v), len(u))) + self.margin
+        shape = len(v), len(u)
+        return np.broadcast_to(value, shape) + self.margin
+
+
+def _extremes(
+    displacements: Array | None, image_size: tuple[float, float]
+) -> tuple[tuple[float, ...], ...]:
+    """Return the least and the greatest displacement (2,); nothing of a curve that stands still.
+
+    They are rounded outwards to halves of the image, so that similar times share an entry of the
+    cache.
+    """
+    if displacements is None:
+        return ()
+    half = 0.5 * np.asarray(image_size)
+    least = displacements.min(axis=0)
+    greatest = displacements.max(axis=0)
+    low = np.floor(least / half) * half
+    high = np.ceil(greatest / half) * half
+    return tuple(low.tolist()), tuple(high.tolist())
 
 
 @lru_cache(maxsize=32)
@@ -197,7 +212,8 @@ def zero_lines(
         v = v[rows]
         values = values[rows, columns]
     lines = []
-    for line in contourpy.contour_generator(u, v, values).lines(0.0):
+    contours = contourpy.contour_generator(u, v, values)
+    for line in contours.lines(0.0):
         on_curve = _onto_curve(np.asarray(line), sigma, gradient)
         lines.append(_refined(on_curve, sigma, gradient))
     return lines
@@ -215,10 +231,12 @@ def _search_grid(
         low = -half - displacements.max(axis=0)
         high = half - displacements.min(axis=0)
     steps = np.ceil((high - low) / STEP)
-    counts = np.minimum(steps, MAX_GRID_POINTS).astype(int) + 1
+    steps = np.minimum(steps, MAX_GRID_POINTS)
+    counts = steps.astype(int) + 1
     excess = float(counts.prod()) / MAX_POINTS
     if excess > 1.0:
-        counts = (counts / math.sqrt(excess)).astype(int)
+        fewer = counts / math.sqrt(excess)
+        counts = fewer.astype(int)
     u = np.linspace(low[0], high[0], counts[0])
     v = np.linspace(low[1], high[1], counts[1])
     return u, v
@@ -242,25 +260,19 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     for _ in range(most_halvings):
         middle = 0.5 * (line[1:] + line[:-1])
         on_curve = _onto_curve(middle, sigma, gradient)
-        distance = _lengths(on_curve - middle)
+        distance = np.linalg.norm(on_curve - middle, axis=1)
         off = np.flatnonzero(distance > ACCURACY)
         if not len(off):
             break
         line = np.insert(line, off + 1, on_curve[off], axis=0)
-    segments = np.diff(line, axis=0)
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     # arc lengths of the vertices, and of those with points in between
-    arc = np.concatenate(([0.0], np.cumsum(_lengths(segments))))
+    arc = np.concatenate(([0.0], np.cumsum(lengths)))
     every_spacing = np.arange(0.0, arc[-1], SPACING)
     dense = np.union1d(arc, every_spacing)
     u = np.interp(dense, arc, line[:, 0])
     v = np.interp(dense, arc, line[:, 1])
     return np.column_stack((u, v))
-
-
-def _lengths(vectors: Array) -> Array:
-    """Return the lengths (p,) of vectors (p, 2)."""
-    lengths: Array = np.sqrt((vectors**2).sum(axis=1))
-    return lengths
 
 
 def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
@@ -292,7 +304,8 @@ class Polylines:
 
         It is infinite if there is none.
         """
-        flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        flat = points.reshape(-1, 2)
         distances = np.full(len(flat), np.inf)
         if self._prepared is not None:
             nearest = np.empty(len(flat), dtype=np.int64)

@@ -66,7 +66,8 @@ class JointConstraint(RowsOfJoints):
         q = state.robot.q
         qd = state.robot.qd
         g = self.gradient(q)
-        return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
+        sigma_dot = g @ qd
+        return self.block(self.sigma(q), sigma_dot, g, self.curvature(q, qd))
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of rows that are declared linear, from σ at q = 0."""
@@ -75,7 +76,8 @@ class JointConstraint(RowsOfJoints):
         from ..compiled.constraint_rows import joint_rows
 
         zero = np.zeros(scene.robot.n)
-        return CompiledRowSpec(joint_rows, gradients=self.gradient(zero), offsets=self.sigma(zero))
+        gradients = self.gradient(zero)
+        return CompiledRowSpec(joint_rows, gradients=gradients, offsets=self.sigma(zero))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −σ / ‖∂σ/∂q‖ [rad]: exact for linear rows, of first order elsewhere."""
@@ -102,7 +104,8 @@ class SpeedConstraint(RowsOfJoints):
         """Return the rows, with L_gφ = ∂φ/∂q̇ (eq. 38) and L_fφ = 0 (eq. 34)."""
         qd = state.robot.qd
         phi = self.phi(qd)
-        return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
+        no_drift = np.zeros_like(phi)
+        return RowBlock(phi, phi, self.gradient(qd), no_drift)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of rows that are declared linear, from φ at rest."""
@@ -111,7 +114,8 @@ class SpeedConstraint(RowsOfJoints):
         from ..compiled.constraint_rows import speed_rows
 
         rest = np.zeros(scene.robot.n)
-        return CompiledRowSpec(speed_rows, gradients=self.gradient(rest), offsets=self.phi(rest))
+        gradients = self.gradient(rest)
+        return CompiledRowSpec(speed_rows, gradients=gradients, offsets=self.phi(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return −φ / ‖∂φ/∂q̇‖ [rad/s]: exact for linear rows, of first order elsewhere."""
@@ -122,9 +126,9 @@ class SpeedConstraint(RowsOfJoints):
 
         φ itself is the clearance, and eq. (43) allows it to switch by T_s u⁺.
         """
-        g = self.gradient(np.zeros(scene.robot.n))
-        slope = np.sqrt((g * g).sum(axis=-1))
-        band = np.zeros(len(g))
+        rest = np.zeros(scene.robot.n)
+        slope = np.linalg.norm(self.gradient(rest), axis=-1)
+        band = np.zeros(len(slope))
         np.divide(Ts * self.switching_gain, slope, out=band, where=slope > 0.0)
         return band
 
@@ -155,7 +159,8 @@ class JointLimitRows:
         self.lower = self._finite_limits("lower", lower)
         self.upper = self._finite_limits("upper", upper)
         empty = []
-        for number, low, high in zip(self.joints, self.lower, self.upper, strict=True):
+        limits = zip(self.joints, self.lower, self.upper, strict=True)
+        for number, low, high in limits:
             if low >= high:
                 name = robot.joint_names[number - 1]
                 empty.append(f"joint {number} ({name}) has [{low:g}, {high:g}]")
@@ -181,7 +186,9 @@ class JointLimitRows:
             return numbers
         if lower.given is not None or upper.given is not None:
             return tuple(range(1, robot.n + 1))
-        limited = np.flatnonzero(np.isfinite(lower.of_robot) & np.isfinite(upper.of_robot))
+        has_lower = np.isfinite(lower.of_robot)
+        has_upper = np.isfinite(upper.of_robot)
+        limited = np.flatnonzero(has_lower & has_upper)
         if not len(limited):
             raise ConfigurationError(
                 f"{robot.name} has no limits for {self.kind}: give lower and upper"
@@ -195,7 +202,8 @@ class JointLimitRows:
             values = limits.of_robot[self._indices]
         else:
             values = limit_array(limits.given, f"{side} of {self.kind}")
-        if values.shape != (len(self.joints),) or not np.isfinite(values).all():
+        has_shape = values.shape == (len(self.joints),)
+        if not (has_shape and np.isfinite(values).all()):
             raise ConfigurationError(
                 f"{side} of {self.kind} must be a finite number for each of the joints "
                 f"{list(self.joints)}, not {values}"
@@ -223,12 +231,14 @@ class JointLimitRows:
     def _value(self, y: Array) -> Array:
         """Return the values (..., r) of the rows at y (..., n)."""
         offset = y[..., self._indices] - self.mid
-        share = np.concatenate([offset / divisor for divisor in self._divisors], axis=-1)
+        shares = [offset / divisor for divisor in self._divisors]
+        share = np.concatenate(shares, axis=-1)
         return share - (1.0 - self.margin)
 
     def characteristic_length(self, scene: Scene) -> Array:
         """Return half the allowed range, or the allowed speed, of each row."""
-        length: Array = np.abs(np.concatenate(self._divisors)) * (1.0 - self.margin)
+        divisors = np.concatenate(self._divisors)
+        length: Array = np.abs(divisors) * (1.0 - self.margin)
         return length
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
@@ -280,7 +290,9 @@ class JointRange(JointLimitRows, JointConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self._select(robot, joints, _Limits(lower, robot.q_min), _Limits(upper, robot.q_max))
+        lower_limits = _Limits(lower, robot.q_min)
+        upper_limits = _Limits(upper, robot.q_max)
+        self._select(robot, joints, lower_limits, upper_limits)
         half = 0.5 * (self.upper - self.lower)
         mid = 0.5 * (self.lower + self.upper)
         self._set_rows(robot.n, mid, half, -half, margin)
@@ -292,7 +304,8 @@ class JointRange(JointLimitRows, JointConstraint):
     def sigma(self, q: Array) -> Array:
         """Return σ of eq. (25), one row for each side."""
         on_circle = np.isfinite(self._middles)
-        turns = whole_turns(np.where(on_circle, q - self._middles, 0.0))
+        from_middle = np.where(on_circle, q - self._middles, 0.0)
+        turns = whole_turns(from_middle)
         return self._value(q - turns)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
@@ -332,7 +345,9 @@ class JointSpeed(JointLimitRows, SpeedConstraint):
         least: ArrayLike | None = lower
         if lower is None and upper is not None:
             least = -limit_array(upper, "upper of speed")
-        self._select(robot, joints, _Limits(least, robot.qd_min), _Limits(upper, robot.qd_max))
+        lower_limits = _Limits(least, robot.qd_min)
+        upper_limits = _Limits(upper, robot.qd_max)
+        self._select(robot, joints, lower_limits, upper_limits)
         if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
             raise ConfigurationError(
                 f"speed limits must be lower < 0 < upper, not {self.lower} and {self.upper}"

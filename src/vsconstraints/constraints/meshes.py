@@ -45,7 +45,8 @@ def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | N
     """
     if isinstance(geometry, coal.BVHModelBase):
         vertices = np.array(geometry.vertices())
-        corners = [_corners(geometry.tri_indices(k)) for k in range(geometry.num_tris)]
+        count = geometry.num_tris
+        corners = [_corners(geometry.tri_indices(k)) for k in range(count)]
         triangles = np.array(corners, dtype=np.int64).reshape(-1, 3)
         return Mesh(vertices, triangles)
     if isinstance(geometry, coal.Halfspace):
@@ -90,14 +91,21 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
         ball: Array = solid.radius * _ball().points
         return np.concatenate([ball + up, ball - up])
     if isinstance(solid, coal.Cylinder):
-        return np.asarray(convex(solid, "cylinder").points())
-    solid.computeLocalAABB()
-    box = solid.aabb_local
-    ends = np.array([box.min_, box.max_])
-    if not (np.abs(ends) < ENDLESS).all():
+        prism = convex(solid, "cylinder")
+        return np.asarray(prism.points())
+    ends = np.array(box_around(solid))
+    is_bounded = np.abs(ends) < ENDLESS
+    if not is_bounded.all():
         return None
     x_ends, y_ends, z_ends = ends.T
     return _grid_points(x_ends, y_ends, z_ends)
+
+
+def box_around(geometry: coal.CollisionGeometry) -> tuple[Array, Array]:
+    """Return the least and the greatest coordinates (3,) of a geometry in its own frame."""
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    return np.array(box.min_), np.array(box.max_)
 
 
 def _grid_points(x: Array, y: Array, z: Array) -> Array:
@@ -130,14 +138,20 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
 
 def _prism_around(cylinder: coal.Cylinder) -> Array:
     """Return the corners of the prism of :data:`SIDES` sides around a cylinder."""
-    angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
+    cosine, sine = _directions(SIDES)
     radius = cylinder.radius / np.cos(np.pi / SIDES)
-    x = radius * np.cos(angle)
-    y = radius * np.sin(angle)
+    x = radius * cosine
+    y = radius * sine
     z = np.full(SIDES, cylinder.halfLength)
     upper = np.column_stack((x, y, z))
     lower = np.column_stack((x, y, -z))
     return np.concatenate((upper, lower))
+
+
+def _directions(count: int) -> tuple[Array, Array]:
+    """Return cosine and sine of so many angles, of which :data:`SIDES` make a whole turn."""
+    angle = 2.0 * np.pi / SIDES * np.arange(count)
+    return np.cos(angle), np.sin(angle)
 
 
 def hull(points: Array) -> Mesh:
@@ -148,7 +162,8 @@ def hull(points: Array) -> Mesh:
     numbers = []
     for corner in np.asarray(solid.points()).tolist():
         numbers.append(number_of_point[tuple(corner)])
-    faces = np.array([_corners(solid.polygons(k)) for k in range(solid.num_polygons)])
+    count = solid.num_polygons
+    faces = np.array([_corners(solid.polygons(k)) for k in range(count)])
     triangles = np.array(numbers)[faces]
     return Mesh(points, triangles)
 
@@ -173,7 +188,8 @@ def traced(depth: Callable[[Array], Array]) -> Mesh | None:
     ball = _ball()
     distance = np.zeros((len(ball.points), 1))  # from the origin, in the direction of each point
     for _ in range(STEPS):
-        distance = distance + depth(distance * ball.points)[:, None]
+        remaining = depth(distance * ball.points)
+        distance = distance + remaining[:, None]
         is_closed = (distance > 0.0) & (distance < ENDLESS)
         if not is_closed.all():
             return None
@@ -232,18 +248,16 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> Surface:
         ends = axis[1:]
         segments = np.stack((begins, ends), axis=1)
         return Surface(segments, float(geometry.radius))
-    geometry.computeLocalAABB()
-    box = geometry.aabb_local
-    cells = _cells(np.array(box.min_), np.array(box.max_), longest)
-    return Surface(cells, 0.0)
+    low, high = box_around(geometry)
+    return Surface(_cells(low, high, longest), 0.0)
 
 
 def _cells(low: Array, high: Array, longest: float) -> Array:
     """Return the corners (c, 8, 3) of the cells into which a box is divided."""
     ends_by_axis = []
     for a, b in zip(low, high, strict=True):
-        count = max(1, int(np.ceil((b - a) / longest)))
-        steps = np.linspace(a, b, 1 + count)
+        needed = int(np.ceil((b - a) / longest))
+        steps = np.linspace(a, b, 1 + max(1, needed))
         lower_ends = steps[:-1]
         upper_ends = steps[1:]
         ends_by_axis.append((lower_ends, upper_ends))
@@ -254,10 +268,8 @@ def _cells(low: Array, high: Array, longest: float) -> Array:
 
 def _cylinder(radius: float, half: float) -> Array:
     """Return triangles (t, 3, 3) between a cylinder's rims and the centres of its ends."""
-    angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
-    x = np.cos(angle)
-    y = np.sin(angle)
-    rim = radius * np.column_stack((x, y, np.zeros_like(angle)))
+    x, y = _directions(SIDES + 1)
+    rim = radius * np.column_stack((x, y, np.zeros_like(x)))
     up = np.array([0.0, 0.0, half])
     lower_rim = rim - up
     upper_rim = rim + up
@@ -282,13 +294,15 @@ def _divided(corners: Array, longest: float) -> Array:
     """Return triangles (t, 3, 3), halved repeatedly until no edge is longer than ``longest``."""
     done = []
     while len(corners):
-        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        next_corners = np.roll(corners, -1, axis=1)
+        edges = np.linalg.norm(corners - next_corners, axis=2)
         is_long = edges.max(axis=1) > longest
         done.append(corners[~is_long])
         corners = corners[is_long]
         # reordered so that the longest edge is from the first to the second corner
         longest_edge = edges[is_long].argmax(axis=1)
-        order = (longest_edge[:, None] + np.arange(3)) % 3
+        first_corner = longest_edge[:, None]
+        order = (first_corner + np.arange(3)) % 3
         ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
         a, b, c = ordered.transpose(1, 0, 2)
         middle = 0.5 * (a + b)

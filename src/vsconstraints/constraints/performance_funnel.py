@@ -67,7 +67,8 @@ class PerformanceFunnel(Constraint):
             raise ConfigurationError(
                 f"{self.kind} bounds the error to a goal, and the scenario has no goal"
             )
-        if not self.of_image and any(goal.camera is None for goal in self.goals):
+        lacks_pose = any(goal.camera is None for goal in self.goals)
+        if not self.of_image and lacks_pose:
             raise ConfigurationError(
                 f"{self.kind} of the camera's pose needs goals with one; give feature_px"
             )
@@ -173,10 +174,12 @@ class PerformanceFunnel(Constraint):
         goals = np.array([goal_at(self._goal_starts, t) for t in trace.t], dtype=np.int64)
         if self.of_image:
             wanted = np.array([goal.pixels for goal in self.goals])
-            error = (trace.pixels - wanted[goals]).reshape(len(goals), -1)
+            offsets = trace.pixels - wanted[goals]
+            error = offsets.reshape(len(goals), -1)
         else:
             error = self._pose_errors(trace, goals)
-        elapsed = trace.t - np.array(self._goal_starts)[goals]
+        starts = np.array(self._goal_starts)
+        elapsed = trace.t - starts[goals]
         width, _, _ = funnel(elapsed, self.final, self.decay)
         relative_error = self._error_factor * error[:, self._entry_of_row]
         clearance: Array = self.start * (width[:, None] - relative_error)
@@ -189,11 +192,12 @@ class PerformanceFunnel(Constraint):
                 f"clearances of {self.kind} of the camera's pose need the trace's scene"
             )
         errors = np.zeros((len(goals), 6))
+        near = np.zeros(3)
         for k, goal in enumerate(goals):
             camera = trace.scene.camera_pose(trace.q[k], float(trace.t[k]))
             wanted = self.goals[goal].camera
             assert wanted is not None
-            _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
+            _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, False)
             errors[k] = (*t, *w)
         return errors
 

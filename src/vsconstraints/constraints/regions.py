@@ -65,9 +65,11 @@ class PointConstraint(PositionConstraint):
     def rows(self, state: State, points: slice) -> RowBlock:
         """Return the rows by the chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
         robot = state.robot
-        J = state.robot.point_J[points]
-        motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
-        return self.chain_rule(self.relative(motion, state))
+        J = robot.point_J[points]
+        velocity = J @ robot.qd
+        motion = PointMotion(robot.points[points], J, velocity, robot.point_drift[points])
+        relative_motion = self.relative(motion, state)
+        return self.chain_rule(relative_motion)
 
     def compiled_form(self, scene: Scene, points: slice) -> CompiledRowSpec | None:
         """Return the compiled form of the formula for the points concerned."""
@@ -134,9 +136,13 @@ class ForbiddenRegion(PointConstraint):
         It is that of its solid, or traced from the frame's origin if no solid is known.
         """
         solid = self.solid()
-        if solid is None:
-            return traced(lambda points: self.sigma(self.pose.act(points)) - self.margin)
-        return mesh_of(solid, reach)
+        if solid is not None:
+            return mesh_of(solid, reach)
+
+        def depth(points: Array) -> Array:
+            return self.sigma(self.pose.act(points)) - self.margin
+
+        return traced(depth)
 
     def solid(self) -> coal.CollisionGeometry | None:
         """Return the region as a solid in its own frame, or None if it is not known."""

@@ -164,13 +164,16 @@ class Model:
         qd = np.ascontiguousarray(qd, dtype=np.float64)
         out = np.empty((len(t), packed.out.size))
         if self.step is not None:
-            N = load("from_state").predict(packed.workspace, t, q, qd, packed.out, out)
+            kernels = load("from_state")
+            N = kernels.predict(packed.workspace, t, q, qd, packed.out, out)
         else:
             N = self._predict_in_numpy(t, q, qd, out)
         predicted = {}
+        evaluated = out[:N]
         for name in (*ROWS, *TASK, "pixels"):
             columns, shape = packed.parts[name]
-            predicted[name] = out[:N, columns].reshape(N, *shape)
+            part = evaluated[:, columns]
+            predicted[name] = part.reshape(N, *shape)
         return Prediction(**predicted)
 
     def _predict_in_numpy(self, t: Array, q: Array, qd: Array, out: Array) -> int:
@@ -220,9 +223,8 @@ class ControlStep(Evaluator):
         return evaluation
 
     def _check_gradients(self, t: float, q: Array, qd: Array) -> None:
-        require_gradients(
-            self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd))
-        )
+        state = (t, np.asarray(q), np.asarray(qd))
+        require_gradients(self.scene, self.constraints, self.visual_task, state)
         if self.packed.own_feature:
             require_interaction(self.visual_task, self._state())
         self._gradients_checked = True

@@ -177,7 +177,8 @@ class Evaluator:
         self.last_command = step.last_command
         self.innovation = step.innovation
         self._bounds = step.bounds
-        self._evaluate_step = load("step").evaluate_step.bind(self.packed.workspace, typed=True)
+        kernels = load("step")
+        self._evaluate_step = kernels.evaluate_step.bind(self.packed.workspace, typed=True)
         self.plausible = plausible or Plausible()
 
     @property
@@ -271,9 +272,11 @@ class Evaluator:
         pixel.
         """
         measured = None
-        if any(value is not None for value in (pixels, depth, taken, camera)):
-            measured = Measurement(pixels, depth, taken, camera).checked(len(self.scene.markers), t)
-            measured = measured.undistorted(self.scene.camera)
+        given = (pixels, depth, taken, camera)
+        if any(value is not None for value in given):
+            measurement = Measurement(pixels, depth, taken, camera)
+            checked = measurement.checked(len(self.scene.markers), t)
+            measured = checked.undistorted(self.scene.camera)
         return self.evaluate_measured(t, q, qd, measured)
 
     def evaluate_measured(
@@ -281,7 +284,9 @@ class Evaluator:
     ) -> Evaluation:
         """Evaluate as :meth:`evaluate`, with a checked measurement in ideal pixels."""
         packed = self.packed
-        before = packed.remembered() if packed.others or packed.own_feature else []
+        before = []
+        if packed.others or packed.own_feature:
+            before = packed.remembered()
         if measured is not None:
             packed.measure(measured)
         try:
@@ -291,7 +296,8 @@ class Evaluator:
             refused = self._evaluate_step(t, q, qd)
         if refused:
             t, q, qd = self._checked(t, q, qd)
-            self.scene.project(self.scene.camera_pose(q, t))
+            camera = self.scene.camera_pose(q, t)
+            self.scene.project(camera)
             raise SceneError("a marker is not in front of the camera in the controller's model")
         if before:
             try:
@@ -307,7 +313,8 @@ class Evaluator:
         state = self._state()
         task = self.visual_task
         for constraint, rows, points in packed.others:
-            packed.insert(rows, constraint, constraint.rows(state, points))
+            block = constraint.rows(state, points)
+            packed.insert(rows, constraint, block)
         if packed.own_feature:
             goal = task.goal_at(t)
             previous = None
@@ -322,21 +329,26 @@ class Evaluator:
         step = self.packed.step
         eye = step.eye[0]
         seen = step.seen
-        J = interaction_matrix(seen["xy"], seen["depth"]) @ step.camera_J
+        twist = np.concatenate((eye["velocity"], eye["angular_velocity"]))
+        twist_drift = np.concatenate((eye["acceleration"], eye["angular_acceleration"]))
+        position = seen["xy"].copy()
         velocity = seen["velocity"].copy()
         drift = seen["drift"].copy()
+        J = interaction_matrix(position, seen["depth"]) @ step.camera_J
         focal = step.camera[0]["focal"]  # (2,) pixels per unit of normalised coordinates
         pixel_J = J * focal[:, None]
+        pixel_velocity = velocity * focal
+        pixel_drift = drift * focal
         return State(
             t=float(step.time[0]),
             robot=self.scene.kinematics(step.q, step.qd),
             camera=Pose(step.camera_R.copy(), step.camera_t.copy()),
             camera_J=step.camera_J.copy(),
-            camera_twist=np.concatenate((eye["velocity"], eye["angular_velocity"])),
-            camera_drift=np.concatenate((eye["acceleration"], eye["angular_acceleration"])),
+            camera_twist=twist,
+            camera_drift=twist_drift,
             depth=seen["depth"].copy(),
-            normalised=PointMotion(seen["xy"].copy(), J, velocity, drift),
-            pixels=PointMotion(step.pixels.copy(), pixel_J, velocity * focal, drift * focal),
+            normalised=PointMotion(position, J, velocity, drift),
+            pixels=PointMotion(step.pixels.copy(), pixel_J, pixel_velocity, pixel_drift),
             believed=not self.known,
         )
 
@@ -371,13 +383,14 @@ class Evaluator:
         size = self.packed.size
         t = np.ascontiguousarray(t)
         q = np.ascontiguousarray(q)
-        if q.shape != (len(t), size.n):
+        N = len(t)
+        shape = (N, size.n)
+        if q.shape != shape:
             raise InvalidInput(
-                f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not "
-                f"{q.shape}"
+                f"coordinates at {N} times must be of the shape {shape}, not {q.shape}"
             )
-        pixels = np.zeros((len(t), size.M, 2))
-        points = np.zeros((len(t), size.P, 3))
-        is_in_front = np.ones(len(t), dtype=np.bool_)
+        pixels = np.zeros((N, size.M, 2))
+        points = np.zeros((N, size.P, 3))
+        is_in_front = np.ones(N, dtype=np.bool_)
         load("step").views(self.packed.workspace, t, q, pixels, points, is_in_front)
         return pixels, points, is_in_front

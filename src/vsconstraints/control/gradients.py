@@ -151,8 +151,9 @@ def _of_coordinates(
         )
         return
     labels = evaluator.constraints.labels[rows]
+    unit_vectors = np.eye(len(names))
     for coordinate, name in enumerate(names):
-        direction = unit * np.eye(len(names))[coordinate]
+        direction = unit * unit_vectors[coordinate]
 
         def sigma(away: float, along: Array = direction) -> Array:
             return constraint.sigma(y + away * along)
@@ -179,14 +180,18 @@ def _of_joints(
     Lg = evaluator.evaluate(t, q, qd).rows.Lg[rows]
     gradient = Lg if by_speed else Lg / approach_time[:, None]
     labels = constraints.labels[rows]
+    unit_vectors = np.eye(robot.n)
     for joint in range(robot.n):
-        direction = np.eye(robot.n)[joint]
+        direction = unit_vectors[joint]
 
         def value(away: float, along: Array = direction) -> Array:
+            step = away * along
             if by_speed:
-                phi: Array = evaluator.evaluate(t, q, qd + away * along).rows.phi[rows]
+                faster = evaluator.evaluate(t, q, qd + step)
+                phi: Array = faster.rows.phi[rows]
                 return phi
-            sigma: Array = evaluator.evaluate(t, q + away * along, qd).sigma[rows]
+            moved = evaluator.evaluate(t, q + step, qd)
+            sigma: Array = moved.sigma[rows]
             return sigma
 
         quotients = _quotients(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..compiled.codes import CAMERA_POSE, IMAGE_POINTS, OWN
 from ..compiled.memory import Workspace
 from ..compiled.workspace import Size, Step
 from ..constraints import Constraint, ConstraintSet, RowBlock
+from ..constraints.by_formula import CompiledRowSpec
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
@@ -25,12 +26,28 @@ from ..vision.scene import Scene
 from ..vision.tracking import Rest, TrackingGains, VisualTask
 
 
+class CompiledRows(NamedTuple):
+    """Rows of a constraint that the step computes by the function at an address."""
+
+    constraint: Constraint
+    form: CompiledRowSpec
+    rows: slice
+    address: int
+
+
+class NumpyRows(NamedTuple):
+    """Rows of a constraint without a compiled form, and the range of its robot points."""
+
+    constraint: Constraint
+    rows: slice
+    points: slice
+
+
 class StepArrays:
     """Arrays of the compiled ``step`` of a scene, its output array ``out`` and its ``workspace``.
 
-    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are the
-    constraints without a compiled form, with their rows and their robot points; the step omits
-    these rows. ``own_feature`` is true if the feature is evaluated in NumPy. Raises
+    ``size`` has their sizes, ``parts`` the slice and shape of each output. The step omits the rows
+    of ``others``. ``own_feature`` is true if the feature is evaluated in NumPy. Raises
     ConfigurationError if the robot is no serial chain, or if the scene or the task has parts of
     custom classes that control does not support.
     """
@@ -43,35 +60,30 @@ class StepArrays:
         known: bool = False,
         limits: JointLimits | None = None,
     ) -> None:
-        for part, kind in (
-            (scene, Scene),
-            (scene.camera, Camera),
-            (task, VisualTask),
-            (task.gains, TrackingGains),
-        ):
-            _demand(part, kind)
+        _demand(scene, Scene)
+        _demand(scene.camera, Camera)
+        _demand(task, VisualTask)
+        _demand(task.gains, TrackingGains)
         feature = task.feature
         M = len(scene.markers)
         n = scene.robot.n
         self.own_feature = _compiled_kind(feature) == OWN
         k = feature.size(M)
         rest = task.rest_of(n, k)
-        self.others: list[tuple[Constraint, slice, slice]] = []
+        self.others: list[NumpyRows] = []
         compiled = []
         first = 0
         for constraint, count, points in constraints.blocks():
-            rows = slice(first, first + count)
-            first = first + count
+            end = first + count
+            rows = slice(first, end)
+            first = end
             form = constraint.compiled_form(scene, points)
-            address = 0
-            if form is not None and (form.motion is None or type(form.motion) is Motion):
-                kernels = load("constraint_rows")
-                address = kernels.rows_address(form.template, form.formulas, len(form.parameters))
+            address = _address_of_rows(form)
             if form is not None and address:
-                compiled.append((constraint, form, rows, address))
+                compiled.append(CompiledRows(constraint, form, rows, address))
             else:
-                self.others.append((constraint, rows, points))
-        parameter_counts = [len(form.parameters) for _, form, _, _ in compiled]
+                self.others.append(NumpyRows(constraint, rows, points))
+        parameter_counts = [len(block.form.parameters) for block in compiled]
         self.size = Size(
             n=n,
             M=M,
@@ -92,7 +104,7 @@ class StepArrays:
         step.rows.switching_gain[:] = constraints.switching_gain
         step.rows.scale[:] = constraints.scale
         for i, block in enumerate(compiled):
-            _write_constraint(step, i, *block, known)
+            _write_constraint(step, i, block, known)
         self.parts = self.size.outputs
         self.workspace = Workspace(step)
         self.reset()
@@ -183,6 +195,19 @@ class StepArrays:
             self.step.camera_t[:] = pose.t
 
 
+def _address_of_rows(form: CompiledRowSpec | None) -> int:
+    """Return the address of the function that computes rows; 0 if they are computed in NumPy."""
+    if form is None:
+        return 0
+    is_known_motion = form.motion is None or type(form.motion) is Motion
+    if not is_known_motion:
+        return 0
+    kernels = load("constraint_rows")
+    count = len(form.parameters)
+    address: int = kernels.rows_address(form.template, form.formulas, count)
+    return address
+
+
 def _demand(part: object, kind: type) -> None:
     """Raise ConfigurationError unless ``part`` is of exactly that class.
 
@@ -212,11 +237,11 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     write_camera(step, scene.camera)
     step.markers[:] = scene.markers
     for record, point in zip(step.robot_points, scene.points, strict=True):
-        frame = scene.robot.model.frames[scene.robot.frame_id(point.link)]
-        R = np.array(frame.placement.rotation)
-        t = np.array(frame.placement.translation)
+        number = scene.robot.frame_id(point.link)
+        frame = scene.robot.model.frames[number]
+        pose = Pose.of(frame.placement)
         offset = np.asarray(point.offset, dtype=np.float64)
-        _write(record, body=int(frame.parentJoint), offset=Pose(R, t).act(offset))
+        _write(record, body=int(frame.parentJoint), offset=pose.act(offset))
     motion = scene.motion
     if motion is not None:
         _demand(motion, TargetMotion)
@@ -248,15 +273,19 @@ def write_camera(step: Step, camera: Camera) -> None:
     The pose of the tip in the last body must be written before.
     """
     record = step.camera[0]
-    eye = camera.pose(Pose(record["tip_R"].copy(), record["tip_t"].copy()))
-    _write(record, R=eye.R, t=eye.t, fixed=camera.fixed is not None, depth_factor=1.0)
+    tip = Pose(record["tip_R"].copy(), record["tip_t"].copy())
+    eye = camera.pose(tip)
+    is_fixed = camera.fixed is not None
+    _write(record, R=eye.R, t=eye.t, fixed=is_fixed, depth_factor=1.0)
     _write(record, focal=camera.focal, offset=camera.offset)
 
 
 def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     feature = task.feature
     gains = task.gains
-    share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
+    share = 0.0
+    if isinstance(feature, ImagePoints):
+        share = SHARES[feature.interaction_matrix]
     _write(
         step.options[0],
         feature=_compiled_kind(feature),
@@ -275,25 +304,28 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
         pose = Pose.identity()
         if isinstance(feature, CameraPose) and goal.camera is not None:
             pose = goal.camera
-        reach_in = 0.0 if goal.reference is None else goal.reference.duration
-        _write(step.goals[g], from_time=goal.from_time, reach_in=reach_in, R=pose.R, t=pose.t)
+        reach_in = 0.0
+        if goal.reference is not None:
+            reach_in = goal.reference.duration
+        record = step.goals[g]
+        _write(record, from_time=goal.from_time, reach_in=reach_in, R=pose.R, t=pose.t)
         step.goal_points[g] = goal.normalised.ravel()
         if share > 0.0:
             step.goal_interaction[g] = goal.interaction
 
 
-def _write_constraint(
-    step: Step, i: int, constraint: Constraint, form: Any, rows: slice, address: int, known: bool
-) -> None:
+def _write_constraint(step: Step, i: int, block: CompiledRows, known: bool) -> None:
     """Write part ``i``; ``known`` if the motion of the forbidden object counts as known."""
     record = step.parts[i]
+    form = block.form
+    rows = block.rows
     motion = form.motion
     _write(
         record,
-        address=address,
+        address=block.address,
         first=rows.start,
         count=rows.stop - rows.start,
-        K=constraint.K,
+        K=block.constraint.K,
         margin=form.margin,
     )
     record["R"] = np.eye(3)

@@ -45,9 +45,11 @@ class Target(NamedTuple):
         With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null
         space of J.
         """
-        size = float(np.linalg.norm(tracking.gains))
-        relative = tracking.gains / size if size > 0.0 else tracking.gains
-        return cls(tracking.qdd, tracking.directions, relative, damping, tolerance, strict)
+        gains = tracking.gains
+        size = float(np.linalg.norm(gains))
+        if size > 0.0:
+            gains = gains / size
+        return cls(tracking.qdd, tracking.directions, gains, damping, tolerance, strict)
 
     @property
     def stiffness(self) -> Array:
@@ -66,8 +68,8 @@ class Target(NamedTuple):
         offset = self.directions.T @ (x - self.center)
         residual = float(np.linalg.norm(self.gains * offset))
         distance = float(np.linalg.norm(offset))
-        allowed = limit.STRICT * distance + limit.MET * float(np.linalg.norm(x))
-        return residual > allowed
+        rounding = limit.MET * float(np.linalg.norm(x))
+        return residual > limit.STRICT * distance + rounding
 
     def cut(self) -> float:
         """Return the relative gain below which level 2 alone leaves directions unused."""
@@ -112,11 +114,14 @@ class Walls(NamedTuple):
         ends = np.concatenate((greatest, -least))
         is_bounded = np.isfinite(ends)
         faces = np.vstack((np.eye(n), -np.eye(n)))
-        return cls(np.vstack((A, faces[is_bounded])), np.concatenate((c, ends[is_bounded])))
+        normals = np.vstack((A, faces[is_bounded]))
+        sides = np.concatenate((c, ends[is_bounded]))
+        return cls(normals, sides)
 
     def terms(self, x: Array) -> Array:
         """Return the size (w,) of the terms of A x − c."""
-        size: Array = np.linalg.norm(self.A, axis=1) * np.linalg.norm(x) + np.abs(self.c)
+        norms = np.linalg.norm(self.A, axis=1)
+        size: Array = norms * np.linalg.norm(x) + np.abs(self.c)
         return size
 
     def with_room(self, x: Array, room: float) -> Self:
@@ -124,8 +129,8 @@ class Walls(NamedTuple):
 
         ``room`` is the tolerance for rounding, as a fraction of the terms.
         """
-        wide = np.maximum(self.c, self.A @ x) + room * self.terms(x)
-        return self._replace(c=wide)
+        met = np.maximum(self.c, self.A @ x)
+        return self._replace(c=met + room * self.terms(x))
 
     def not_constant_along(self, Z: Array) -> BoolArray:
         """Return a mask (w,) of the walls that are not constant along Z (n, p)."""
@@ -156,7 +161,8 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     is_fixed = lengths <= limit.ZERO_GRADIENT * rows.scale[which]
     free = which[~is_fixed]
     stuck = which[is_fixed]
-    weights = row_weights([rows.labels[i] for i in free], resolver.weights or {})
+    labels = [rows.labels[i] for i in free]
+    weights = row_weights(labels, resolver.weights or {})
     try:
         best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
     except InvalidInput as error:
@@ -209,7 +215,8 @@ def descend(
     # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
     walls = walls.with_room(least.x, limit.RELAXED)
     pinned_axes = np.eye(n)[least.pinned]
-    equal, free = _split(np.vstack((A[least.violated], pinned_axes)))
+    determined = np.vstack((A[least.violated], pinned_axes))
+    equal, free = _split(determined)
     # rows within the span of the violated ones are determined by the equalities
     others = walls.not_constant_along(free)
     others[:m] &= ~least.violated
@@ -217,7 +224,8 @@ def descend(
     x = np.clip(found.x, *box)
     holding = np.zeros(len(walls.c), dtype=np.bool_)
     holding[others] = found.holding
-    violation = np.where(least.violated, np.maximum(A @ x - c, 0.0), 0.0)
+    excess = np.maximum(A @ x - c, 0.0)
+    violation = np.where(least.violated, excess, 0.0)
     return found._replace(x=x, violation=violation, holding=least.violated | holding[:m])
 
 
@@ -257,7 +265,8 @@ def _least_violation(
     """
     least, greatest = box
     x = np.clip(cost.center, least, greatest)
-    code = load("level_by_level").violate_least(*_contiguous(A, c, weights, box), x)
+    given = _contiguous(A, c, weights, box)
+    code = load("level_by_level").violate_least(*given, x)
     if code != codes.SOLVED:
         raise SolverError(
             "the least violation of the rows was not found within the limit of iterations"
@@ -267,7 +276,8 @@ def _least_violation(
     weighted = weights[violated] ** 2 * excess[violated]
     forces = A[violated] * weighted[:, None]
     pull = np.abs(forces.sum(axis=0))
-    is_pulled = pull > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
+    terms = np.abs(forces).sum(axis=0)
+    is_pulled = pull > limit.SIGNIFICANT * terms
     is_at_bound = (x <= least) | (x >= greatest)
     return LeastViolation(x, violated, is_pulled & is_at_bound)
 
@@ -304,10 +314,12 @@ def _restricted(cost: Target, x: Array, free: Array) -> tuple[Array, Array]:
     −R⁻¹Qᵀe, and ½‖u‖² with u = R (y − y_min) is the rest. Hence T = Z R⁻¹, and x + Z y_min = x −
     T Qᵀe.
     """
-    E = cost.stiffness[:, None] * (cost.directions.T @ free)
+    K = cost.stiffness
+    Vt = cost.directions.T
+    E = K[:, None] * (Vt @ free)
     Q, R = np.linalg.qr(E)
     T: Array = free @ np.linalg.inv(R)
-    e = cost.stiffness * (cost.directions.T @ (x - cost.center))
+    e = K * (Vt @ (x - cost.center))
     center: Array = x - T @ (Q.T @ e)
     return center, T
 
@@ -338,10 +350,11 @@ def _nearest(
         raise SolverError(
             f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, due to rounding"
         )
+    multipliers = answer.multipliers
     return Optimum(
         x,
         violation=np.empty(0),
-        holding=answer.multipliers > limit.PULLING * answer.multipliers.max(),
+        holding=multipliers > limit.PULLING * multipliers.max(),
         verified=verified,
         fallback=verified.fallback,
         iterations=answer.iterations,
@@ -360,16 +373,19 @@ def _strictly(
     x = found.x.copy()
     holding = found.holding.copy()
     given = _contiguous(G, cost.center, equal, walls.A, walls.c)
-    if not load("level_by_level").track_best(*given, x, holding, cost.cut()):
+    is_found = load("level_by_level").track_best(*given, x, holding, cost.cut())
+    if not is_found:
         unfound = "level 2 was not found within the limit of iterations"
         return found._replace(x=x, shortfall=found.shortfall or unfound)
     used = G[cost.gains > 0.0]
-    _, N = _split(np.vstack((equal, walls.A[holding], used)))
+    determined = np.vstack((equal, walls.A[holding], used))
+    _, N = _split(determined)
     if not N.shape[1]:
         return found._replace(x=x, holding=holding, shortfall="")
     free = walls.not_constant_along(N)
     # the point of the null space N nearest to the center
-    center = x - N @ (N.T @ (x - cost.center))
+    in_null_space = N.T @ (x - cost.center)
+    center = x - N @ in_null_space
     try:
         last = _nearest(center, N, walls.part(free), solvers)
     except (SolverError, InvalidInput) as error:
@@ -391,8 +407,10 @@ def _split(A: Array) -> tuple[Array, Array]:
     """
     if not len(A):
         return A, np.eye(A.shape[1])
-    _, s, Vt = svd(A / np.linalg.norm(A, axis=1)[:, None])
-    rank = int(np.count_nonzero(s > limit.DEPENDENT * s[0]))
+    row_norms = np.linalg.norm(A, axis=1)
+    _, s, Vt = svd(A / row_norms[:, None])
+    counts = s > limit.DEPENDENT * s[0]
+    rank = int(np.count_nonzero(counts))
     return Vt[:rank], Vt[rank:].T
 
 

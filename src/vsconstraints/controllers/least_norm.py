@@ -47,9 +47,11 @@ def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN)
     if k == 0:
         return LeastNorm(np.zeros(n), np.eye(n), gains)
     U, s, Vt = svd(J, full_matrices=k < n)
-    rank = int(np.count_nonzero(s > rank_tolerance * s[0]))
-    gains[:rank] = s[:rank]
-    along_directions = (U[:, :rank].T @ b) / s[:rank]
+    counts = s > rank_tolerance * s[0]
+    rank = int(np.count_nonzero(counts))
+    used = s[:rank]
+    gains[:rank] = used
+    along_directions = (U[:, :rank].T @ b) / used
     qdd: Array = Vt[:rank].T @ along_directions
     return LeastNorm(qdd, Vt.T, gains)
 

@@ -76,6 +76,9 @@ class Planner(Wrapped):
         self.compiled = step is not None and loop is not None
         begins, out = self._layout(step if self.compiled else None, (m, n, k))
         bound = np.inf if law.max_acceleration is None else law.max_acceleration
+        K = np.array(model.K, dtype=np.float64)
+        weights = row_weights(model.labels, law.weights or {})
+        since = times - T * block
         self.model = model
         self.shape = shape
         self._begins = begins
@@ -92,15 +95,15 @@ class Planner(Wrapped):
             "margin": law.margin,
             "tracking": tracking_of(model.task, n, k),
             "most": np.minimum(bound, model.acceleration),
-            "K": np.array(model.K, dtype=np.float64),
-            "weights": row_weights(model.labels, law.weights or {}) * np.ones(m),
+            "K": K,
+            "weights": weights * np.ones(m),
             "at": np.array(begins),
             "out": out,
             "times": times,
             "block": block,
-            "since": np.clip(times - T * block, 0.0, T),
+            "since": np.clip(since, 0.0, T),
             "made": np.full(1, np.nan),
-            "by_speed": (np.asarray(model.K) == 0.0).astype(np.int64),
+            "by_speed": (K == 0.0).astype(np.int64),
             "p": lengths["p"],
         }
         self.plans = zeros(arrays.PlanArrays, {**lengths, "outputs": out.size}, known)

@@ -94,7 +94,8 @@ class Resolver(Part, ABC):
         copied = in_usual_layout(rows, task)
         if copied is not None:
             rows, task = copied
-        qdd = np.full(task.J.shape[1], np.nan)
+        n = task.J.shape[1]
+        qdd = np.full(n, np.nan)
         acted = np.zeros(m, dtype=np.bool_)
         slack = np.zeros(m if self.measures else 0)
         count = np.zeros(1, dtype=np.int64)

@@ -57,7 +57,8 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
     x_dot = u_dot / a
     y_dot = v_dot / b
     bending = x_bend * x_dot**2 + y_bend * y_dot**2
-    return n * (n - 1.0) * bending
+    factor = n * (n - 1.0)
+    return factor * bending
 
 
 @formula
@@ -88,14 +89,16 @@ def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
 def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
     squared_speed = u_dot * u_dot + v_dot * v_dot
-    return -2.0 / (r * r) * squared_speed
+    factor = -2.0 / (r * r)
+    return factor * squared_speed
 
 
 @formula
 def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
-    squared_distance = (w * u) ** 2 + d * d
+    scaled_u = w * u
+    squared_distance = scaled_u**2 + d * d
     squared_radius = r * r
     value = 1.0 - squared_distance / squared_radius
     factor = -2.0 / squared_radius
@@ -110,10 +113,12 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
     d = v - u * u
     d_dot = v_dot - 2.0 * u * u_dot
-    by_slopes = (w * u_dot) ** 2 + d_dot * d_dot
+    scaled_rate = w * u_dot
+    by_slopes = scaled_rate**2 + d_dot * d_dot
     by_curvature_of_d = 2.0 * d * u_dot * u_dot
     bending = by_slopes - by_curvature_of_d
-    return -2.0 / (r * r) * bending
+    factor = -2.0 / (r * r)
+    return factor * bending
 
 
 @formula
@@ -123,7 +128,8 @@ def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
     At u = 0 the derivatives are the mean of both sides.
     """
     d = v - np.abs(u)
-    squared_distance = (w * u) ** 2 + d * d
+    scaled_u = w * u
+    squared_distance = scaled_u**2 + d * d
     squared_radius = r * r
     value = 1.0 - squared_distance / squared_radius
     factor = -2.0 / squared_radius
@@ -137,5 +143,7 @@ def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
 def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
     d_dot = v_dot - np.sign(u) * u_dot
-    bending = (w * u_dot) ** 2 + d_dot * d_dot
-    return -2.0 / (r * r) * bending
+    scaled_rate = w * u_dot
+    bending = scaled_rate**2 + d_dot * d_dot
+    factor = -2.0 / (r * r)
+    return factor * bending

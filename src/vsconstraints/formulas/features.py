@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import formula
-from .rotation import rotation_vector
+from .rotation import rotation_vector, rotation_vector_rate
 from .vectors import (
     Matrix,
     Vector,
@@ -71,6 +71,37 @@ def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
     return first + second + third
 
 
+class PoseMotion(NamedTuple):
+    """Error (t, θu) of a camera pose, eq. (44), with two derivatives for q̈ = 0.
+
+    E = c*R_C leads the camera's v to ṫ, and L its ω to the derivative of θu.
+    """
+
+    E: Matrix
+    L: Matrix
+    t: Vector
+    theta_u: Vector
+    t_dot: Vector
+    theta_u_dot: Vector
+    t_ddot: Vector
+    theta_u_ddot: Vector
+
+
+@formula
+def pose_motion(
+    goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool, twist: Any
+) -> PoseMotion:
+    """Error of a pose relative to a goal, and its motion: see :func:`pose_error`.
+
+    ``twist`` contains the camera's v, ω, v̇ and ω̇ relative to the target, in its own axes.
+    """
+    v, omega, v_dot, omega_dot = twist
+    E, translation, theta_u = pose_error(goal_R, goal_t, R, t, near, continues)
+    theta_u_dot, L, L_dot = rotation_vector_rate(theta_u, omega)
+    t_dot, t_ddot, theta_u_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+    return PoseMotion(E, L, translation, theta_u, t_dot, theta_u_dot, t_ddot, theta_u_ddot)
+
+
 @formula
 def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Row c of L_sx, eq. (24), at the normalised point (x, y) and depth Z."""
@@ -78,9 +109,7 @@ def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, 
     of_x = 1.0 - c
     of_y = 1.0 * c
     linear, angular = interaction(of_x, of_y, x, y, Z)
-    vx, vy, vz = linear
-    wx, wy, wz = angular
-    return vx, vy, vz, wx, wy, wz
+    return linear + angular
 
 
 @formula
@@ -93,8 +122,10 @@ def image_motion(
     point.
     """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-    P_dot = minus(cross(P, omega), v)
-    turning = plus(cross(P, omega_dot), cross(P_dot, omega))
+    by_rotation = cross(P, omega)
+    P_dot = minus(by_rotation, v)
+    by_angular_acceleration = cross(P, omega_dot)
+    turning = plus(by_angular_acceleration, cross(P_dot, omega))
     P_ddot = minus(turning, v_dot)
     X, Y, Z = vector(P)
     X_dot, Y_dot, Z_dot = P_dot
@@ -109,7 +140,8 @@ def ratio(X: Any, X_dot: Any, X_ddot: Any, Z: Any, Z_dot: Any, Z_ddot: Any) -> t
     """Quotient x = X/Z and two derivatives, from those of x Z = X."""
     x = X / Z
     x_dot = (X_dot - x * Z_dot) / Z
-    x_ddot = (X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot) / Z
+    numerator = X_ddot - x * Z_ddot - 2.0 * x_dot * Z_dot
+    x_ddot = numerator / Z
     return x, x_dot, x_ddot
 
 

@@ -46,7 +46,8 @@ def differences_in_image(
     v = y[1]
     u_dot = velocity[0]
     v_dot = velocity[1]
-    speed = np.sqrt(u_dot * u_dot + v_dot * v_dot)
+    squared_speed = u_dot * u_dot + v_dot * v_dot
+    speed = np.sqrt(squared_speed)
     h = IN_IMAGE / np.maximum(speed, TINY)
     du = h * u_dot
     dv = h * v_dot
@@ -68,7 +69,8 @@ def differences_in_space(
     step = times(h, velocity)
     ahead = gradient_in_space(function, parameters, plus(y, step))
     behind = gradient_in_space(function, parameters, minus(y, step))
-    change = dot(minus(ahead, behind), velocity)
+    gradient_change = minus(ahead, behind)
+    change = dot(gradient_change, velocity)
     return change / (2.0 * h)
 
 

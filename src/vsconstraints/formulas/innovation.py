@@ -33,7 +33,8 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
         dv = Fv * correction[i, 1]
         u = pixels[i, 0] - du
         v = pixels[i, 1] - dv
-        greatest = max(greatest, du * du + dv * dv)
+        squared_distance = du * du + dv * dv
+        greatest = max(greatest, squared_distance)
         mean_du += du / M
         mean_dv += dv / M
         mean_u += u / M
@@ -59,7 +60,9 @@ def depth_innovation(ratio: Any) -> float:
     greatest = 0.0
     for i in range(len(ratio)):
         if ratio[i] > 0.0:
-            greatest = max(greatest, ratio[i] - 1.0, 1.0 / ratio[i] - 1.0)
+            farther = ratio[i] - 1.0
+            nearer = 1.0 / ratio[i] - 1.0
+            greatest = max(greatest, farther, nearer)
     return greatest
 
 
@@ -73,7 +76,8 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     """
     fresh = np.isnan(before) | (dt <= 0.0)
     difference = before + moved - dt * mean_speed
-    return where(fresh, 0.0, difference / (1.0 + np.abs(dt) / MEMORY))
+    divisor = 1.0 + np.abs(dt) / MEMORY
+    return where(fresh, 0.0, difference / divisor)
 
 
 @formula

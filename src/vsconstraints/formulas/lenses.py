@@ -84,7 +84,8 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> Distorted:
     slope = 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     # derivatives of the image across the radius, c = θ_d/r, and along it, dθ_d/dr
     divisor = r + at_centre
-    across = angle / divisor * ratio + at_centre
+    angle_per_radius = angle / divisor
+    across = angle_per_radius * ratio + at_centre
     along = slope / (1.0 + squared_radius)
     bend = (along - across) / (squared_radius + at_centre)
     x_d = x * across
@@ -102,12 +103,15 @@ def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> Disto
     The lines start at the centre. If the lens is invertible up to that radius, the continued lens
     is invertible everywhere. Farther out the polynomials of the lens may turn back.
     """
-    r = np.sqrt(x * x + y * y)
+    squared_radius = x * x + y * y
+    r = np.sqrt(squared_radius)
     is_beyond = r > reach
     beyond = 1.0 * is_beyond
     # factor that moves (x, y) to the nearest point within the reach
     inwards = where(is_beyond, reach / np.maximum(r, reach), 1.0)
-    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(inwards * x, inwards * y, coefficients)
+    x_within = inwards * x
+    y_within = inwards * y
+    x_d, y_d, dx_dx, dx_dy, dy_dx, dy_dy = lens(x_within, y_within, coefficients)
     x_d = x_d / inwards
     y_d = y_d / inwards
     # along the radius the image grows in proportion to r: J p = p_d there, by J ← J + (p_d − J p)
@@ -145,7 +149,9 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
     numerator_y = dx_dx * error_y - dy_dx * error_x
     step_x = numerator_x / determinant
     step_y = numerator_y / determinant
-    error = np.maximum(np.abs(error_x), np.abs(error_y))
+    distance_x = np.abs(error_x)
+    distance_y = np.abs(error_y)
+    error = np.maximum(distance_x, distance_y)
     return step_x, step_y, error
 
 
@@ -179,7 +185,8 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
     They are evaluated at ideal pixels y = (u, v).
     """
     a, b = half
-    u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, y[0], y[1], eye)
+    ideal_u, ideal_v = y
+    u, v, du_du, du_dv, dv_du, dv_dv = on_sensor(lens, ideal_u, ideal_v, eye)
     value, slope_u, slope_v = superellipse(u, v, a, b, n)
     by_u = slope_u * du_du + slope_v * dv_du
     by_v = slope_u * du_dv + slope_v * dv_dv

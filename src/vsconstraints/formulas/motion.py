@@ -21,8 +21,10 @@ def displacement(
     """Displacement d = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and two derivatives."""
     angle = rate * t + phase
     sine = np.sin(angle)
-    d = velocity * t + amplitude * (sine - np.sin(phase))
-    d_dot = velocity + amplitude * rate * np.cos(angle)
+    cosine = np.cos(angle)
+    sine_at_start = np.sin(phase)
+    d = velocity * t + amplitude * (sine - sine_at_start)
+    d_dot = velocity + amplitude * rate * cosine
     d_ddot = -amplitude * rate * rate * sine
     return d, d_dot, d_ddot
 
@@ -42,7 +44,9 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
         omega_z / turning,
     )
     angle_turned = rate * t
-    R = turn_about(axis, np.sin(angle_turned), np.cos(angle_turned))
+    sine = np.sin(angle_turned)
+    cosine = np.cos(angle_turned)
+    R = turn_about(axis, sine, cosine)
     centre_moved_by_turn = minus(centre, rotate(R, centre))
     origin = plus(centre_moved_by_turn, moved)
     return R, origin
@@ -58,6 +62,7 @@ def carried(
     """
     by_rotation = cross(omega, r)
     centripetal = cross(omega, by_rotation)
+    point_velocity = plus(velocity, by_rotation)
     # v̇ + ω̇ × r + ω × (ω × r)
     x, y, z = vector(r)
     alpha_x, alpha_y, alpha_z = vector(alpha)
@@ -66,7 +71,7 @@ def carried(
         acceleration[1] + alpha_z * x - alpha_x * z,
         acceleration[2] + alpha_x * y - alpha_y * x,
     )
-    return plus(velocity, by_rotation), plus(without_centripetal, centripetal)
+    return point_velocity, plus(without_centripetal, centripetal)
 
 
 @formula
@@ -79,7 +84,8 @@ def relative_twist(
     the motion of the camera's origin, less the motion of the target's displacement; the constant ω
     of the target; and the position ``away`` of the camera's origin from the target's centre.
     """
-    v = minus(velocity, cross(target_omega, away))
+    by_target_rotation = cross(target_omega, away)
+    v = minus(velocity, by_target_rotation)
     relative_omega = minus(omega, target_omega)
     # derivative of v in the base frame, less ω × v for an observer that turns with the camera
     v_rate = minus(acceleration, cross(target_omega, velocity))
@@ -92,7 +98,8 @@ def relative_twist(
 def angle(squared_difference: Any) -> Any:
     """Angle between two rotations [rad], from the squared Frobenius norm of their difference."""
     sine_of_half = np.sqrt(squared_difference / 8.0)
-    return 2.0 * np.arcsin(np.minimum(1.0, sine_of_half))
+    half = np.arcsin(np.minimum(1.0, sine_of_half))
+    return 2.0 * half
 
 
 @formula
@@ -101,7 +108,8 @@ def pose_difference(R: Any, t: Any, other_R: Any, other_t: Any) -> tuple[float, 
     squared_distance = 0.0
     squared_difference = 0.0
     for i in range(3):
-        squared_distance += (t[i] - other_t[i]) ** 2
+        offset = t[i] - other_t[i]
+        squared_distance += offset**2
         for j in range(3):
             squared_difference += (R[i][j] - other_R[i][j]) ** 2
     return np.sqrt(squared_distance), angle(squared_difference)

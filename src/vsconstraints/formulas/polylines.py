@@ -73,7 +73,7 @@ def _chords(vertices: Array, size: int) -> Array:
     share_of_chord = np.clip(projection * inverse[block], 0.0, 1.0)
     nearest = share_of_chord[:, None] * along
     away = relative - nearest
-    distance = np.sqrt((away**2).sum(axis=1))
+    distance = np.linalg.norm(away, axis=1)
     spread = np.maximum.reduceat(distance, starts)
     columns = (first, chord, inverse, spread)
     return np.column_stack(columns)
@@ -166,7 +166,8 @@ def search_block(
     for k in range(start, end):
         du = vertices[k, 0] - u
         dv = vertices[k, 1] - v
-        if du**2 + dv**2 > reach:
+        squared_distance = du**2 + dv**2
+        if squared_distance > reach:
             continue
         squared = to_neighbours(vertices, lines.before, lines.after, k, u, v)
         if squared < least:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import formula
+from .limits import between
 
 #: Distance [m] below which directions and curvatures are evaluated as at this distance, so that
 #: they stay finite.
@@ -47,10 +48,11 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
     """
     d = np.sqrt(squared(x, y, z))
     divisor, at_centre = divisor_of(d)
+    depth = r - d
     dx = -x / divisor
     dy = -y / divisor
     dz = -z / divisor - at_centre
-    return r - d, dx, dy, dz
+    return depth, dx, dy, dz
 
 
 @formula
@@ -61,7 +63,8 @@ def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_d
     product = x * x_dot + y * y_dot + z * z_dot
     radial = product / d
     squared_speed = squared(x_dot, y_dot, z_dot)
-    return (radial * radial - squared_speed) / d
+    bending = radial * radial - squared_speed
+    return bending / d
 
 
 @formula
@@ -124,13 +127,15 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
     moving = squared_x + squared_y + squared_z
     is_outside = depth < 0.0
     distance = np.maximum(-depth, SMALL)
-    return is_outside * (rate * rate - moving) / distance
+    bending = rate * rate - moving
+    return is_outside * bending / distance
 
 
 @formula
 def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
     """Distance ρ from the z axis and its derivatives; on the axis, the direction is x."""
-    rho = np.sqrt(x * x + y * y)
+    squared_distance = x * x + y * y
+    rho = np.sqrt(squared_distance)
     divisor, on_axis = divisor_of(rho)
     rx = x / divisor + on_axis
     ry = y / divisor
@@ -147,7 +152,8 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
     beyond_end = np.abs(z) - h
     outside_side = np.maximum(beyond_side, 0.0)
     outside_end = np.maximum(beyond_end, 0.0)
-    length = np.sqrt(outside_side * outside_side + outside_end * outside_end)
+    squared_length = outside_side * outside_side + outside_end * outside_end
+    length = np.sqrt(squared_length)
     divisor, inside = divisor_of(length)
     # 1 for the nearest face of a point inside, else 0
     face_side = inside * (beyond_side >= beyond_end)
@@ -184,7 +190,8 @@ def cylinder_curvature(
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
-    across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
+    squared_speed = x_dot * x_dot + y_dot * y_dot
+    across = squared_speed - rho_dot * rho_dot
     is_beyond_side = rho > r
     is_beyond_end = np.abs(z) > h
     beyond_both = is_beyond_side * is_beyond_end
@@ -203,7 +210,7 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
     On the segment the direction is x.
     """
-    nearest = np.minimum(np.maximum(z, -h), h)
+    nearest = between(z, -h, h)
     away = z - nearest
     length = np.sqrt(squared(x, y, away))
     divisor, on_segment = divisor_of(length)
@@ -237,4 +244,5 @@ def capsule_curvature(
     rate = x_dot * nx + y_dot * ny + along * nz
     squared_speed = squared(x_dot, y_dot, along)
     radius_of_curvature = np.maximum(length, SMALL)
-    return (rate * rate - squared_speed) / radius_of_curvature
+    bending = rate * rate - squared_speed
+    return bending / radius_of_curvature

@@ -59,7 +59,9 @@ def turn_by(w: Any) -> Matrix:
     theta = length(w)
     inverse = 1.0 / theta if theta > 0.0 else 0.0
     axis = times(inverse, w)
-    return turn_about(axis, math.sin(theta), math.cos(theta))
+    sine = math.sin(theta)
+    cosine = math.cos(theta)
+    return turn_about(axis, sine, cosine)
 
 
 @formula

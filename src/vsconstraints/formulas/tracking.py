@@ -14,7 +14,8 @@ from . import formula
 def gains(squared_error: float, Kp0: float, slope: float, damping: float) -> tuple[float, float]:
     """K_p(‖e‖) = K_p(0) exp(−slope/K_p(0) ‖e‖) and K_v = damping √K_p."""
     error = math.sqrt(squared_error)
-    Kp = Kp0 * math.exp(-slope / Kp0 * error)
+    exponent = -slope / Kp0 * error
+    Kp = Kp0 * math.exp(exponent)
     Kv = damping * math.sqrt(Kp)
     return Kp, Kv
 
@@ -31,7 +32,8 @@ def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> 
 
     It applies where task and rows leave the joint free.
     """
-    return stiffness * (posture - q) - damping * qd
+    away = posture - q
+    return stiffness * away - damping * qd
 
 
 @formula
@@ -40,12 +42,14 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
 
     τ is the elapsed share of the duration.
     """
-    tau = min(max(elapsed / duration, 0.0), 1.0)
+    share = elapsed / duration
+    tau = min(max(share, 0.0), 1.0)
     remaining = 1.0 - tau
     factor = 10.0 - 15.0 * tau + 6.0 * tau**2
     left = 1.0 - tau**3 * factor
     slope = -30.0 * tau**2 * remaining**2
-    bend = -60.0 * tau * remaining * (1.0 - 2.0 * tau)
+    to_middle = 1.0 - 2.0 * tau
+    bend = -60.0 * tau * remaining * to_middle
     rate = slope / duration
     acceleration = bend / duration**2
     return left, rate, acceleration
@@ -71,7 +75,8 @@ def goal_at(begins: Any, t: float) -> int:
 
 def goals_at(begins: Any, t: Any) -> Any:
     """Indices (N,) of the goals that hold at many times (N,); see :func:`goal_at`."""
-    begun = np.searchsorted(begins, np.asarray(t) + ROUNDING, side="right")
+    tolerant = np.asarray(t) + ROUNDING
+    begun = np.searchsorted(begins, tolerant, side="right")
     return np.maximum(begun - 1, 0)
 
 

@@ -165,13 +165,19 @@ class LowLevelLoop:
         tick = Ts / ticks if periods == 1 else periods * Ts
         split_delay("disturbance command_delay", delay, Ts)  # raises if too many are pending
         # at each instant of a period, how long the period's command is still on its way
-        late = np.maximum(delay - np.arange(ticks) * Ts / ticks, 0.0)
+        instants = np.arange(ticks) * Ts / ticks
+        late = np.maximum(delay - instants, 0.0)
         ages = np.ceil(late / Ts - WHOLE).astype(np.int64)
         # of the instant before; a command of the period before is a period older by now
         before = np.append(ages[-1] + 1, ages[:-1])
         limit = actuators if arm.acceleration is None else arm.acceleration
         # critically damped, unless the loop is faster than the arm takes commands
-        feedback = 1.0 / tick if arm.lag == 0.0 else min(1.0 / tick, 0.25 / arm.lag)
+        feedback = 1.0 / tick
+        if arm.lag != 0.0:
+            feedback = min(feedback, 0.25 / arm.lag)
+        pending = int(ages.max()) + 1
+        # the rows before the commands; position and speed of each; q̈_c and d_c
+        rows = commands + 2 * pending + 2
         known = {
             "Ts": Ts,
             "tick": tick,
@@ -184,12 +190,16 @@ class LowLevelLoop:
             "feedback": feedback,
             "acceleration": per_joint("arm.acceleration", limit, n),
             "jerk": per_joint("arm.jerk", arm.jerk, n),
-            "reference": np.zeros((commands + 2 * (int(ages.max()) + 1) + 2, n)),
+            "reference": np.zeros((rows, n)),
         }
         self.arrays = zeros(self.kernels.Follower, {}, known)
         self.x: Array = self.arrays.reference
-        self.x[commands:-2:2] = self.x[self.kernels.Q] = self.x[self.kernels.REFERENCE] = q0
-        self.x[commands + 1 : -2 : 2] = self.x[self.kernels.QD] = self.x[self.kernels.WANTED] = qd0
+        self.x[self.kernels.Q] = q0
+        self.x[self.kernels.QD] = qd0
+        self.x[self.kernels.REFERENCE] = q0
+        self.x[self.kernels.WANTED] = qd0
+        self.x[commands:-2:2] = q0
+        self.x[commands + 1 : -2 : 2] = qd0
         self.workspace = Workspace(self.arrays)
 
     @property

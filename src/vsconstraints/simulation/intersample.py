@@ -73,19 +73,23 @@ def intersample_clearance(
 
     length = setup.constraints.characteristic_length
     width = 1.0 / QUARTERS
+    begins = clearance[periods]
     inside = [look_inside(periods, i * width) for i in range(1, QUARTERS)]
-    ends = np.stack([clearance[periods], *inside, clearance[periods + 1]])
+    ends = np.stack([begins, *inside, clearance[periods + 1]])
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(ends, axis=0))
     changes[~np.isfinite(changes)] = 0.0  # where nothing is seen, there is nothing to search for
     change = changes.max(axis=0)
-    parts = [(i * width, np.arange(len(periods)), ends[i], ends[i + 1]) for i in range(QUARTERS)]
+    every_period = np.arange(len(periods))
+    parts = [(i * width, every_period, ends[i], ends[i + 1]) for i in range(QUARTERS)]
     while parts and width > FINEST:
-        deepest = np.fmin(np.fmin(clearance.min(axis=0), least.min(axis=0)), 0.0)
+        least_of_run = np.fmin(clearance.min(axis=0), least.min(axis=0))
+        deepest = np.fmin(least_of_run, 0.0)
         halves = []
         for begin, candidates, first, last in parts:
             largest_dip = change[candidates]
-            may_be_deeper = np.minimum(first, last) - largest_dip < deepest
+            lower_end = np.minimum(first, last)
+            may_be_deeper = lower_end - largest_dip < deepest
             is_relevant = largest_dip > NEGLIGIBLE_DIP * length
             kept = (may_be_deeper & is_relevant).any(axis=1)
             if not kept.any():
@@ -113,7 +117,8 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     least = clearance.min(axis=0)
     lower_end = np.minimum(clearance[:-1], clearance[1:])
     dip = _greatest_dips(clearance, length)
-    may_be_least = lower_end < np.clip(least, 0.0, NEAR * length) + dip
+    near_least = np.clip(least, 0.0, NEAR * length)
+    may_be_least = lower_end < near_least + dip
     # a row that is deeply violated at both ends is also violated inside
     is_open = (lower_end > -dip) | (lower_end < least + dip)
     dips = (may_be_least & is_open).any(axis=1)
@@ -152,6 +157,8 @@ def _ways_back(setup: Setup, plant: Plant, states: Array) -> Array:
     speeds.append(states[1:, 1])
     reversals = []
     for before, after in pairwise(speeds):
-        reversals.append(np.maximum(-before * after, 0.0).max(axis=1))
-    way: Array = 0.25 * setup.Ts * np.sqrt(np.max(reversals, axis=0))
+        reversed_product = np.maximum(-before * after, 0.0)
+        reversals.append(reversed_product.max(axis=1))
+    speed = np.sqrt(np.max(reversals, axis=0))
+    way: Array = 0.25 * setup.Ts * speed
     return way

@@ -166,26 +166,27 @@ class Run:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts["evaluate"] = believed.step.evaluate
-        loop.parts["believed"] = believed.workspace.address
-        loop.parts["true"] = true.packed.workspace.address
+        parts = loop.parts
+        parts["evaluate"] = believed.step.evaluate
+        parts["believed"] = believed.workspace.address
+        parts["true"] = true.packed.workspace.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing and self.sensor.estimates:
             self._sensing = self.sensor.sensing(setup.samples_at_most)
             self._sensed = Workspace(self._sensing)
-            loop.parts["observe"] = load("sensing").OBSERVE
-            loop.parts["sensing"] = self._sensed.address
-        law = self.controller.bind(
-            bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd
-        )
+            parts["observe"] = load("sensing").OBSERVE
+            parts["sensing"] = self._sensed.address
+        rows = bound.now.rows
+        task = bound.now.task
+        law = self.controller.bind(rows, task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
         if law is not None:
-            self._given = bound.now.rows, bound.now.task
+            self._given = rows, task
         self._laws = alone, law  # keeps alive the objects behind their arrays
-        loop.parts["baseline"] = alone.workspace.address
+        parts["baseline"] = alone.workspace.address
         if law is not None and not by_public_call:
             self.law = law.workspace.address
-            loop.parts["law"] = self.law
+            parts["law"] = self.law
             answer = loop.answer._replace(slack=law.slack)
             # at the same rank tolerance, the law may use the unconstrained command of the baseline
             if law.arrays.options[TOLERANCE] == alone.arrays.options[TOLERANCE]:
@@ -264,9 +265,11 @@ class Run:
             # normalised coordinates, angles and logarithms of 1 are as many pixels as the focal
             # length; the error is without the reference trajectory
             error = self.prepared.world.packed.step.last_error[: len(step.error)]
-            loop.own_error[0] = np.abs(error).max() * max(self.setup.scene.camera.focal)
+            focal = max(self.setup.scene.camera.focal)
+            loop.own_error[0] = np.abs(error).max() * focal
         loop.task.error[:] = step.error
-        loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
+        times = loop.kept.rows_time
+        times[k % len(times)] = ready - started
         return rows, step.task
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:

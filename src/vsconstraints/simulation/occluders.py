@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
-from ..constraints.meshes import hull_points
+from ..constraints.meshes import box_around, hull_points
 from ..errors import ConfigurationError
 from ..rows import Array, BoolArray
 from ..vision.scene import Scene
@@ -44,7 +44,8 @@ class LinesOfSight:
         self.scene = scene
         robot = scene.robot
         self._data = robot.model.createData()
-        carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
+        tip = robot.model.frames[robot.frame_id("tip")]
+        carrying = int(tip.parentJoint)
         bodies: Sequence[Body] = () if robot.source is None else link_bodies(robot)
         self.bodies = tuple(body for body in bodies if body.joint != carrying)
         self._parts: list[BodyPart] = []
@@ -53,9 +54,9 @@ class LinesOfSight:
         for body in self.bodies:
             for placement, solid in body.parts:
                 self._parts.append(BodyPart(body, placement, solid))
-                solid.computeLocalAABB()
-                low.append(solid.aabb_local.min_)
-                high.append(solid.aabb_local.max_)
+                least, greatest = box_around(solid)
+                low.append(least)
+                high.append(greatest)
         #: (P, 1, 3) smallest and largest coordinates of each solid, in its own frame.
         self._low = np.array(low)[:, None]
         self._high = np.array(high)[:, None]
@@ -81,17 +82,20 @@ class LinesOfSight:
         hidden: list[list[tuple[int, str]]] = [[] for _ in t]
         # distances of solids take far longer to compute than boxes
         for n, i in np.argwhere(near.any(axis=1)):
+            marker = markers[n][i]
+            number = int(i) + 1
             for k in np.flatnonzero(near[n, :, i]):
                 part = self._parts[k]
-                if _crosses(eyes[n], markers[n][i], part.solid, places[n][k]):
-                    hidden[n].append((int(i) + 1, part.body.name))
+                if _crosses(eyes[n], marker, part.solid, places[n][k]):
+                    hidden[n].append((number, part.body.name))
                     break
         return hidden
 
     def _places(self, q: Array) -> list[pin.SE3]:
         """Return the placement of each solid in the base frame at q (n,)."""
         pin.forwardKinematics(self.scene.robot.model, self._data, q)
-        return [self._data.oMi[part.body.joint] * part.placement for part in self._parts]
+        joints = self._data.oMi
+        return [joints[part.body.joint] * part.placement for part in self._parts]
 
     def _near(self, eyes: Array, markers: Array, places: list[list[pin.SE3]]) -> BoolArray:
         """Return a mask (N, P, M) of the lines that meet the box around a solid.
@@ -99,11 +103,16 @@ class LinesOfSight:
         The lines begin at the eyes (N, 3) and end at the markers (N, M, 3). The shares of a line at
         which it enters and leaves a box are computed in the frame of the solid.
         """
-        frames = np.array([[placement.homogeneous for placement in now] for now in places])
+        matrices = []
+        for now in places:
+            matrices.append([placement.homogeneous for placement in now])
+        frames = np.array(matrices)
         R = frames[..., :3, :3]
         origin = frames[..., None, :3, 3]
-        begin = (eyes[:, None, None] - origin) @ R
-        along = (markers[:, None] - origin) @ R - begin
+        to_eye = eyes[:, None, None] - origin
+        to_marker = markers[:, None] - origin
+        begin = to_eye @ R
+        along = to_marker @ R - begin
         along[along == 0.0] = TINY
         to_low = (self._low - SLACK - begin) / along
         to_high = (self._high + SLACK - begin) / along
@@ -118,9 +127,10 @@ def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, placement
     along = marker - eye
     length = float(np.sqrt(along @ along))
     z_axis = np.array([0.0, 0.0, 1.0])
-    turn = pin.Quaternion.FromTwoVectors(z_axis, along / length).matrix()
+    turn = pin.Quaternion.FromTwoVectors(z_axis, along / length)
     line = coal.Capsule(THIN, length)
-    middle = coal.Transform3s(turn, 0.5 * (eye + marker))
+    centre = 0.5 * (eye + marker)
+    middle = coal.Transform3s(turn.matrix(), centre)
     pose = coal.Transform3s(placement.rotation, placement.translation)
     request = coal.DistanceRequest()
     distance = coal.distance(line, middle, solid, pose, request, coal.DistanceResult())

@@ -41,8 +41,10 @@ def judge(
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
     t = np.arange(samples) * setup.Ts
     dwelling = int(np.argmax(t >= t[-1] - dwell))
-    if first[-1] <= dwelling and loop.scores.unreached[-1] < dwelling:
-        return ("unfinished" if left else "converged"), "; ".join(left)
+    has_begun = first[-1] <= dwelling
+    if has_begun and loop.scores.unreached[-1] < dwelling:
+        status: Outcome = "unfinished" if left else "converged"
+        return status, "; ".join(left)
     final = f"ends {_distance_text(loop, samples)} from the goal"
     latest = _latest_samples(setup, t)
     if latest is not None and _approaches(setup, loop, latest, first):
@@ -75,7 +77,8 @@ def _latest_samples(setup: Setup, t: Array) -> IntArray | None:
     # half a period allows for the rounding of times
     if t[-1] < setup.rest_time - 0.5 * setup.Ts:
         return None
-    begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
+    is_latest = t >= t[-1] - setup.rest_time - 0.5 * setup.Ts
+    begin = int(np.argmax(is_latest))
     return np.arange(begin, len(t))
 
 
@@ -85,14 +88,18 @@ def _approaches(setup: Setup, loop: Loop, latest: IntArray, first: IntArray) -> 
     False if the goal has changed after the first of these samples. ``first`` is that of
     :func:`_missed_goals`.
     """
-    is_same_goal = not ((latest[0] < first) & (first <= latest[-1])).any()
-    return is_same_goal and _time_to_go(setup, loop, latest) < latest[-1] * setup.Ts
+    is_new_goal = (latest[0] < first) & (first <= latest[-1])
+    if is_new_goal.any():
+        return False
+    elapsed = latest[-1] * setup.Ts
+    return bool(_time_to_go(setup, loop, latest) < elapsed)
 
 
 def _fastest_joint(loop: Loop, samples: int) -> float:
     """Return the greatest speed of a joint in the last sample [rad/s or m/s]."""
     states = loop.kept.states
-    speeds = states[(samples - 1) % len(states), 1]
+    last = (samples - 1) % len(states)
+    speeds = states[last, 1]
     return float(np.abs(speeds).max())
 
 
@@ -113,7 +120,8 @@ def _camera_rests(setup: Setup, loop: Loop, latest: IntArray) -> bool:
     at = latest % len(kept.camera_t)
     R = kept.camera_R[at]
     t = kept.camera_t[at]
-    moved, turned = distances(R, t, Pose(R[-1], t[-1])).max(axis=0)
+    last = Pose(R[-1], t[-1])
+    moved, turned = distances(R, t, last).max(axis=0)
     tolerances = setup.tolerances
     return bool(moved < tolerances.translation_m and turned < tolerances.rotation_rad)
 
@@ -129,16 +137,19 @@ def _time_to_go(setup: Setup, loop: Loop, latest: IntArray) -> float:
     kept = loop.kept
     at = latest % len(kept.camera_error)
     if isinstance(setup.task.feature, CameraPose):
-        error = (kept.camera_error[at] / tolerance[:2]).max(axis=1)
+        errors = kept.camera_error[at] / tolerance[:2]
+        error = errors.max(axis=1)
     else:
         error = kept.feature_error[at] / tolerance[2]
     half = len(error) // 2
     if not half:
         return np.inf
     decrease = error[:half].mean() - error[half:].mean()
-    pace = decrease / (0.5 * len(error) * setup.Ts)
+    interval = 0.5 * len(error) * setup.Ts
+    pace = decrease / interval
     left = error[-1] - 1.0
-    return float(left / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
+    is_approached = pace > 0.0 and left > 0.0
+    return float(left / pace) if is_approached else np.inf
 
 
 def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
@@ -146,7 +157,8 @@ def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
 
     The result is ``samples`` if there is none.
     """
-    first = np.searchsorted(np.arange(samples) * Ts + ROUNDING, begins)
+    times = np.arange(samples) * Ts
+    first = np.searchsorted(times + ROUNDING, begins)
     first[0] = 0  # the first goal also holds before its beginning
     return first
 
@@ -161,8 +173,10 @@ def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) 
     """
     first = first_samples(begins, samples, Ts)
     reached = np.maximum(unreached + 1, first)
-    is_reached = reached < np.append(first[1:], samples)
-    return np.where(is_reached, np.maximum(reached * Ts - begins, 0.0), np.nan)
+    ends = np.append(first[1:], samples)
+    is_reached = reached < ends
+    times = np.maximum(reached * Ts - begins, 0.0)
+    return np.where(is_reached, times, np.nan)
 
 
 def scores_of(
@@ -177,19 +191,23 @@ def scores_of(
     if samples:
         distance, angle = kept.camera_error[last]
         pixels = kept.feature_error[last]
+    duration = (samples - 1) * Ts if samples else np.nan
     steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
+    acceleration_variation = scores.variation[0] / (steps * Ts)
+    jerk_rms = np.sqrt(scores.squared_variation[0] / steps) / Ts
+    switching_rate = scores.switches[0] / (steps * Ts)
     return RunScores(
         *outcome,
         compiled=compiled,
         labels=setup.constraints.labels,
-        duration_s=(samples - 1) * Ts if samples else np.nan,
+        duration_s=duration,
         settling_times_s=settling_times(scores.unreached, loop.goals.begins, samples, Ts),
         final_translation_error_m=float(distance),
         final_rotation_error_rad=float(angle),
         final_feature_error_px=float(pixels),
-        acceleration_variation=float(scores.variation[0] / (steps * Ts)),
-        jerk_rms=float(np.sqrt(scores.squared_variation[0] / steps) / Ts),
-        switching_rate_hz=float(scores.switches[0] / (steps * Ts)),
+        acceleration_variation=float(acceleration_variation),
+        jerk_rms=float(jerk_rms),
+        switching_rate_hz=float(switching_rate),
         acceleration_max=scores.acceleration_max,
         phi_max=scores.phi_max,
         sigma_max=scores.sigma_max,

@@ -174,20 +174,23 @@ def _parts(
     is_bounded = any(isinstance(each, FieldOfView) for each in constraints)
     searched = 1.0 if is_bounded else AROUND
     half = 0.5 * searched * image + 2.0 * cell
-    u = np.arange(-half[0], half[0] + cell, cell)
-    v = np.arange(-half[1], half[1] + cell, cell)
+    half_width, half_height = half
+    u = np.arange(-half_width, half_width + cell, cell)
+    v = np.arange(-half_height, half_height + cell, cell)
     grid = np.stack(np.meshgrid(u, v), axis=-1)
-    allowed = np.all([each.sigma(grid) <= 0.0 for each in constraints], axis=0)
+    allowed_by_each = [each.sigma(grid) <= 0.0 for each in constraints]
+    allowed = np.all(allowed_by_each, axis=0)
     around = np.ones((3, 3))
     if cell > FINE:
         # a large square may span a thin obstacle: it counts only if all squares around it are
         # allowed
         allowed = ndimage.binary_erosion(allowed, around)
     parts, _ = ndimage.label(allowed, around)
-    column, row = np.rint((places + half) / cell).astype(int).T
-    is_inside = (column >= 0) & (column < len(u)) & (row >= 0) & (row < len(v))
+    cells = np.rint((places + half) / cell)
+    column, row = cells.astype(int).T
     nearest_column = column.clip(0, len(u) - 1)
     nearest_row = row.clip(0, len(v) - 1)
+    is_inside = (column == nearest_column) & (row == nearest_row)
     part = np.where(is_inside, parts[nearest_row, nearest_column], FORBIDDEN)
-    area = cell**2 * np.count_nonzero(parts == part[0])
-    return part, area
+    cells_of_first = np.count_nonzero(parts == part[0])
+    return part, cell**2 * cells_of_first

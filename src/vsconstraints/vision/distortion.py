@@ -82,7 +82,8 @@ class Distortion:
 
         ``factor`` is one number, or one per coefficient.
         """
-        return Distortion(self.model, tuple((np.asarray(self.coefficients) * factor).tolist()))
+        scaled = np.asarray(self.coefficients) * factor
+        return Distortion(self.model, tuple(scaled.tolist()))
 
     def apply(self, normalised: Array) -> Array:
         """Return normalised coordinates (..., 2) in the real image from those of a pinhole.
@@ -90,9 +91,11 @@ class Distortion:
         Beyond :attr:`reach`, the function continues along straight lines from the centre, so that
         it never folds back.
         """
-        x, y = np.moveaxis(np.asarray(normalised, dtype=np.float64), -1, 0)
+        points = np.asarray(normalised, dtype=np.float64)
+        x, y = np.moveaxis(points, -1, 0)
         reach, *coefficients = self.parameters
-        X, Y, *_ = extended(MODELS[self.model].lens, x, y, reach, coefficients)
+        lens = MODELS[self.model].lens
+        X, Y, *_ = extended(lens, x, y, reach, coefficients)
         return np.stack((X, Y), axis=-1)
 
     def remove(self, distorted: Array) -> tuple[Array, BoolArray]:
@@ -105,16 +108,21 @@ class Distortion:
         flat = np.ascontiguousarray(image).reshape(-1, 2)
         ideal = np.empty_like(flat)
         eye = np.array((1.0, 1.0, 0.0, 0.0, *self.parameters))
-        load("lenses").through(self.model)(eye, flat, ideal, True)
+        through_lens = load("lenses").through(self.model)
+        through_lens(eye, flat, ideal, True)
         with np.errstate(all="ignore"):
-            off = np.abs(self.apply(ideal) - flat).max(axis=1) > ACCURACY
-        certain = ~off & ~(np.hypot(ideal[:, 0], ideal[:, 1]) > self.reach)
+            error = np.abs(self.apply(ideal) - flat)
+            is_off = error.max(axis=1) > ACCURACY
+        radius = np.hypot(ideal[:, 0], ideal[:, 1])
+        is_beyond = radius > self.reach
+        certain = ~is_off & ~is_beyond
         return ideal.reshape(image.shape), certain.reshape(image.shape[:-1])
 
 
 def _filled(distortion: Distortion) -> tuple[float, ...]:
     """Return all coefficients of the model, 0 for missing ones."""
-    missing = max(MODELS[distortion.model].counts) - len(distortion.coefficients)
+    count = max(MODELS[distortion.model].counts)
+    missing = count - len(distortion.coefficients)
     return (*distortion.coefficients, *(0.0,) * missing)
 
 
@@ -126,14 +134,25 @@ def _reach(distortion: Distortion) -> float:
     and neither too small nor too large. A function with a positive definite symmetric part is
     injective on a disc, since a disc is convex.
     """
-    radii = np.concatenate((np.linspace(0.0, 3.0, 1001), np.geomspace(3.0, MAX_RADIUS, 200)[1:]))
+    near = np.linspace(0.0, 3.0, 1001)
+    far = np.geomspace(3.0, MAX_RADIUS, 200)[1:]
+    radii = np.concatenate((near, far))
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x = radii[:, None] * np.cos(angles)
     y = radii[:, None] * np.sin(angles)
     with np.errstate(all="ignore"):
-        *_, a, b, c, d = MODELS[distortion.model].lens(x, y, _filled(distortion))
-        mean = 0.5 * (a + d)
-        spread = np.hypot(0.5 * (a - d), 0.5 * (b + c))
-        usable = (mean - spread > 1.0 / MAX_STRETCH) & (mean + spread < MAX_STRETCH)
-        folds = ~usable.all(axis=1)
-    return float(radii[max(int(np.argmax(folds)) - 1, 1)] if folds.any() else MAX_RADIUS)
+        lens = MODELS[distortion.model].lens
+        *_, dx_dx, dx_dy, dy_dx, dy_dy = lens(x, y, _filled(distortion))
+        # eigenvalues of the symmetric part
+        mean = 0.5 * (dx_dx + dy_dy)
+        half_difference = 0.5 * (dx_dx - dy_dy)
+        off_diagonal = 0.5 * (dx_dy + dy_dx)
+        spread = np.hypot(half_difference, off_diagonal)
+        least = mean - spread
+        greatest = mean + spread
+        is_usable = (least > 1.0 / MAX_STRETCH) & (greatest < MAX_STRETCH)
+        folds = ~is_usable.all(axis=1)
+    if not folds.any():
+        return MAX_RADIUS
+    last_before = int(np.argmax(folds)) - 1
+    return float(radii[max(last_before, 1)])

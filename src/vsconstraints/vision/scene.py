@@ -163,17 +163,19 @@ class Scene:
         camera = self._camera(robot.tip, t)
         J, twist, drift = self._relative_motion(robot, t)
         P = self._in_camera(camera)
-        x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(
-            P.T, twist[:3], twist[3:], drift[:3], drift[3:]
-        )
-        xy, xy_dot, xy_ddot = (
-            np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot))
-        )
-        J_xy = interaction_matrix(xy, P[:, 2]) @ J
+        depth = P[:, 2]
+        v, omega = twist.reshape(2, 3)
+        v_dot, omega_dot = drift.reshape(2, 3)
+        x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, v, omega, v_dot, omega_dot)
+        xy = np.stack((x, y), axis=1)
+        xy_dot = np.stack((x_dot, y_dot), axis=1)
+        xy_ddot = np.stack((x_ddot, y_ddot), axis=1)
+        J_xy = interaction_matrix(xy, depth) @ J
         F = np.asarray(self.camera.focal)
+        J_pixels = J_xy * F[:, None]
         normalised = PointMotion(xy, J_xy, xy_dot, xy_ddot)
-        pixels = PointMotion(self.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F)
-        return State(t, robot, camera, J, twist, drift, P[:, 2], normalised, pixels)
+        pixels = PointMotion(self.camera.pixels(xy), J_pixels, xy_dot * F, xy_ddot * F)
+        return State(t, robot, camera, J, twist, drift, depth, normalised, pixels)
 
     def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Return the pixels (m, 2) of the markers and the robot points (k, 3) at ``q`` (n,).
@@ -181,7 +183,8 @@ class Scene:
         Their motion is not computed.
         """
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
-        return self.project(self._camera(robot.tip, t)), robot.points
+        camera = self._camera(robot.tip, t)
+        return self.project(camera), robot.points
 
     def kinematics(self, q: Array, qd: Array) -> Kinematics:
         """Return positions and motion of the robot and its points at ``q`` and ``qd`` (n,).
@@ -225,12 +228,15 @@ class Scene:
             R = fixed.R
             r = fixed.t - tip.t
         twist = robot.J @ robot.qd
-        drift = robot.drift
-        v = tip.R @ twist[:3]
-        omega = tip.R @ twist[3:]
+        tip_v, tip_omega = twist.reshape(2, 3)
+        tip_v_dot, tip_omega_dot = robot.drift.reshape(2, 3)
+        v = tip.R @ tip_v
+        omega = tip.R @ tip_omega
+        alpha = tip.R @ tip_omega_dot
         # acceleration of the origin from the derivative of a twist in moving axes
-        linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
-        velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
+        of_axes = np.array(cross(tip_omega, tip_v))
+        linear = tip.R @ (tip_v_dot + of_axes)
+        velocity, acceleration = carried(r, v, omega, linear, alpha)
         turning: Array = np.zeros(3)
         away: Array = np.zeros(3)
         if motion is not None:
@@ -239,16 +245,19 @@ class Scene:
             acceleration = minus(acceleration, d_ddot)
             turning = motion.angular_velocity
             away = tip.t + r - motion.centre - motion.translation.displacement(t)
-        parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
-        moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)
-        return self._twist_of_camera(tip) @ robot.J, moving[:2].ravel(), moving[2:].ravel()
+        parts = relative_twist(velocity, acceleration, omega, alpha, turning, away)
+        sign = 1.0 if fixed is None else -1.0
+        v, omega, v_dot, omega_dot = sign * (np.array(parts) @ R)
+        J = self._twist_of_camera(tip) @ robot.J
+        camera_twist = np.concatenate((v, omega))
+        camera_drift = np.concatenate((v_dot, omega_dot))
+        return J, camera_twist, camera_drift
 
     def _in_camera(self, camera: Pose) -> Array:
         P: Array = (self.markers - camera.t) @ camera.R
         Z = P[:, 2]
-        if (Z < MINIMUM_DEPTH).any():
-            which = ", ".join(
-                f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH)
-            )
+        behind = np.flatnonzero(Z < MINIMUM_DEPTH)
+        if len(behind):
+            which = ", ".join(f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in behind)
             raise SceneError(f"not in front of the camera: {which}")
         return P

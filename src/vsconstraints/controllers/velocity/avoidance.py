@@ -131,10 +131,12 @@ class ResolvedRateAvoidance(ResolvedRate):
         for i in np.flatnonzero(near):
             if not rows.labels[i].startswith(self._begins):
                 continue
-            depth = float((rows.sigma[i] + width[i]) / (self.full * width[i]))
+            full_width = self.full * width[i]
+            depth = float((rows.sigma[i] + width[i]) / full_width)
             away = self._away(rows.Lg[i], P, primary)
             if away is not None:
-                qd -= float(opening(max(depth, 0.0), 0.0, 1.0)) * away
+                share = float(opening(max(depth, 0.0), 0.0, 1.0))
+                qd -= share * away
                 acted[i] = True
         return Command(np.zeros(len(qd)), "ok", acted, rows.labels, qd=qd)
 
@@ -149,5 +151,6 @@ class ResolvedRateAvoidance(ResolvedRate):
         effect = abs(float(g @ along))
         if speed >= effect:
             return None
-        away: Array = (1.0 + self.tune) * (speed / effect) * along
+        factor = (1.0 + self.tune) * (speed / effect)
+        away: Array = factor * along
         return away

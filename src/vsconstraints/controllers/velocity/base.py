@@ -143,7 +143,8 @@ class VelocityController(Controller):
         if isinstance(given, Command) and given.status == "failed":
             return given
         qd = given.qd if isinstance(given, Command) else given
-        is_float_vector = isinstance(qd, np.ndarray) and qd.dtype.kind == "f" and qd.shape == (n,)
+        is_float_array = isinstance(qd, np.ndarray) and qd.dtype.kind == "f"
+        is_float_vector = is_float_array and qd.shape == (n,)
         if not is_float_vector or not np.isfinite(qd).all():
             raise SolverError(f"the law gave {format_value(qd)}, not {n} finite joint speeds")
         assert self.period is not None
@@ -152,7 +153,8 @@ class VelocityController(Controller):
         if isinstance(given, Command):
             given.qdd = qdd
             return given
-        return Command(qdd, "ok", np.zeros(len(rows.labels), np.bool_), rows.labels, qd=qd)
+        acted = np.zeros(len(rows.labels), np.bool_)
+        return Command(qdd, "ok", acted, rows.labels, qd=qd)
 
     def _remember(self, qd: Array) -> None:
         """Store the commanded q̇ (n,)."""

@@ -47,20 +47,24 @@ class AreaCentroid(ViewFeature):
         before = np.roll(here, 1, axis=0)
         c = _cross(here, after)
         # derivatives (m, 2) of Σ cᵢ by the corners, and (2, m, 2) of Σ (xᵢ + xᵢ₊₁) cᵢ
-        of_twice = np.column_stack((after[:, 1] - before[:, 1], before[:, 0] - after[:, 0]))
-        turned_after = np.column_stack((after[:, 1], -after[:, 0]))
-        turned_before = np.column_stack((-before[:, 1], before[:, 0]))
+        x_after, y_after = after.T
+        x_before, y_before = before.T
+        of_twice = np.column_stack((y_after - y_before, x_before - x_after))
+        turned_after = np.column_stack((y_after, -x_after))
+        turned_before = np.column_stack((-y_before, x_before))
         around = (c + np.roll(c, 1))[:, None]
-        of_first = np.stack(
-            [
-                around * np.eye(2)[axis]
-                + (here + after)[:, [axis]] * turned_after
-                + (before + here)[:, [axis]] * turned_before
-                for axis in (0, 1)
-            ]
-        )
-        of_centroid = (of_first - (first / twice)[:, None, None] * of_twice) / (3.0 * twice)
-        slopes = np.concatenate((of_centroid, [-0.5 * of_twice / twice]))
+        with_after = here + after
+        with_before = before + here
+        of_first = []
+        for axis, unit in enumerate(np.eye(2)):
+            by_edges = around * unit
+            by_next_edge = with_after[:, [axis]] * turned_after
+            by_last_edge = with_before[:, [axis]] * turned_before
+            of_first.append(by_edges + by_next_edge + by_last_edge)
+        ratio = (first / twice)[:, None, None]
+        of_centroid = (np.stack(of_first) - ratio * of_twice) / (3.0 * twice)
+        of_logarithm = -0.5 * of_twice / twice
+        slopes = np.concatenate((of_centroid, [of_logarithm]))
         L: Array = np.einsum("kmc,mcj->kj", slopes, view.point_rows[:, :2])
         return L
 
@@ -69,7 +73,8 @@ class AreaCentroid(ViewFeature):
         after = np.roll(view.xy, -1, axis=0)
         c = _cross(view.xy, after)
         twice = float(c.sum())
-        if abs(twice) <= SMALLEST_AREA * np.ptp(view.xy, axis=0).max() ** 2:
+        extent = np.ptp(view.xy, axis=0).max()
+        if abs(twice) <= SMALLEST_AREA * extent**2:
             raise SceneError(
                 f"the feature {self.name} is not defined: the polygon of its {len(c)} markers has "
                 "no area in the image. It takes three or more markers that are not on a line, in "

@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ConfigurationError
-from ...formulas.features import pose_error, pose_rates
-from ...formulas.rotation import rotation_vector_rate
+from ...formulas.features import pose_error, pose_motion
 from ...formulas.vectors import rotate
 from ...robots.geometry import Pose
 from ...rows import Array
@@ -46,20 +45,22 @@ class CameraPose(Feature):
         """Evaluate the feature in NumPy: see :meth:`Feature.evaluate`."""
         assert goal.camera is not None
         near = np.zeros(6) if previous is None else previous
+        continues = previous is not None
         camera = state.camera
-        E, t, rotation = pose_error(
-            goal.camera.R, goal.camera.t, camera.R, camera.t, near[3:], previous is not None
-        )
+        wanted = goal.camera
         v, omega = state.camera_twist.reshape(2, 3)
-        w_dot, L, L_dot = rotation_vector_rate(rotation, omega)
-        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, *state.camera_drift.reshape(2, 3))
-        J: Array = np.concatenate((rotate(E, state.camera_J[:3]), rotate(L, state.camera_J[3:])))
-        velocity = np.array((*t_dot, *w_dot))
+        v_dot, omega_dot = state.camera_drift.reshape(2, 3)
+        twist = (v, omega, v_dot, omega_dot)
+        motion = pose_motion(wanted.R, wanted.t, camera.R, camera.t, near[3:], continues, twist)
+        J_t = rotate(motion.E, state.camera_J[:3])
+        J_theta_u = rotate(motion.L, state.camera_J[3:])
+        J: Array = np.concatenate((J_t, J_theta_u))
+        velocity = np.array((*motion.t_dot, *motion.theta_u_dot))
         return FeatureMotion(
-            error=np.array((*t, *rotation)),
+            error=np.array((*motion.t, *motion.theta_u)),
             J=J,
             velocity=velocity,
-            drift=np.array((*t_ddot, *w_ddot)),
+            drift=np.array((*motion.t_ddot, *motion.theta_u_ddot)),
             partial=velocity - J @ state.robot.qd,
         )
 

@@ -63,11 +63,11 @@ class Stack(Feature):
         last: Sequence[Array | None] = [None] * len(self.features)
         if previous is not None:
             last = self._split(previous, len(state.depth))
-        motions = [
-            feature.evaluate(state, goal, before)
-            for feature, before in zip(self.features, last, strict=True)
-        ]
-        return FeatureMotion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
+        motions = []
+        for feature, before in zip(self.features, last, strict=True):
+            motions.append(feature.evaluate(state, goal, before))
+        fields = zip(*motions, strict=True)
+        return FeatureMotion(*(np.concatenate(parts) for parts in fields))
 
     def _split(self, values: Array, markers: int) -> list[Array]:
         """Split values (k,) by feature."""

@@ -144,8 +144,10 @@ class ViewFeature(Feature):
         nearest = view.depth.min(initial=1.0)
         columns = []
         for i, twist in enumerate(np.eye(6)):
-            step = VALUE_STEP * (nearest if i < 3 else 1.0)
-            columns.append(_slope(self.along(view, goal, twist), step))
+            is_translation = i < 3
+            step = VALUE_STEP * (nearest if is_translation else 1.0)
+            change = self.along(view, goal, twist)
+            columns.append(_slope(change, step))
         return np.stack(columns, axis=1)
 
     @property
@@ -193,8 +195,10 @@ class ViewFeature(Feature):
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """Return the reference relative to a new goal: see :meth:`Feature.carried`."""
         wanted = self.seen(View.of_goal(new))
-        value = self._declared_value(self.seen(View.of_goal(old)), wanted)
-        return self._nearest(reference + value - self._declared_value(wanted, wanted), near)
+        before = self.seen(View.of_goal(old))
+        value = self._declared_value(before, wanted)
+        value_at_goal = self._declared_value(wanted, wanted)
+        return self._nearest(reference + value - value_at_goal, near)
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Evaluate the feature: see :meth:`Feature.evaluate`.
@@ -209,11 +213,13 @@ class ViewFeature(Feature):
         J = L @ state.camera_J
         twist = state.camera_twist
         velocity = L @ twist
+        away = here - self.defined_value(wanted, wanted)
+        bend = self._bend(view, wanted, twist, len(here))
         return FeatureMotion(
-            error=self._nearest(here - self.defined_value(wanted, wanted), near),
+            error=self._nearest(away, near),
             J=J,
             velocity=velocity,
-            drift=L @ state.camera_drift + self._bend(view, wanted, twist, len(here)),
+            drift=L @ state.camera_drift + bend,
             partial=velocity - J @ state.robot.qd,
         )
 
@@ -280,7 +286,9 @@ class ViewFeature(Feature):
 
     def _bend(self, view: View, goal: View, twist: Array, k: int) -> Array:
         """Return L̇ V (k,), the second derivative of s along the constant twist V."""
-        speed = np.linalg.norm(twist[3:]) + np.linalg.norm(twist[:3]) / view.depth.min(initial=1.0)
+        v, omega = twist.reshape(2, 3)
+        nearest = view.depth.min(initial=1.0)
+        speed = np.linalg.norm(omega) + np.linalg.norm(v) / nearest
         if speed == 0.0:
             return np.zeros(k)
         if self.derived:
