@@ -12,8 +12,6 @@ from ..rows import Array
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return several meshes as one."""
-    if not meshes:
-        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
     points = []
     triangles = []
     point_count = 0
@@ -28,15 +26,13 @@ def grid_surface(points: Array) -> Mesh:
     """Return the surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
     numbers = np.arange(a * b).reshape(a, b)
-    # corners of each cell
-    top_left = numbers[:-1, :-1].ravel()
-    top_right = numbers[:-1, 1:].ravel()
-    bottom_left = numbers[1:, :-1].ravel()
-    bottom_right = numbers[1:, 1:].ravel()
+    top = numbers[:-1]
+    bottom = numbers[1:]
     # each cell is two triangles, on both sides of its diagonal
-    upper = np.column_stack((top_left, top_right, bottom_right))
-    lower = np.column_stack((top_left, bottom_right, bottom_left))
-    return Mesh(points.reshape(-1, 3), np.concatenate((upper, lower)))
+    upper = np.stack((top[:, :-1], top[:, 1:], bottom[:, 1:]), axis=-1)
+    lower = np.stack((top[:, :-1], bottom[:, 1:], bottom[:, :-1]), axis=-1)
+    triangles = np.concatenate((upper, lower))
+    return Mesh(points.reshape(-1, 3), triangles.reshape(-1, 3))
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
@@ -59,11 +55,11 @@ def bar(begin: Array, end: Array, radius: float, sides: int = 12) -> Mesh:
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
     """Return a round bar along a polyline (p, 3)."""
-    points = np.asarray(points, dtype=np.float64)
     along = _unit(np.gradient(points, axis=0))
     # all sections are oriented by the direction in which the line extends least
     _, _, directions = np.linalg.svd(along)
-    x = _unit(np.cross(along, directions[2]))
+    least = directions[2]
+    x = _unit(np.cross(along, least))
     y = np.cross(along, x)
     angles = 2.0 * np.pi * np.arange(sides + 1) / sides
     cos = np.cos(angles)[:, None]
@@ -72,9 +68,10 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     surface = points[:, None] + radius * sections
     if caps:
         # sections of radius 0 at both ends
-        first = np.full_like(surface[:1], points[0])
-        last = np.full_like(surface[:1], points[-1])
-        surface = np.concatenate((first, surface, last))
+        closed = np.pad(surface, ((1, 1), (0, 0), (0, 0)))
+        closed[0] = points[0]
+        closed[-1] = points[-1]
+        surface = closed
     return grid_surface(surface)
 
 
