@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -115,7 +115,7 @@ def with_tags(frame: Frame, expected: set[int]) -> Picture:
 
     grey = frame.image[..., None]
     picture: Picture = np.repeat(grey, 3, axis=2)
-    font = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "lineType": cv2.LINE_AA}
+    font: dict[str, Any] = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "lineType": cv2.LINE_AA}
     tags = frame.tags
     for number, corners in zip(tags.ids.tolist(), tags.corners, strict=True):
         colour = EXPECTED if number in expected else FOREIGN

@@ -168,7 +168,7 @@ def _colours(corners: Array, part: Part) -> Array:
     """Return colours (F, 4) of triangles (F, 3, 3), shaded by their angle to the light."""
     colour = np.array(rgb(part.colour))
     count = len(corners)
-    brightness = np.ones(count)
+    brightness: Array = np.ones(count)
     if part.shaded:
         brightness = _brightness(corners)
     colours = brightness[:, None] * colour / 255.0

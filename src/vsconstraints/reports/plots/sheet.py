@@ -62,6 +62,10 @@ class Sheet:
         self.bottom = max(self.bottom, top + height)
         return ax
 
+    def axes_3d(self, left: float, top: float, width: float, height: float) -> Any:
+        """Add axes in space, in which objects are drawn in the order of their ``zorder``."""
+        return self.axes(left, top, width, height, projection="3d", computed_zorder=False)
+
     def panels(
         self,
         count: int,
@@ -127,9 +131,9 @@ class Sheet:
             axis.set_visible(False)
         return ax
 
-    def text(self, left: float, top: float, text: str, **options: Any) -> None:
-        """Write text at a place [in]."""
-        self.figure.text(left, top, text, transform=self.inches, **options)
+    def text(self, left: float, top: float, text: str, **options: Any) -> Any:
+        """Write text at a place [in], and return it."""
+        return self.figure.text(left, top, text, transform=self.inches, **options)
 
     def name(self, ax: Any, text: str, height: float = 0.5, **options: Any) -> None:
         """Write text in the left margin, beside a panel at a relative height in it (0 to 1)."""
