@@ -101,10 +101,12 @@ def similar(scenes: Any, situation: Situation) -> SimilarScenes:
         if len(values):
             steps[name] = scenes[name].map(_permitting_steps(name, asked, values))
     # a scene is taken with the step that permits the last of its properties
-    by_step = scenes.assign(step=steps.max(axis=1, skipna=False)).sort_values("step", kind="stable")
+    last_step = steps.max(axis=1, skipna=False)
+    by_step = scenes.assign(step=last_step).sort_values("step", kind="stable")
     in_best_condition = by_step.drop_duplicates(SCENE)
     step = in_best_condition["step"]
-    taken = in_best_condition[step <= step.iloc[min(ENOUGH, len(step)) - 1]]
+    enough = step.head(ENOUGH)
+    taken = in_best_condition[step <= enough.iloc[-1]]
     n_similar = int((step <= FAR).sum())
     if n_similar < ENOUGH:
         unlike.append(f"only {n_similar} scenes are similar, fewer than {ENOUGH}")
@@ -112,8 +114,13 @@ def similar(scenes: Any, situation: Situation) -> SimilarScenes:
     used = {*steps.loc[taken.index].to_numpy().flat}
     for i, (name, how_far) in enumerate(STEPS, start=1):
         if i in used:
-            widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
-    return SimilarScenes(taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike))
+            extent = "similar" if how_far == 1 else "any"
+            widened.append(f"{extent} {_in_words(name)}")
+    return SimilarScenes(
+        scenes=taken[[*SCENE, CONDITION]],
+        widened=tuple(widened),
+        unlike=tuple(unlike),
+    )
 
 
 def _permitting_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any, int]:
@@ -126,7 +133,9 @@ def _permitting_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any,
     nearest = min(distances.values())
     steps = {}
     for value, how_far in distances.items():
-        steps[value] = 0 if how_far == nearest else 1 + STEPS.index((name, how_far))
+        steps[value] = 0
+        if how_far > nearest:
+            steps[value] = 1 + STEPS.index((name, how_far))
     return steps
 
 

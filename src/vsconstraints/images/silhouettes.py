@@ -55,10 +55,8 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
     if camera.distortion is not None:
         # the square |x|, |y| ≤ reach around the invertible disc of the lens
         reach = min(camera.distortion.reach, WIDEST)
-        planes.append(np.array([1.0, 0.0, reach, 0.0]))
-        planes.append(np.array([-1.0, 0.0, reach, 0.0]))
-        planes.append(np.array([0.0, 1.0, reach, 0.0]))
-        planes.append(np.array([0.0, -1.0, reach, 0.0]))
+        for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+            planes.append(np.array([x, y, reach, 0.0]))
     for plane in planes:
         points = clipped(points, plane)
     if len(points) < 3:
@@ -67,8 +65,8 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
     outline = cv2.convexHull(normalised.astype(np.float32))[:, 0]
     if camera.distortion is not None:
         outline = _finely(outline)
-    pixels = camera.distort(camera.pixels(outline.astype(np.float64)))
-    corners: Array = camera.to_corner(pixels, "centres")
+    ideal = camera.pixels(outline.astype(np.float64))
+    corners: Array = camera.to_corner(camera.distort(ideal), "centres")
     return corners
 
 
@@ -77,10 +75,10 @@ def _finely(outline: Array) -> Array:
     edges = []
     following = np.roll(outline, -1, axis=0)
     for begin, end in zip(outline, following, strict=True):
-        edge = end - begin
-        count = int(np.ceil(np.abs(edge).max() / PART)) + 1
-        shares = np.linspace(0.0, 1.0, count)
-        edges.append(begin + shares[:, None] * edge)
+        length = np.abs(end - begin).max()
+        count = int(np.ceil(length / PART)) + 1
+        shares = np.linspace(0.0, 1.0, count)[:, None]
+        edges.append(begin + shares * (end - begin))
     return np.concatenate(edges)
 
 
@@ -92,7 +90,8 @@ def clipped(points: Array, plane: Array) -> Array:
     """
     import cv2
 
-    height = points @ plane[:3] - plane[3]
+    normal = plane[:3]
+    height = points @ normal - plane[3]
     is_kept = height >= 0.0
     kept: Array = points[is_kept]
     if is_kept.all() or not is_kept.any():
@@ -106,7 +105,7 @@ def clipped(points: Array, plane: Array) -> Array:
     cut = begins + share[..., None] * (ends - begins)
     cut = cut.reshape(-1, 3)
     # the new points lie in the plane: the hull of the cut suffices
-    steepest = np.argmax(np.abs(plane[:3]))
+    steepest = np.argmax(np.abs(normal))
     flat = np.delete(cut, steepest, axis=1)
     corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False)
     return np.concatenate([kept, cut[corners.ravel()]])
