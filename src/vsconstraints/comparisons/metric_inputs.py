@@ -128,7 +128,7 @@ class MetricInputs:
     @cached_property
     def outside(self) -> BoolArray:
         """(N, m) True in periods in which a row is violated under the strict standard."""
-        return _is_outside(self.record)
+        return is_outside(self.record)
 
     @cached_property
     def outside_alone(self) -> BoolArray:
@@ -303,7 +303,7 @@ def _least_in_period(record: RunRecord) -> Array:
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
 
 
-def _is_outside(record: RunRecord) -> BoolArray:
+def is_outside(record: RunRecord) -> BoolArray:
     """Flag the periods in which each row is violated under the strict standard (N, m)."""
     return _least_in_period(record) < -NEGLIGIBLE * record.length
 
@@ -313,7 +313,7 @@ def _is_outside_at(record: RunRecord, Ts: float) -> BoolArray:
 
     The periods have the sampling time Ts [s]; any part of a period counts.
     """
-    outside = _is_outside(record)
+    outside = is_outside(record)
     if not len(outside):
         return outside
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING

@@ -273,6 +273,11 @@ def shown(metric: Metric, line: Line) -> float:
     return metric.factor * value
 
 
+def shown_values(metric: Metric, lines: Sequence[Line]) -> list[float]:
+    """Return a metric's values in several lines as :func:`shown`."""
+    return [shown(metric, line) for line in lines]
+
+
 class Cell(NamedTuple):
     """Table cell that can be the best of its column.
 

@@ -21,7 +21,7 @@ from .results import (
     columns_table,
     judged_by,
     marked,
-    shown,
+    shown_values,
     tally,
     violated,
 )  # fmt: skip
@@ -147,7 +147,7 @@ def scenarios_won(results: Results, metric: Metric) -> dict[str, list[str]]:
         values = {}
         texts = {}
         for name in results.solvers(scenario):
-            value = median([shown(metric, run) for run in results.runs(scenario, name)])
+            value = median(shown_values(metric, results.runs(scenario, name)))
             if math.isfinite(value):
                 values[name] = value
                 texts[name] = show(value)
@@ -243,9 +243,8 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
             if run["status"] == "converged":
                 converged[name].add((run["scenario"], run["trial"]))
     by_anyone = set().union(*converged.values())
-    if len(converged) < 2 or not by_anyone:
-        return [False] * len(names)
-    return [converged.get(name) == by_anyone for name in names]
+    is_comparison = len(converged) > 1 and bool(by_anyone)
+    return [is_comparison and converged.get(name) == by_anyone for name in names]
 
 
 def _overall(
@@ -267,7 +266,7 @@ def _overall(
             runs = results.all_runs(name)
             if metric.condensed != "worst" and metric.kind != "time":
                 runs = [run for run in runs if run["status"] == "converged"]
-            values = [shown(metric, run) for run in runs]
+            values = shown_values(metric, runs)
             overall = condense(values)
             digits = FORMATS[metric.style](overall)
             known = sum(not math.isnan(value) for value in values)

@@ -169,9 +169,10 @@ def time_calls(batch: Batch) -> list[tuple[str, str, float]]:
         with deadline(batch.drawing_limit):
             _, bench_of = benches(batch, number)
         for bench, law in product(bench_of.values(), laws):
+            times = []
             with deadline(batch.run_limit(law)):
-                runs = [bench.run(law) for _ in range(REPEATS)]
-            times = [run.trajectory.step_time[1:] for run in runs]
+                for _ in range(REPEATS):
+                    times.append(bench.run(law).trajectory.step_time[1:])
             # a run that fails has fewer calls
             calls = min(map(len, times))
             if calls:

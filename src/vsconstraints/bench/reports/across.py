@@ -124,15 +124,14 @@ def across_findings(dataset: Dataset) -> list[Finding]:
     """
     findings = []
     for result in beyond(dataset):
-        condition = result.condition
         leader = result.laws[0]
         share = result.shares[leader]
-        begin = condition_text(condition)
+        begin = condition_text(result.condition)
         text = text_of("across", begin=begin, leader=leader, share=share, one=result)
         numbers: dict[str, float] = share.numbers("success", law=leader)
         numbers["families"] = len(result.ranks)
         numbers["stays"] = result.stays
-        findings.append(Finding(text, "across", condition, (leader,), numbers))
+        findings.append(Finding(text, "across", result.condition, (leader,), numbers))
     return findings
 
 

@@ -222,10 +222,10 @@ def draw_acceleration(view: View) -> Sheet:
     for name in view.shown:
         trajectory = view.runs[name].trajectory
         commands[name] = (trajectory.t, trajectory.qdd_command)
-    scale = (1.0, 1.3 * _largest_command(view))
-    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
-    for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
-        windows = windows_of(t, qdd, MEAN_BINS)
+    limit = 1.3 * _largest_command(view)
+    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
+    for ax, name in zip(panels, commands, strict=True):
+        windows = windows_of(*commands[name], MEAN_BINS)
         for mean, colour in zip(windows.mean.T, colours, strict=False):
             ax.plot(windows.t, mean, color=colour, linewidth=1.1, zorder=3)
         view.title(ax, name)

@@ -50,9 +50,10 @@ class Sheet:
         self.beside = (left, self.bottom)
         self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
+        downwards = Affine2D().scale(1.0, -1.0)
         whole: Any = self.figure.transFigure
         from_top = ScaledTranslation(0.0, 1.0, whole)
-        self.inches: Any = Affine2D().scale(1.0, -1.0) + self.figure.dpi_scale_trans + from_top
+        self.inches: Any = downwards + self.figure.dpi_scale_trans + from_top
         self._places: dict[Any, tuple[float, float, float, float]] = {}
 
     def axes(self, left: float, top: float, width: float, height: float, **options: Any) -> Any:

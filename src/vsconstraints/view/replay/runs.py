@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
-from ...comparisons.metrics import NEGLIGIBLE
+from ...comparisons.metric_inputs import is_outside
 from ...comparisons.record import run_file
 from ...comparisons.run import perform
 from ...controllers import CONTROLLERS
@@ -161,11 +161,10 @@ class Frames:
 def states(run: ReplayRun) -> States:
     """Return the state (N, m) of each row at each sample."""
     trajectory = run.trajectory
-    length = RunRecord.of(run.setup, trajectory, "").length
-    clearance = np.minimum(trajectory.clearance, trajectory.between_clearance)
-    states = np.full(clearance.shape, INACTIVE, dtype=np.uint8)
+    record = RunRecord.of(run.setup, trajectory, "")
+    states = np.full(trajectory.active.shape, INACTIVE, dtype=np.uint8)
     states[trajectory.active] = ACTIVE
-    states[clearance < -NEGLIGIBLE * length] = VIOLATED
+    states[is_outside(record)] = VIOLATED
     return states
 
 
