@@ -197,13 +197,15 @@ class Renderer:
         behind.
         """
         # all lengths in cells: (x, y, 1) of the tag to the plane of the board, then to the camera
-        corner, right, _, down = self.board.corners[i] / self.board.cell
+        cell = self.board.cell
+        corner, right, _, down = self.board.corners[i] / cell
         to_board = np.zeros((3, 3))
-        to_board[:2] = np.column_stack(((right - corner) / CELLS, (down - corner) / CELLS, corner))
+        to_board[:2, 0] = (right - corner) / CELLS
+        to_board[:2, 1] = (down - corner) / CELLS
+        to_board[:2, 2] = corner
         board_R = camera.R.T
-        board_t = board_R @ camera.t / self.board.cell
         to_camera: Array = board_R @ to_board
-        to_camera[:, 2] -= board_t
+        to_camera[:, 2] -= board_R @ camera.t / cell
         is_seen_from_front = np.linalg.det(to_camera) > 0.0
         return np.linalg.inv(to_camera) if is_seen_from_front else None
 

@@ -281,9 +281,11 @@ class ImageSensor(Sensor):
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
         """Return the newest usable image, see :meth:`.Sensor.newest`."""
-        assert self._last is not None
-        taken = self._last.taken if self.settings.prediction else k * self._Ts
-        return self.camera.distort(self._last.pixels), taken, self._last.camera
+        last = self._last
+        assert last is not None
+        pixels = self.camera.distort(last.pixels)
+        taken = last.taken if self.settings.prediction else k * self._Ts
+        return pixels, taken, last.camera
 
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""

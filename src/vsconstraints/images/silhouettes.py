@@ -20,6 +20,7 @@ BEFORE = 1e-3
 #: largest radius that is drawn.
 PART = 0.02
 WIDEST = 10.0
+SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  #: Directions into the square.
 SHIFT = 4  #: Fractional bits to which corners are rounded [px].
 
 
@@ -52,10 +53,11 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
     in_front_of_camera = np.array([0.0, 0.0, 1.0, NEAR])
     in_front_of_board = np.append(-board[:3], BEFORE - board[3])
     planes = [in_front_of_camera, in_front_of_board]
-    if camera.distortion is not None:
+    lens = camera.distortion
+    if lens is not None:
         # the square |x|, |y| ≤ reach around the invertible disc of the lens
-        reach = min(camera.distortion.reach, WIDEST)
-        for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        reach = min(lens.reach, WIDEST)
+        for x, y in SIDES:
             planes.append(np.array([x, y, reach, 0.0]))
     for plane in planes:
         points = clipped(points, plane)
@@ -63,10 +65,11 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
         return None
     normalised = points[:, :2] / points[:, 2:]
     outline = cv2.convexHull(normalised.astype(np.float32))[:, 0]
-    if camera.distortion is not None:
+    if lens is not None:
         outline = _finely(outline)
     ideal = camera.pixels(outline.astype(np.float64))
-    corners: Array = camera.to_corner(camera.distort(ideal), "centres")
+    pixels = camera.distort(ideal)
+    corners: Array = camera.to_corner(pixels, "centres")
     return corners
 
 

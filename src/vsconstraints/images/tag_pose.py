@@ -151,8 +151,9 @@ def board_pose(
         start_t = sight - start_R @ middle
         pose = _refined(points, normalised, Pose(start_R, start_t))
         P = points @ pose.R.T + pose.t
-        if np.isfinite(P).all() and (P[:, 2] > 0.0).all():
-            deviation = P[:, :2] / P[:, 2:] - normalised
+        depths = P[:, 2:]
+        if np.isfinite(P).all() and (depths > 0.0).all():
+            deviation = P[:, :2] / depths - normalised
             squared = (deviation**2).sum(axis=1)
             error = float(np.sqrt(squared.mean()))
             candidates.append((pose.inverse, error))

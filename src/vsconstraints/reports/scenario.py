@@ -99,7 +99,8 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
     """
     accelerations = {}
     for name in results.controllers:
-        value = largest([run["acceleration_max"] for run in results.runs(scenario, name)])
+        largest_of_runs = [run["acceleration_max"] for run in results.runs(scenario, name)]
+        value = largest(largest_of_runs)
         if math.isfinite(value):
             accelerations[name] = value
     if len(accelerations) < 2:

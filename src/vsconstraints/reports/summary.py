@@ -237,14 +237,16 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
     converged: dict[str, set[tuple[str, int]]] = {}
     for name in results.competitors:
         runs = results.all_runs(name)
-        if runs:
-            converged[name] = set()
+        if not runs:
+            continue
+        converged[name] = set()
         for run in runs:
             if run["status"] == "converged":
                 converged[name].add((run["scenario"], run["trial"]))
     by_anyone = set().union(*converged.values())
-    is_comparison = len(converged) > 1 and bool(by_anyone)
-    return [is_comparison and converged.get(name) == by_anyone for name in names]
+    if len(converged) < 2 or not by_anyone:
+        return [False] * len(names)
+    return [converged.get(name) == by_anyone for name in names]
 
 
 def _overall(

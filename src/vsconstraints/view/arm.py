@@ -101,12 +101,12 @@ def bars(robot: Robot, size: float) -> list[Part]:
 
 def _base(size: float, first_joint: Array, radius: float) -> list[Part]:
     """Return the base's plate, and a column with this radius from there to the first joint (3,)."""
-    bottom = np.array([0.0, 0.0, size * BASE_BOTTOM])
-    top = np.array([0.0, 0.0, size * BASE_TOP])
-    plate = bar(bottom, top, BASE_RADIUS * size, 24)
+    origin = np.zeros(3)
+    up = np.array([0.0, 0.0, size])
+    plate = bar(BASE_BOTTOM * up, BASE_TOP * up, BASE_RADIUS * size, 24)
     parts = [Part(plate, JOINT, "joint 0")]
     if np.linalg.norm(first_joint) > SHORT:
-        column = bar(np.zeros(3), first_joint, radius)
+        column = bar(origin, first_joint, radius)
         parts.append(Part(column, LINK, "joint 0"))
     return parts
 

@@ -26,11 +26,16 @@ def grid_surface(points: Array) -> Mesh:
     """Return the surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
     numbers = np.arange(a * b).reshape(a, b)
-    top = numbers[:-1]
-    bottom = numbers[1:]
+    above = numbers[:-1]
+    below = numbers[1:]
+    # corners of each cell
+    top_left = above[:, :-1]
+    top_right = above[:, 1:]
+    bottom_left = below[:, :-1]
+    bottom_right = below[:, 1:]
     # each cell is two triangles, on both sides of its diagonal
-    upper = np.stack((top[:, :-1], top[:, 1:], bottom[:, 1:]), axis=-1)
-    lower = np.stack((top[:, :-1], bottom[:, 1:], bottom[:, :-1]), axis=-1)
+    upper = np.stack((top_left, top_right, bottom_right), axis=-1)
+    lower = np.stack((top_left, bottom_right, bottom_left), axis=-1)
     triangles = np.concatenate((upper, lower))
     return Mesh(points.reshape(-1, 3), triangles.reshape(-1, 3))
 

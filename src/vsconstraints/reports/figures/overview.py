@@ -22,7 +22,14 @@ GREY = "#666666"
 # Sizes of markers [pt].
 SMALL = 5.0
 LARGE = 11.0
-HOLLOW = symbol("o", "white", GREY, 7.0, markeredgewidth=1.5)
+HOLLOW = symbol(
+    "o",
+    "white",
+    GREY,
+    7.0,
+    label="hollow: a constraint was violated",
+    markeredgewidth=1.5,
+)
 RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
 # Width of a bold letter of a name, and height of a name [pt].
 LETTER = 5.6
@@ -126,12 +133,13 @@ def _entries(without_name: Mapping[str, Look]) -> list[dict[str, Any]]:
     """Return the legend entries of controllers without a name in the figure, and of the marks."""
     entries = []
     for name, look in without_name.items():
-        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=shortened(name)))
+        label = shortened(name)
+        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=label))
     entries += [
         symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
         line("from the least to the greatest of them", GREY, linewidth=RANGE["linewidth"]),
         symbol("o", GREY, GREY, SMALL, label="one run"),
-        HOLLOW | {"label": "hollow: a constraint was violated"},
+        HOLLOW,
     ]
     return entries
 
@@ -182,13 +190,20 @@ def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
     """Draw the medians as a large marker, and the ranges as a cross of thin lines."""
     x = _unused_share(centre.used)
     y = centre.variation
-    least, greatest = centre.used_range
-    x_range = [_unused_share(least), _unused_share(greatest)]
+    x_range = [_unused_share(used) for used in centre.used_range]
     cross = RANGE | {"color": look.colour}
     ax.plot(x_range, [y, y], **cross)
     ax.plot([x, x], centre.variation_range, **cross)
-    mark = symbol(look.marker, look.colour, "white", LARGE, markeredgewidth=1.0)
-    ax.plot(x, y, **mark, clip_on=False, zorder=4)
+    mark = symbol(
+        look.marker,
+        look.colour,
+        "white",
+        LARGE,
+        markeredgewidth=1.0,
+        clip_on=False,
+        zorder=4,
+    )
+    ax.plot(x, y, **mark)
 
 
 def name_centres(

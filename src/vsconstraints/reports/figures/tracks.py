@@ -34,9 +34,9 @@ LEGEND_LINE = 0.21
 # Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
-EARLIER = symbol("*", "white", size=6.3)
-LAST = symbol("*", INK, "white", size=6.3)
-VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
+EARLIER = symbol("*", "white", size=6.3, zorder=6.2)
+LAST = symbol("*", INK, "white", size=6.3, zorder=6.2)
+VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6, "zorder": 5}
 
 
 class CloseUp(NamedTuple):
@@ -113,18 +113,30 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     look = view.looks[name]
     pixels = run.trajectory.features_px
     if view.baseline is not None and name != BASELINE:
-        below = view.baseline.trajectory.features_px
-        tracks(ax, below, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
-    tracks(ax, pixels, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
+        tracks(
+            ax,
+            view.baseline.trajectory.features_px,
+            color=view.looks[BASELINE].colour,
+            linewidth=0.9,
+            zorder=2.2,
+        )
+    tracks(
+        ax,
+        pixels,
+        color=look.colour,
+        linestyle=look.line,
+        linewidth=width,
+        zorder=4,
+    )
     for track in _violations(run):
-        ax.plot(*track.T, **VIOLATED, zorder=5)
-    end = symbol("o", look.colour, "white", 5.5)
-    ax.plot(*pixels[-1].T, **end, zorder=6)
+        ax.plot(*track.T, **VIOLATED)
+    end = symbol("o", look.colour, "white", 5.5, zorder=6)
+    ax.plot(*pixels[-1].T, **end)
     if view.setup is not None:
         *earlier, last = view.setup.task.goals
         for goal in earlier:
-            ax.plot(*goal.pixels.T, **EARLIER, zorder=6.2)
-        ax.plot(*last.pixels.T, **LAST, zorder=6.2)
+            ax.plot(*goal.pixels.T, **EARLIER)
+        ax.plot(*last.pixels.T, **LAST)
     numbered(ax, pixels[0])
 
 
@@ -214,10 +226,11 @@ def _candidates(
     clearance = np.where(is_shown, trajectory.clearance[:, i], np.inf)
     nearest = int(np.argmin(clearance))
     least = float(clearance[nearest])
+    if least <= -MAX_DEPTH * size:
+        return
     length = run.length[i]
-    is_active = trajectory.active[:, i].any()
     is_outside = least < -NEGLIGIBLE * length
-    if least > -MAX_DEPTH * size and (is_active or is_outside):
+    if is_outside or trajectory.active[:, i].any():
         half = max(SHARE * size, -1.6 * least)
         yield least / length, CloseUp(pixels[nearest], half)
 

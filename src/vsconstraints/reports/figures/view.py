@@ -174,9 +174,13 @@ def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
     tolerance.
     """
     errors = np.column_stack([trajectory.camera_error, trajectory.feature_error_px])
-    accepted = [tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px]
-    limits = 0.2 * np.array(accepted)
     deviations = np.abs(errors - errors[-1])
+    accepted = [
+        tolerances.translation_m,
+        tolerances.rotation_rad,
+        tolerances.feature_px,
+    ]
+    limits = 0.2 * np.array(accepted)
     is_moving = (deviations > limits).any(axis=1)
     return float(np.max(trajectory.t[is_moving], initial=0.0))
 

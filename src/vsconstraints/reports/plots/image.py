@@ -21,6 +21,7 @@ from .style import FAINT, INK, line, patch, symbol
 AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
+IMAGE = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 #: Style of the time beside a moving boundary.
 TIME: dict[str, Any] = {
@@ -146,7 +147,9 @@ class Plane:
             return []
         steps = 2.0 * half.max() / GRID_STEP
         count = int(np.clip(steps, 80, 600))
-        u, v = np.linspace(centre - half, centre + half, count, axis=1)
+        low = centre - half
+        high = centre + half
+        u, v = np.linspace(low, high, count, axis=1)
         contours = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset")
         areas, offsets = contours.filled(0.0, 1.0)
         outlines = []
@@ -174,7 +177,9 @@ class Plane:
         self.draw_part(ax, np.zeros(2), self.half, self.forbidden)
         for t, lines in self.moving:
             for points in lines:
-                middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+                low = points.min(axis=0)
+                high = points.max(axis=0)
+                middle = 0.5 * (low + high)
                 is_cut_off = np.abs(middle) > LABELLED * self.half
                 if not is_cut_off.any():
                     ax.annotate(f"{t:.1f} s", middle, **TIME)
@@ -182,7 +187,8 @@ class Plane:
         if upwards:
             ax.invert_yaxis()
         for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True))
+            ticks = MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True)
+            axis.set_major_locator(ticks)
         if labels:
             direction = "upwards" if upwards else "downwards"
             ax.set_xlabel("u [px]", labelpad=1)
@@ -218,15 +224,15 @@ class Plane:
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Return legend entries of the image and its contents; of the boundary if it has a name."""
-        frame = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
-        entries = [frame]
+        entries = [IMAGE]
         if boundary:
             entries.append(line(boundary, **BOUNDARY))
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
             times = "these times" if len(self.times) > 1 else "that time"
-            entries.append(line(f"boundary at {times}", **_moving_style(2, MOMENTS)))
+            style = _moving_style(2, MOMENTS)
+            entries.append(line(f"boundary at {times}", **style))
         return entries
 
 

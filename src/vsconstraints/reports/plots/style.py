@@ -168,12 +168,23 @@ def folded(name: str, most: int) -> str:
 
 def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
     """Return the legend entry of a line."""
-    return {"label": label, "color": color, "linestyle": linestyle, "linewidth": 2.0, **look}
+    style = {
+        "label": label,
+        "color": color,
+        "linestyle": linestyle,
+        "linewidth": 2.0,
+    }
+    return style | look
 
 
 def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
     """Return the legend entry of an area."""
-    return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
+    style = {
+        "label": label,
+        "facecolor": facecolor,
+        "linewidth": 0.0,
+    }
+    return style | look
 
 
 def symbol(
@@ -252,7 +263,8 @@ def zero_line(ax: Any) -> None:
 
 def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any) -> None:
     """Shade a range of values."""
-    ax.axhspan(low, high, **{"color": colour, "linewidth": 0.0, "zorder": 0.5, **look})
+    style = {"color": colour, "linewidth": 0.0, "zorder": 0.5}
+    ax.axhspan(low, high, **style | look)
 
 
 def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:

@@ -39,9 +39,10 @@ LABELS = 1.95
 CELL = 1.36
 NEAREST = 1.8
 MAX_USAGE = 1.15  # greatest usage that is shown; larger values are drawn at the edge
-STARTED = symbol("o", "white", size=8.5)
-GOAL = symbol("*", INK, size=5.2)
-EARLIER = symbol("*", "white", size=5.2)
+ON_TOP: dict[str, Any] = {"zorder": 4.0, "clip_on": False}
+STARTED = symbol("o", "white", size=8.5, **ON_TOP)
+GOAL = symbol("*", INK, size=5.2, **ON_TOP)
+EARLIER = symbol("*", "white", size=5.2, **ON_TOP)
 
 
 def lines(preview: Preview) -> Iterator[str]:
@@ -263,11 +264,12 @@ def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
         least = np.nanmin(usage)
         greatest = np.nanmax(usage)
-        ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        ax.plot([least, greatest], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
+        level = [y, y]
+        ax.plot([0.0, MAX_USAGE], level, color="#E3E3E3", linewidth=0.6, zorder=1.0)
+        ax.plot([least, greatest], level, color="#909090", linewidth=1.4, zorder=2.0)
         for value, mark in zip(usage, marks, strict=True):
             if np.isfinite(value):
-                ax.plot(value, y, **mark, zorder=4.0, clip_on=False)
+                ax.plot(value, y, **mark)
 
 
 #: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.

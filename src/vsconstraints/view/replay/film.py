@@ -128,17 +128,20 @@ class _Column:
 
     def draw(self, k: int, t: float, plane: Plane, viewpoint: Viewpoint) -> None:
         """Draw the run in frame k, at t [s]."""
+        image = self.image
+        space = self.space
         trajectory = self.run.trajectory
         sample = int(self.samples[k])
-        self.image.clear()
-        plane.draw(self.image, labels=False)
+        image.clear()
+        plane.draw(image, labels=False)
         self._draw_image(sample, self.states[k].tolist())
         is_last_frame = k == len(self.samples) - 1
         if is_last_frame or t > trajectory.t[-1] + 1e-9:
-            self.image.set_title(trajectory.status, loc="right", fontsize=9, pad=4)
-        for old in list(self.space.collections):
+            image.set_title(trajectory.status, loc="right", fontsize=9, pad=4)
+        for old in list(space.collections):
             old.remove()
-        draw_setup(self.space, self.run.setup, trajectory.q[sample], t, viewpoint)
+        q = trajectory.q[sample]
+        draw_setup(space, self.run.setup, q, t, viewpoint)
 
     def _draw_image(self, sample: int, states: Sequence[int]) -> None:
         """Draw the run in the image plane up to a sample, with the states (m,) of its rows."""
