@@ -178,7 +178,7 @@ def advise(
     requires = {name: law.make().uses for name, law in study.laws.items()}
     names = []
     for name, information in requires.items():
-        if may_use is None or set(information) <= set(may_use):
+        if may_use is None or set(information).issubset(may_use):
             names.append(name)
     if not names:
         raise ConfigurationError(
@@ -193,7 +193,8 @@ def advise(
     weight = len(success) + ENOUGH
     score = (success.sum() + ENOUGH * overall) / weight
     names.sort(key=lambda name: -score[name])
-    confidence = simultaneous(0.95, math.comb(len(names), 2))
+    pair_count = math.comb(len(names), 2)
+    confidence = simultaneous(0.95, pair_count)
 
     def loss(law: str, against: str) -> PairedRates:
         return mcnemar(success[against], success[law], confidence)
@@ -213,7 +214,8 @@ def advise(
             candidates.append(name)
 
     def cost(name: str) -> tuple[bool, bool, float]:
-        return "model" in requires[name], "L_fφ" in requires[name], float(calls[name])
+        information = requires[name]
+        return "model" in information, "L_fφ" in information, float(calls[name])
 
     chosen = min(candidates, key=cost)
     laws = []
@@ -228,5 +230,9 @@ def advise(
             call_us=float(calls[name]),
         )
         laws.append(law)
-    families = tuple(dict.fromkeys(scenes["family"]))
-    return Advice(tuple(laws), families, widened, unlike)
+    return Advice(
+        laws=tuple(laws),
+        families=tuple(dict.fromkeys(scenes["family"])),
+        widened=widened,
+        unlike=unlike,
+    )

@@ -54,8 +54,8 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
         others = len(results.competitors) - solvers
         relative_depths = [0.0]
         for name in results.competitors:
-            for run in results.runs(scenario, name):
-                relative_depths.append(run["violation_depth"])
+            runs = results.runs(scenario, name)
+            relative_depths += [run["violation_depth"] for run in runs]
         return min(solvers, others), largest(relative_depths)
 
     ordered = sorted(results.scenarios, key=informativeness, reverse=True)

@@ -140,17 +140,20 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     """Draw everything at an instant with matplotlib: the arm as bars, and the camera's view."""
     frames = setup_frames(setup, q, t)
     scale = view.half / REACH
+    robot = setup.scene.robot
     scene = Scene3D()
     add_surroundings(scene, setup, view.half)
-    add_robot(scene, setup, _bars(setup.scene.robot, scale), scale)
+    add_robot(scene, setup, _bars(robot, scale), scale)
     camera = frames["camera"].pose
     corners = view_corners(setup, camera, q, t)
+    edges = []
     for corner, following in pairwise([*corners, corners[0]]):
-        lines = [(camera.t, corner), (corner, following)]
-        for begin, end in lines:
-            points = np.linspace(begin, end, 12)
-            line = tube(points, 0.0022 * scale, 4, caps=False)
-            scene.add(line, CAMERA)
+        edges.append((camera.t, corner))
+        edges.append((corner, following))
+    for begin, end in edges:
+        points = np.linspace(begin, end, 12)
+        line = tube(points, 0.0022 * scale, 4, caps=False)
+        scene.add(line, CAMERA)
     scene.draw(ax, view, frames)
 
 

@@ -46,10 +46,10 @@ def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
     azimuth = np.linspace(0.0, 2.0 * np.pi, count + 1)
     theta, phi = np.meshgrid(polar, azimuth, indexing="ij")
     rho = np.sin(theta)
-    x = rho * np.cos(phi)
-    y = rho * np.sin(phi)
-    z = np.cos(theta)
-    directions = np.stack((x, y, z), axis=-1)
+    directions = np.empty((*theta.shape, 3))
+    directions[..., 0] = rho * np.cos(phi)
+    directions[..., 1] = rho * np.sin(phi)
+    directions[..., 2] = np.cos(theta)
     return grid_surface(centre + radius * directions)
 
 

@@ -153,7 +153,8 @@ def _measured(
             on_progress(done, len(calls))
     longest = defaultdict[str, float](float)
     for (law, _), times in measured.items():
-        of_family = float(f"{np.median(times):.3g}")
+        middle = np.median(times)
+        of_family = float(f"{middle:.3g}")
         longest[law] = max(longest[law], of_family)
     return CallTimes(dict(longest), 1e-6, HOW)
 

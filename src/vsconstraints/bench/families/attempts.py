@@ -348,6 +348,14 @@ def least_time(setup: Setup, ends: Ends) -> float:
         return math.nan
     # not Robot.difference: stored scenes of the test set have this time, of a fixed definition
     way = goal - setup.q0
+    acceleration = setup.limits.of_joint("acceleration", robot.n)
+    times = rest_to_rest(np.abs(way), acceleration, _speed_limits(setup, way))
+    return float(times.max())
+
+
+def _speed_limits(setup: Setup, way: Array) -> Array:
+    """Return the speed limits (n,) in the directions of a way (n,); infinite without limits."""
+    robot = setup.scene.robot
     speed = np.full(robot.n, np.inf)
     if setup.limits.ranges:
         speed = robot.qd_max.copy()
@@ -358,6 +366,4 @@ def least_time(setup: Setup, ends: Ends) -> float:
             share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
             limit = np.where(way[joints] > 0.0, rows.upper, -rows.lower)
             speed[joints] = np.minimum(speed[joints], share * limit)
-    acceleration = setup.limits.of_joint("acceleration", robot.n)
-    times = rest_to_rest(np.abs(way), acceleration, speed)
-    return float(times.max())
+    return speed

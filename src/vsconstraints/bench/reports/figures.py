@@ -124,19 +124,26 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
         last = _last_ratio([profile for _, _, profile in panels])
-        tau = np.geomspace(1.0, last, 400)
-        ticks = [1.0]
-        for tick in TICKS:
-            gap = np.log(tick / ticks[-1])
-            if tick <= last and gap >= TICK_GAP * np.log(last):
-                ticks.append(tick)
         titles = [title for title, _, _ in panels]
         axes = _panels(sheet, titles, height=1.75, gap=0.2, labels=labels)
+        tau = np.geomspace(1.0, last, 400)
         for ax, (_, shown, profile) in zip(axes, panels, strict=True):
-            _curves(ax, tau, profile.share(tau).T, shown, laws)
-            logarithmic(ax.xaxis, ticks)
+            shares = profile.share(tau)
+            _curves(ax, tau, shares.T, shown, laws)
+            logarithmic(ax.xaxis, _ratio_ticks(last))
     _legend(sheet, laws)
     return sheet
+
+
+def _ratio_ticks(last: float) -> list[float]:
+    """Return the ticks of ratios from 1 to the last one that are not too close to each other."""
+    ticks = [1.0]
+    least_gap = TICK_GAP * np.log(last)
+    for tick in TICKS:
+        gap = np.log(tick / ticks[-1])
+        if tick <= last and gap >= least_gap:
+            ticks.append(tick)
+    return ticks
 
 
 def _last_ratio(profiles: Sequence[Profile]) -> float:
@@ -245,12 +252,7 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         ax.xaxis.tick_top()
         ax.grid(False)
         ax.spines[["left", "right", "bottom"]].set_visible(False)
-        for i, group in enumerate(ranks.groups):
-            means = ranks.means[list(group)]
-            left = means.min() - 0.03
-            right = means.max() + 0.03
-            y = 0.08 + BAR * i
-            ax.plot([left, right], [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
+        _draw_groups(ax, ranks)
         order = np.argsort(ranks.means, kind="stable")
         for place, k in enumerate(order):
             law = ranked_laws[k]
@@ -259,6 +261,16 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
             y = bars + NAME_LINE * line_of_name
             _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left)
     return sheet
+
+
+def _draw_groups(ax: Any, ranks: Ranks) -> None:
+    """Draw a thick bar over the ranks of each group of laws without significant differences."""
+    for i, group in enumerate(ranks.groups):
+        y = 0.08 + BAR * i
+        means = ranks.means[list(group)]
+        left = means.min() - 0.03
+        right = means.max() + 0.03
+        ax.plot([left, right], [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
 
 
 def _name_rank(ax: Any, law: str, rank: float, y: float, colour: str, on_left: bool) -> None:

@@ -160,12 +160,14 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
     known_a = ~np.isnan(a)
     known_b = ~np.isnan(b)
     both = known_a & known_b
+    only_a = known_a & ~known_b
+    only_b = known_b & ~known_a
     result = paired(a, b, better=better, least=least, confidence=confidence)
     comparison = Comparison(
         scenes=len(a),
         paired=result.n,
-        only_a=int((known_a & ~known_b).sum()),
-        only_b=int((known_b & ~known_a).sum()),
+        only_a=int(only_a.sum()),
+        only_b=int(only_b.sum()),
         differ=result.wins + result.losses,
         difference=result.median,
         low=result.low,

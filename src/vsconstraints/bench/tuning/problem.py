@@ -332,14 +332,15 @@ def evaluating(batches: Sequence[Batch], workers: int | None, files: Files) -> I
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             if not settings:
                 return []
-            named = [replace(setting, name=str(i)) for i, setting in enumerate(settings)]
+            named = []
+            outcomes: list[dict[str, list[Outcome]]] = []
+            for i, setting in enumerate(settings):
+                named.append(replace(setting, name=str(i)))
+                outcomes.append({name: [] for name in (ALL, *families)})
             calls = []
             for batch in batches:
                 controllers = (*batch.controllers, *named)
                 calls.append(replace(batch, controllers=controllers))
-            outcomes: list[dict[str, list[Outcome]]] = []
-            for _ in settings:
-                outcomes.append({name: [] for name in (ALL, *families)})
             for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)
                 files.update(part.files)

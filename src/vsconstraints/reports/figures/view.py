@@ -114,11 +114,15 @@ class View:
 
     def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
         """Return legend entries of these controllers, or of all shown ones."""
+        if names is None:
+            names = self.shown
         entries = []
-        for name in self.shown if names is None else names:
+        for name in names:
             look = self.looks[name]
-            mark = {} if name == BASELINE else mark_of(look)
-            entries.append(line(shortened(name), look.colour, look.line, **mark))
+            entry = line(shortened(name), look.colour, look.line)
+            if name != BASELINE:
+                entry |= mark_of(look)
+            entries.append(entry)
         return entries
 
     def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:

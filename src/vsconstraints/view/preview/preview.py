@@ -56,12 +56,14 @@ class Row:
 def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     """Return all rows and the limits of joints without a row, nearest to their boundary first."""
     constraints = setup.constraints
+    lengths = constraints.characteristic_length
     rows = []
     for i, label in enumerate(constraints.labels):
         phi = np.array([moment.phi[i] for moment in moments])
         clearance = np.array([moment.clearance[i] for moment in moments])
-        usage = 1.0 - clearance / constraints.characteristic_length[i]
-        rows.append(Row(label, constraints.units[i], phi, clearance, usage))
+        usage = 1.0 - clearance / lengths[i]
+        unit = constraints.units[i]
+        rows.append(Row(label, unit, phi, clearance, usage))
     rows += _limits_without_rows(setup, moments)
     rows.sort(key=lambda row: -row.greatest)
     return tuple(rows)

@@ -90,19 +90,22 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     meshes = coarse([part.mesh for part in arm])
     for k, (_, colour) in enumerate(coloured(runs)):
         is_first = k == 0
-        arm_look: dict[str, Any] = {"colour": paler(colour), "opacity": 1.0 if is_first else OTHERS}
+        prefix = f"{k} "
+        opacity = 1.0 if is_first else OTHERS
+        arm_look: dict[str, Any] = {"colour": paler(colour), "opacity": opacity}
         parts = []
         for part, mesh in zip(arm, meshes, strict=True):
             smaller = inset(mesh, k * INSET * scale)
             parts.append(part._replace(mesh=smaller, **arm_look))
         # a fixed camera is the same for all runs, and each arm carries a target
         camera_colour = colour if is_first or not camera_is_fixed else ""
-        add_robot(scene, setup, parts, (1.0 - 0.03 * k) * scale, camera_colour, f"{k} ")
+        thickness = (1.0 - 0.03 * k) * scale
+        add_robot(scene, setup, parts, thickness, camera_colour, prefix)
         if camera_is_fixed and not is_first:
             # smaller markers: coinciding surfaces would flicker
             edge_radius = EDGE_RADIUS * scale
             marker_radius = OTHER_MARKER_RADIUS * scale
-            scene.target(setup.scene.markers, edge_radius, marker_radius, f"{k} target")
+            scene.target(setup.scene.markers, edge_radius, marker_radius, f"{prefix}target")
     add_surroundings(scene, setup, scale * REACH, NOT_HIGHLIGHTED)
     return scene, remark
 
