@@ -101,10 +101,12 @@ def similar(scenes: Any, situation: Situation) -> SimilarScenes:
         if len(values):
             steps[name] = scenes[name].map(_permitting_steps(name, asked, values))
     # a scene is taken with the step that permits the last of its properties
-    by_step = scenes.assign(step=steps.max(axis=1, skipna=False)).sort_values("step", kind="stable")
+    last_step = steps.max(axis=1, skipna=False)
+    by_step = scenes.assign(step=last_step).sort_values("step", kind="stable")
     in_best_condition = by_step.drop_duplicates(SCENE)
     step = in_best_condition["step"]
-    taken = in_best_condition[step <= step.iloc[min(ENOUGH, len(step)) - 1]]
+    enough = step.head(ENOUGH)
+    taken = in_best_condition[step <= enough.iloc[-1]]
     n_similar = int((step <= FAR).sum())
     if n_similar < ENOUGH:
         unlike.append(f"only {n_similar} scenes are similar, fewer than {ENOUGH}")
@@ -112,8 +114,13 @@ def similar(scenes: Any, situation: Situation) -> SimilarScenes:
     used = {*steps.loc[taken.index].to_numpy().flat}
     for i, (name, how_far) in enumerate(STEPS, start=1):
         if i in used:
-            widened.append(f"{'similar' if how_far == 1 else 'any'} {_in_words(name)}")
-    return SimilarScenes(taken[[*SCENE, CONDITION]], tuple(widened), tuple(unlike))
+            extent = "similar" if how_far == 1 else "any"
+            widened.append(f"{extent} {_in_words(name)}")
+    return SimilarScenes(
+        scenes=taken[[*SCENE, CONDITION]],
+        widened=tuple(widened),
+        unlike=tuple(unlike),
+    )
 
 
 def _permitting_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any, int]:
@@ -126,7 +133,9 @@ def _permitting_steps(name: str, asked: Any, values: Iterable[Any]) -> dict[Any,
     nearest = min(distances.values())
     steps = {}
     for value, how_far in distances.items():
-        steps[value] = 0 if how_far == nearest else 1 + STEPS.index((name, how_far))
+        steps[value] = 0
+        if how_far > nearest:
+            steps[value] = 1 + STEPS.index((name, how_far))
     return steps
 
 
@@ -169,7 +178,7 @@ def advise(
     requires = {name: law.make().uses for name, law in study.laws.items()}
     names = []
     for name, information in requires.items():
-        if may_use is None or set(information) <= set(may_use):
+        if may_use is None or set(information).issubset(may_use):
             names.append(name)
     if not names:
         raise ConfigurationError(
@@ -184,7 +193,8 @@ def advise(
     weight = len(success) + ENOUGH
     score = (success.sum() + ENOUGH * overall) / weight
     names.sort(key=lambda name: -score[name])
-    confidence = simultaneous(0.95, math.comb(len(names), 2))
+    pair_count = math.comb(len(names), 2)
+    confidence = simultaneous(0.95, pair_count)
 
     def loss(law: str, against: str) -> PairedRates:
         return mcnemar(success[against], success[law], confidence)
@@ -204,7 +214,8 @@ def advise(
             candidates.append(name)
 
     def cost(name: str) -> tuple[bool, bool, float]:
-        return "model" in requires[name], "L_fφ" in requires[name], float(calls[name])
+        information = requires[name]
+        return "model" in information, "L_fφ" in information, float(calls[name])
 
     chosen = min(candidates, key=cost)
     laws = []
@@ -219,5 +230,9 @@ def advise(
             call_us=float(calls[name]),
         )
         laws.append(law)
-    families = tuple(dict.fromkeys(scenes["family"]))
-    return Advice(tuple(laws), families, widened, unlike)
+    return Advice(
+        laws=tuple(laws),
+        families=tuple(dict.fromkeys(scenes["family"])),
+        widened=widened,
+        unlike=unlike,
+    )

@@ -268,16 +268,16 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
     found: dict[tuple[str, str, str], Change] = {}
     for key, part in PARTS.items():
         for path, before, after in different(a.get(key), b.get(key)):
+            compared = repr((before, after))
             names: tuple[str, ...] = ()
             if key == "configuration" and len(path) > 1 and path[0] in NAMED:
                 table, name, *steps = path
                 names = (name,)
                 path = (table, *(step for step in steps if step != "tables"))
+                if path == (table,):
+                    # a whole table of one name, which is on one side only
+                    compared = repr((before is None, after is None))
             what = ".".join(path) or key
-            compared = repr((before, after))
-            if names and len(path) == 1:
-                # a whole table of one name, which is on one side only
-                compared = repr((before is None, after is None))
             same = (part, what, compared)
             if same in found:
                 names = (*found[same].names, *names)

@@ -65,7 +65,8 @@ def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
     which an earlier version may not have written.
     """
     repeatable = repeatable_runs(study).dropna(axis="columns", how="all")
-    ordered = repeatable.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
+    key = [*SCENE, CONDITION, "controller"]
+    ordered = repeatable.sort_values(key, kind="stable")
     lines: list[dict[str, Any]] = ordered.to_dict("records")
     count = math.ceil(share * len(lines))
     return Random(seed).sample(lines, count)
@@ -198,17 +199,17 @@ def _differences(first: Line, second: Line) -> dict[str, str]:
     """Return sentences on the differences of two results, by column that both have."""
     found = {}
     for column in OUTCOME:
-        if column.name not in first or column.name not in second:
+        name = column.name
+        if name not in first or name not in second:
             continue
-        a = first[column.name]
-        b = second[column.name]
+        a = first[name]
+        b = second[name]
+        is_same = a == b
         if column.kind == "number":
             a = math.nan if a is None else a
             b = math.nan if b is None else b
             both_missing = math.isnan(a) and math.isnan(b)
             is_same = both_missing or math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
-        else:
-            is_same = a == b
         if not is_same:
-            found[column.name] = f"{column.name} is {a!r} and was made {b!r}"
+            found[name] = f"{name} is {a!r} and was made {b!r}"
     return found

@@ -270,17 +270,20 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         )
     configuration = evidence.manifest["configuration"]
     laws = _laws(configuration["controllers"])
+    requires = {}
+    for name, law in laws.items():
+        requires[name] = None if ":" in law.law else law.make().uses
     frozen = {}
     for name, family in configuration["families"].items():
         if "frozen" in family["tables"]:
             frozen[name] = family["tables"]["frozen"][configuration["half"]]
     runs = evidence.runs[evidence.runs["controller"].isin(laws)]
-    lines = []
     runs = runs.assign(
         success=OUTCOMES["success"].flag(runs),
         tolerant_success=OUTCOMES["tolerant success"].flag(runs),
         call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
     )
+    lines = []
     scenes = runs.groupby(SCENE, observed=True)
     for done, ((family, number), scene_runs) in enumerate(scenes):
         on_scene(done, len(scenes))
@@ -288,9 +291,7 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         for condition, each in scene_runs.groupby(CONDITION, observed=True):
             properties = Situation.of(scene.scenario(condition)).specified
             properties["constraints"] = "; ".join(properties["constraints"])
-            lines += [{**line, **properties} for line in each.to_dict("records")]
-    requires = {}
-    for name, law in laws.items():
-        requires[name] = None if ":" in law.law else law.make().uses
+            for line in each.to_dict("records"):
+                lines.append({**line, **properties})
     table = parquet.table(COLUMNS, lines).to_pandas()
     return Study(table, laws, requires, frozen, evidence.own_files)

@@ -128,14 +128,15 @@ class MetricInputs:
     @cached_property
     def outside(self) -> BoolArray:
         """(N, m) True in periods in which a row is violated under the strict standard."""
-        return _is_outside(self.record)
+        return is_outside(self.record)
 
     @cached_property
     def outside_alone(self) -> BoolArray:
         """(T, m) the same for the baseline; T = 0 without a baseline that has the same rows."""
         alone = self.baseline
-        if alone is None or alone.trajectory.labels != self.run.labels:
-            return np.zeros((0, len(self.run.labels)), dtype=np.bool_)
+        labels = self.run.labels
+        if alone is None or alone.trajectory.labels != labels:
+            return np.zeros((0, len(labels)), dtype=np.bool_)
         return _is_outside_at(alone, self.Ts)
 
     # --- use of the allowed space ---
@@ -186,13 +187,15 @@ class MetricInputs:
 
         This is the case while the row is active and, in a sliding mode, between two activations.
         """
-        held = self.run.active.copy()
+        active = self.run.active
+        held = active.copy()
         lowest = -STEPS * self.switching_step
         for row in np.flatnonzero(held.any(axis=0)):
-            samples = np.flatnonzero(self.run.active[:, row])
+            phi = self.run.phi[:, row]
+            samples = np.flatnonzero(active[:, row])
             gaps = np.flatnonzero(np.diff(samples) > 1)
             for begin, end in zip(samples[gaps], samples[gaps + 1], strict=True):
-                if self.run.phi[begin:end, row].min() >= lowest[row]:
+                if phi[begin:end].min() >= lowest[row]:
                     held[begin:end, row] = True
         return held
 
@@ -287,14 +290,15 @@ class MetricInputs:
 
         NaN if the run did not converge.
         """
+        record = self.record
         if self.run.status != "converged":
             return float("nan")
-        begins = self.record.goal_begins
-        goal_at_sample = goals_at(begins, self.run.t)
-        unreached = np.array(
-            [_last((goal_at_sample == goal) & ~self.record.settled) for goal in range(len(begins))]
-        )
-        times = settling_times(unreached, begins, len(self.run.t), self.Ts)
+        goal_at_sample = goals_at(record.goal_begins, self.run.t)
+        unreached = []
+        for goal in range(len(record.goal_begins)):
+            is_due = goal_at_sample == goal
+            unreached.append(_last(is_due & ~record.settled))
+        times = settling_times(np.array(unreached), record.goal_begins, len(self.run.t), self.Ts)
         return float(np.nansum(times))
 
 
@@ -303,7 +307,7 @@ def _least_in_period(record: RunRecord) -> Array:
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
 
 
-def _is_outside(record: RunRecord) -> BoolArray:
+def is_outside(record: RunRecord) -> BoolArray:
     """Flag the periods in which each row is violated under the strict standard (N, m)."""
     return _least_in_period(record) < -NEGLIGIBLE * record.length
 
@@ -313,7 +317,7 @@ def _is_outside_at(record: RunRecord, Ts: float) -> BoolArray:
 
     The periods have the sampling time Ts [s]; any part of a period counts.
     """
-    outside = _is_outside(record)
+    outside = is_outside(record)
     if not len(outside):
         return outside
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING

@@ -245,7 +245,9 @@ def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str
     results = []
     constraints = []
     for key, scored in scores.items():
-        own = dict(zip(RUN, (suite.name, *key), strict=True))
-        results.append({**own, **scored.result})
-        constraints += [{**own, **row} for row in scored.constraints]
+        columns = zip(RUN, (suite.name, *key), strict=True)
+        run = dict(columns)
+        results.append({**run, **scored.result})
+        for row in scored.constraints:
+            constraints.append({**run, **row})
     return dict(zip(TABLES, (results, constraints), strict=True))

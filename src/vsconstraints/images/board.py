@@ -99,10 +99,11 @@ def _corners(markers: Array, side: float | None) -> Array:
     The tags point towards the origin. Raises ConfigurationError if two overlap.
     """
     distance = np.sqrt((markers**2).sum(axis=1))
-    if distance.min() < FLAT:
+    least = distance.min()
+    if least < FLAT:
         raise ConfigurationError("a board of tags takes markers away from their mean")
     if side is None:
-        side = float(DIAGONAL * distance.min() / np.sqrt(2.0))
+        side = float(DIAGONAL * least / np.sqrt(2.0))
     inwards = -markers / distance[:, None]
     # 45° to either side of the direction to the origin
     c = np.sqrt(0.5)
@@ -111,11 +112,11 @@ def _corners(markers: Array, side: float | None) -> Array:
     right = SQUARE[:, :1] * x[:, None]
     down = SQUARE[:, 1:] * y[:, None]
     corners: Array = markers[:, None] + side * (right + down)
-    squares = bordered(corners)
-    for i, j in combinations(range(len(markers)), 2):
-        if _overlap(squares[i], squares[j]):
+    squares = enumerate(bordered(corners), start=1)
+    for (i, square), (j, other) in combinations(squares, 2):
+        if _overlap(square, other):
             raise ConfigurationError(
-                f"tags {i + 1} and {j + 1} with sides of {1e3 * side:.3g} mm overlap, or the "
+                f"tags {i} and {j} with sides of {1e3 * side:.3g} mm overlap, or the "
                 "white around them does: give a smaller tag_side_m"
             )
     return corners
@@ -127,6 +128,11 @@ def bordered(corners: Array) -> Array:
     scale = 1.0 + 2.0 * BORDER / CELLS
     outer: Array = middle + scale * (corners - middle)
     return outer
+
+
+def in_space(flat: Array) -> Array:
+    """Return points (N, 3) in the frame of a board from those (N, 2) in its plane."""
+    return np.pad(flat, ((0, 0), (0, 1)))
 
 
 def _overlap(a: Array, b: Array) -> bool:

@@ -64,9 +64,12 @@ def require_image(image: object) -> None:
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
     """Return tags in the order of their numbers."""
     found.sort(key=lambda tag: tag[0])
-    numbers = np.array([number for number, _ in found], dtype=np.int64)
-    corners = np.array([np.reshape(corners, (4, 2)) for _, corners in found], dtype=np.float64)
-    return Tags(numbers, corners.reshape(-1, 4, 2))
+    numbers = [number for number, _ in found]
+    corners = [outline for _, outline in found]
+    return Tags(
+        ids=np.array(numbers, dtype=np.int64),
+        corners=np.array(corners, dtype=np.float64).reshape(-1, 4, 2),
+    )
 
 
 def roomy(image: Pixels) -> Pixels:
@@ -91,14 +94,11 @@ def apriltag() -> Detector:
 
     def find(image: Pixels) -> Tags:
         require_image(image)
-        detections = detector.detect(roomy(image))
-        return tags_of(
-            [
-                (tag.tag_id, tag.corners[order])
-                for tag in detections
-                if tag.hamming <= MAX_WRONG_BITS
-            ]
-        )
+        found = []
+        for tag in detector.detect(roomy(image)):
+            if tag.hamming <= MAX_WRONG_BITS:
+                found.append((tag.tag_id, tag.corners[order]))
+        return tags_of(found)
 
     return Detector(find, "edges")
 

@@ -18,7 +18,7 @@ from ..robots.geometry import Pose
 from ..rows import Array, BoolArray
 from ..vision.camera import Camera
 from ..vision.distortion import Distortion
-from .board import BORDER, CELLS, Board, bordered
+from .board import BORDER, CELLS, Board, bordered, in_space
 from .detectors import Pixels
 from .settings import ImageSettings
 
@@ -92,10 +92,11 @@ class Renderer:
         distance = self._greatest_motion(motion, half)
         count = int(np.clip(np.ceil(distance), 1, MAX_EXPOSURES))
         total = np.zeros((height, width), dtype=np.float32)
+        fine = np.empty((FINER * height, FINER * width), dtype=np.float32)
         for k in range(count):
             # midpoints of equal parts of the exposure
             instant = half * (2.0 * k + 1.0 - count) / count
-            fine = np.full((FINER * height, FINER * width), AROUND, dtype=np.float32)
+            fine.fill(AROUND)
             self._draw_tags(fine, motion, instant)
             total += cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
         return total / np.float32(count)
@@ -120,29 +121,34 @@ class Renderer:
         Return None unless all of them are in front of the camera.
         """
         in_board = self.board.camera_in_board(camera)
-        corners = bordered(self.board.corners).reshape(-1, 2)
-        points = np.pad(corners, ((0, 0), (0, 1)))
-        P = (points - in_board.t) @ in_board.R
-        Z = P[:, 2:]
-        return P[:, :2] / Z if (Z > 1e-3).all() else None
+        flat = bordered(self.board.corners).reshape(-1, 2)
+        P = (in_space(flat) - in_board.t) @ in_board.R
+        depths = P[:, 2:]
+        is_in_front = (depths > 1e-3).all()
+        return P[:, :2] / depths if is_in_front else None
 
     def _draw_tags(self, fine: Array, motion: CameraMotion, instant: float) -> None:
         """Draw all tags at an instant on an image of FINER H × FINER W pixels."""
+        instants = [instant]
         half = 0.5 * self.settings.rolling_s
-        # with a rolling shutter, at the times of the first, the middle and the last row
-        instants = [instant - half, instant, instant + half] if half else [instant]
-        poses = [_rounded(motion(time)) for time in instants]
+        if half:
+            # with a rolling shutter, at the times of the first, the middle and the last row
+            instants = [instant - half, instant, instant + half]
+        poses = []
         outlines = []  # of all tags, at each instant
-        for pose in poses:
+        for time in instants:
+            pose = _rounded(motion(time))
             corners = self._outer_corners(pose)
             if corners is None:
                 return
             pixels = self.camera.distort(self.camera.pixels(corners))
-            outlines.append(self.camera.to_corner(pixels).reshape(-1, 4, 2))
+            outline = self.camera.to_corner(pixels).reshape(-1, 4, 2)
+            outlines.append(outline)
+            poses.append(self.board.camera_in_board(pose))
         for i in range(len(self.board.ids)):
             homographies = []
             for pose in poses:
-                homography = self._homography(i, self.board.camera_in_board(pose))
+                homography = self._homography(i, pose)
                 if homography is not None:
                     homographies.append(homography)
             if len(homographies) == len(poses):
@@ -168,18 +174,16 @@ class Renderer:
         tag_x, tag_y = _points_on_tag(homographies, x, y, times)
         extent = float(np.ptp(outline, axis=1).max())
         texels = _texels(FINER * extent / (CELLS + 2 * BORDER))
+        number = int(self.board.ids[i])
         # from cells, from the corner of the black square, to points, which OpenCV counts by centres
         scale = np.float32(texels)
         border = np.float32(BORDER)
         centre = np.float32(0.5)
-        picture = _picture(int(self.board.ids[i]), texels)
-        picture_x = scale * (tag_x + border) - centre
-        picture_y = scale * (tag_y + border) - centre
         patch = np.ascontiguousarray(fine[rows, columns])
         cv2.remap(
-            picture,
-            picture_x,
-            picture_y,
+            _picture(number, texels),
+            scale * (tag_x + border) - centre,
+            scale * (tag_y + border) - centre,
             cv2.INTER_LINEAR,
             dst=patch,
             borderMode=cv2.BORDER_TRANSPARENT,
@@ -193,15 +197,15 @@ class Renderer:
         behind.
         """
         # all lengths in cells: (x, y, 1) of the tag to the plane of the board, then to the camera
-        corner, right, _, down = self.board.corners[i] / self.board.cell
+        cell = self.board.cell
+        corner, right, _, down = self.board.corners[i] / cell
         to_board = np.zeros((3, 3))
         to_board[:2, 0] = (right - corner) / CELLS
         to_board[:2, 1] = (down - corner) / CELLS
         to_board[:2, 2] = corner
         board_R = camera.R.T
-        board_t = board_R @ camera.t / self.board.cell
         to_camera: Array = board_R @ to_board
-        to_camera[:, 2] -= board_t
+        to_camera[:, 2] -= board_R @ camera.t / cell
         is_seen_from_front = np.linalg.det(to_camera) > 0.0
         return np.linalg.inv(to_camera) if is_seen_from_front else None
 
@@ -258,11 +262,8 @@ def _points_on_tag(
         slope = last - first
         curvature = 0.5 * (last + first) - middle
         homography = middle + times * 0.5 * slope + times**2 * curvature
-    row_x, row_y, row_scale = homography
-    scale = row_scale[0] * x + row_scale[1] * y + row_scale[2]
-    tag_x = (row_x[0] * x + row_x[1] * y + row_x[2]) / scale
-    tag_y = (row_y[0] * x + row_y[1] * y + row_y[2]) / scale
-    return tag_x, tag_y
+    tag_x, tag_y, scale = (row[0] * x + row[1] * y + row[2] for row in homography)
+    return tag_x / scale, tag_y / scale
 
 
 def _rounded(pose: Pose) -> Pose:
@@ -278,8 +279,9 @@ def _picture(number: int, texels: int) -> Array:
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     bits = cv2.aruco.generateImageMarker(family, number, CELLS)
     is_white = np.pad(bits, BORDER, constant_values=255) > 127
-    grey: Array = np.where(is_white, np.float32(WHITE), np.float32(BLACK))
-    picture: Array = np.kron(grey, np.ones((texels, texels), dtype=np.float32))
+    cells = np.where(is_white, np.float32(WHITE), np.float32(BLACK))
+    columns = np.repeat(cells, texels, axis=1)
+    picture: Array = np.repeat(columns, texels, axis=0)
     return picture
 
 

@@ -60,6 +60,8 @@ class SceneRenderer:
         ids = settings.tags if settings.printed is None else settings.printed
         board = Board.of_markers(scene.markers, self.seen_from, settings.tag_side_m, ids)
         self.renderer = Renderer(board, scene.camera, settings)
+        width, height = map(int, scene.camera.size)
+        self._shape = (height, width)
 
     def image(self, number: int, state: State) -> Pixels:
         """Render image ``number`` (H, W); ``state`` is that in the middle of its exposure."""
@@ -86,20 +88,21 @@ class SceneRenderer:
     def _covered_by_solids(self, state: State) -> BoolArray:
         """Return the mask (H, W) of the pixels covered by solids."""
         q = state.robot.q
-        camera = self.scene.camera
-        eye = camera.pose(self.scene.robot.pose(q))
-        solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(q, state.t)]
+        scene = self.scene
+        eye = scene.camera.pose(scene.robot.pose(q))
+        solids = []
+        for points in self._occluders.solids(q, state.t):
+            solids.append((points - eye.t) @ eye.R)
         # the board is the plane z = 0 of its frame
         in_board = self.renderer.board.camera_in_board(state.camera)
         normal = in_board.R[2]
         distance = -in_board.t[2]
-        return covered(solids, np.append(normal, distance), camera)
+        return covered(solids, np.append(normal, distance), scene.camera)
 
     @cached_property
     def _fixed_curves(self) -> BoolArray:
         """(H, W) mask of the pixels covered by curves that do not move."""
-        width, height = map(int, self.scene.camera.size)
-        mask = np.zeros((height, width), dtype=np.bool_)
+        mask = np.zeros(self._shape, dtype=np.bool_)
         for curve in self._fixed:
             mask |= self._covered_by_curve(curve, 0.0)
         return mask
@@ -107,21 +110,20 @@ class SceneRenderer:
     def _covered_by_curve(self, curve: Occlusion, t: float) -> BoolArray:
         """Return the mask (H, W) of the pixels covered by a curve."""
         displaced = curve.displaced(self._ideal_pixels, np.array([t]))[0]
-        width, height = map(int, self.scene.camera.size)
         inside: BoolArray = curve.sigma(displaced) > curve.margin
-        return inside.reshape(height, width)
+        return inside.reshape(self._shape)
 
     @cached_property
     def _ideal_pixels(self) -> Array:
         """Ideal pixels (1, H · W, 2) of all pixels of an image, NaN beyond the lens."""
         camera = self.scene.camera
-        width, height = map(int, camera.size)
-        v, u = np.mgrid[:height, :width]
+        v, u = np.indices(self._shape, dtype=np.float64)
         grid = np.stack((u, v), axis=-1).reshape(1, -1, 2)
         centred = camera.from_corner(grid, "centres")
         if camera.distortion is None:
             return centred
-        ideal, certain = camera.distortion.remove(camera.normalised(centred))
+        distorted = camera.normalised(centred)
+        ideal, certain = camera.distortion.remove(distorted)
         ideal[~certain] = np.nan
         return camera.pixels(ideal)
 
@@ -279,9 +281,11 @@ class ImageSensor(Sensor):
 
     def newest(self, k: int, ideal: Array) -> tuple[Array, float, Pose | None]:
         """Return the newest usable image, see :meth:`.Sensor.newest`."""
-        assert self._last is not None
-        taken = self._last.taken if self.settings.prediction else k * self._Ts
-        return self.camera.distort(self._last.pixels), taken, self._last.camera
+        last = self._last
+        assert last is not None
+        pixels = self.camera.distort(last.pixels)
+        taken = last.taken if self.settings.prediction else k * self._Ts
+        return pixels, taken, last.camera
 
     def remarks(self) -> list[str]:
         """Return remarks on the images for a reader of the results."""

@@ -20,6 +20,7 @@ BEFORE = 1e-3
 #: largest radius that is drawn.
 PART = 0.02
 WIDEST = 10.0
+SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  #: Directions into the square.
 SHIFT = 4  #: Fractional bits to which corners are rounded [px].
 
 
@@ -52,22 +53,22 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
     in_front_of_camera = np.array([0.0, 0.0, 1.0, NEAR])
     in_front_of_board = np.append(-board[:3], BEFORE - board[3])
     planes = [in_front_of_camera, in_front_of_board]
-    if camera.distortion is not None:
+    lens = camera.distortion
+    if lens is not None:
         # the square |x|, |y| ≤ reach around the invertible disc of the lens
-        reach = min(camera.distortion.reach, WIDEST)
-        planes.append(np.array([1.0, 0.0, reach, 0.0]))
-        planes.append(np.array([-1.0, 0.0, reach, 0.0]))
-        planes.append(np.array([0.0, 1.0, reach, 0.0]))
-        planes.append(np.array([0.0, -1.0, reach, 0.0]))
+        reach = min(lens.reach, WIDEST)
+        for x, y in SIDES:
+            planes.append(np.array([x, y, reach, 0.0]))
     for plane in planes:
         points = clipped(points, plane)
     if len(points) < 3:
         return None
     normalised = points[:, :2] / points[:, 2:]
     outline = cv2.convexHull(normalised.astype(np.float32))[:, 0]
-    if camera.distortion is not None:
+    if lens is not None:
         outline = _finely(outline)
-    pixels = camera.distort(camera.pixels(outline.astype(np.float64)))
+    ideal = camera.pixels(outline.astype(np.float64))
+    pixels = camera.distort(ideal)
     corners: Array = camera.to_corner(pixels, "centres")
     return corners
 
@@ -77,10 +78,10 @@ def _finely(outline: Array) -> Array:
     edges = []
     following = np.roll(outline, -1, axis=0)
     for begin, end in zip(outline, following, strict=True):
-        edge = end - begin
-        count = int(np.ceil(np.abs(edge).max() / PART)) + 1
-        shares = np.linspace(0.0, 1.0, count)
-        edges.append(begin + shares[:, None] * edge)
+        length = np.abs(end - begin).max()
+        count = int(np.ceil(length / PART)) + 1
+        shares = np.linspace(0.0, 1.0, count)[:, None]
+        edges.append(begin + shares * (end - begin))
     return np.concatenate(edges)
 
 
@@ -92,7 +93,8 @@ def clipped(points: Array, plane: Array) -> Array:
     """
     import cv2
 
-    height = points @ plane[:3] - plane[3]
+    normal = plane[:3]
+    height = points @ normal - plane[3]
     is_kept = height >= 0.0
     kept: Array = points[is_kept]
     if is_kept.all() or not is_kept.any():
@@ -106,7 +108,7 @@ def clipped(points: Array, plane: Array) -> Array:
     cut = begins + share[..., None] * (ends - begins)
     cut = cut.reshape(-1, 3)
     # the new points lie in the plane: the hull of the cut suffices
-    steepest = np.argmax(np.abs(plane[:3]))
+    steepest = np.argmax(np.abs(normal))
     flat = np.delete(cut, steepest, axis=1)
     corners = cv2.convexHull(flat.astype(np.float32), returnPoints=False)
     return np.concatenate([kept, cut[corners.ravel()]])

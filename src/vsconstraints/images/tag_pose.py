@@ -10,7 +10,7 @@ from ..errors import InvalidInput
 from ..robots.geometry import Pose, distance
 from ..rows import Array, BoolArray
 from ..vision.camera import Camera
-from .board import Board
+from .board import Board, in_space
 from .detectors import Detector, Pixels, require_image
 
 #: Largest root mean square reprojection error of corners that belong to the board [px].
@@ -102,14 +102,9 @@ def _projected(flat: Array, camera: Pose) -> Array:
 
     ``camera`` is the camera's pose in the board's frame.
     """
-    P = (_in_space(flat) - camera.t) @ camera.R
+    P = (in_space(flat) - camera.t) @ camera.R
     normalised: Array = P[:, :2] / P[:, 2:]
     return normalised
-
-
-def _in_space(flat: Array) -> Array:
-    """Return points (N, 3) in the frame of a board from those (N, 2) in its plane."""
-    return np.pad(flat, ((0, 0), (0, 1)))
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
@@ -119,7 +114,8 @@ def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
     """
     if camera.distortion is None:
         return corners, np.ones(len(corners), dtype=np.bool_)
-    ideal, certain = camera.distortion.remove(camera.normalised(corners))
+    distorted = camera.normalised(corners)
+    ideal, certain = camera.distortion.remove(distorted)
     return camera.pixels(ideal), np.asarray(certain.all(axis=1))
 
 
@@ -139,7 +135,7 @@ def board_pose(
     """
     import cv2
 
-    points = _in_space(flat)
+    points = in_space(flat)
     no_lens = np.eye(3)
     found, turn, shift = cv2.solvePnP(points, normalised, no_lens, None, flags=cv2.SOLVEPNP_IPPE)
     if not found:
@@ -152,20 +148,15 @@ def board_pose(
     second_R = mirror @ first_R @ np.diag((1.0, 1.0, -1.0))
     candidates: list[tuple[Pose, float]] = []
     for start_R in (first_R, second_R):
-        start_turn, _ = cv2.Rodrigues(start_R)
-        start_shift = (sight - start_R @ middle)[:, None]
-        refined_turn, refined_shift = cv2.solvePnPRefineLM(
-            points, normalised, no_lens, None, start_turn, start_shift
-        )
-        refined_R, _ = cv2.Rodrigues(refined_turn)
-        refined_t = refined_shift.ravel()
-        P = points @ refined_R.T + refined_t
-        is_in_front = np.isfinite(P).all() and (P[:, 2] > 0.0).all()
-        if is_in_front:
-            deviation = P[:, :2] / P[:, 2:] - normalised
+        start_t = sight - start_R @ middle
+        pose = _refined(points, normalised, Pose(start_R, start_t))
+        P = points @ pose.R.T + pose.t
+        depths = P[:, 2:]
+        if np.isfinite(P).all() and (depths > 0.0).all():
+            deviation = P[:, :2] / depths - normalised
             squared = (deviation**2).sum(axis=1)
             error = float(np.sqrt(squared.mean()))
-            candidates.append((Pose(refined_R, refined_t).inverse, error))
+            candidates.append((pose.inverse, error))
     if not candidates:
         return None, np.nan
     candidates.sort(key=lambda candidate: candidate[1])
@@ -174,3 +165,14 @@ def board_pose(
         return best, least_error
     plausible = [(pose, error) for pose, error in candidates if error <= AS_GOOD * least_error]
     return min(plausible, key=lambda candidate: distance(candidate[0], near)[1])
+
+
+def _refined(points: Array, normalised: Array, start: Pose) -> Pose:
+    """Return the pose of points (N, 3) before the camera, refined from ``start`` by their image."""
+    import cv2
+
+    turn, _ = cv2.Rodrigues(start.R)
+    shift = start.t[:, None]
+    turn, shift = cv2.solvePnPRefineLM(points, normalised, np.eye(3), None, turn, shift)
+    R, _ = cv2.Rodrigues(turn)
+    return Pose(R, shift.ravel())

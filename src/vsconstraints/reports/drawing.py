@@ -11,8 +11,9 @@ from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from ..comparisons import RunRecord
-from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples
 from ..comparisons.runs.pool import Failure, run_all
@@ -22,6 +23,7 @@ from ..plugins.registry import load, registered
 from ..scenarios import Scenario
 from .figures import FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
+from .figures.view import is_violated
 from .groups import Group
 from .numbers import largest
 from .plots import FORMATS, PNG, Figure, Formats
@@ -52,8 +54,8 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
         others = len(results.competitors) - solvers
         relative_depths = [0.0]
         for name in results.competitors:
-            for run in results.runs(scenario, name):
-                relative_depths.append(run["violation_depth"])
+            runs = results.runs(scenario, name)
+            relative_depths += [run["violation_depth"] for run in runs]
         return min(solvers, others), largest(relative_depths)
 
     ordered = sorted(results.scenarios, key=informativeness, reverse=True)
@@ -250,11 +252,11 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
         else:
             runs[name] = record
             trajectory = record.trajectory
-            outside = trajectory.clearance < -NEGLIGIBLE * record.length
-            for label, row_outside in zip(trajectory.labels, outside.T, strict=True):
-                if row_outside.any():
-                    first = row_outside.argmax()
-                    drawn.first_outside[name, label] = float(trajectory.t[first])
+            outside = is_violated(record)
+            for i in np.flatnonzero(outside.any(axis=0)):
+                first = outside[:, i].argmax()
+                label = trajectory.labels[i]
+                drawn.first_outside[name, label] = float(trajectory.t[first])
     return runs
 
 
@@ -263,9 +265,8 @@ def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ..
     active = set[str]()
     for run in runs:
         trajectory = run.trajectory
-        for label, is_active in zip(trajectory.labels, trajectory.active.T, strict=True):
-            if is_active.any():
-                active.add(label)
+        for i in np.flatnonzero(trajectory.active.any(axis=0)):
+            active.add(trajectory.labels[i])
     return tuple(label for label in labels if label in active)
 
 

@@ -51,14 +51,18 @@ def controller_cells(
         elif isinstance(value, Mapping):
             value = toml_text(value)
         options.append(f"{key} = {value}")
+    kind = plain(entry.get("type", name))
+    shown_options = plain(", ".join(options)) or "defaults"
     required = required_information(name, entry)
     information = information_text(declared if required is None else required)
-    return [plain(entry.get("type", name)), plain(", ".join(options)) or "defaults", information]
+    return [kind, shown_options, information]
 
 
 def information_text(required: Sequence[str] | None) -> str:
     """Return the required information of a controller, for a cell."""
-    return "see its code" if required is None else plain(", ".join(required)) or "none"
+    if required is None:
+        return "see its code"
+    return plain(", ".join(required)) or "none"
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
@@ -68,10 +72,9 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     """
     laws = [name for name in entries if name != BASELINE]
     baseline = [BASELINE] if BASELINE in entries else []
-    if len(laws) <= MAX_LAWS:
-        return (Group((*baseline, *laws)),)
     groups = []
     parts = evenly_split(laws, MAX_LAWS)
-    for k, part in enumerate(parts):
-        groups.append(Group((*baseline, *part), suffix=f"--{k + 1}"))
+    for k, part in enumerate(parts, start=1):
+        suffix = f"--{k}" if len(parts) > 1 else ""
+        groups.append(Group((*baseline, *part), suffix))
     return tuple(groups)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import TypeVar
 
 from rich.cells import cell_len
@@ -33,15 +34,15 @@ class Table(str):
         Raises ValueError if a line has another number of cells than the header.
         """
         lines = [list(line) for line in lines]
+        columns = []
+        for j, column in enumerate(zip(header, *lines, strict=True)):
+            columns.append(_aligned(column, left=j < text_columns))
         blocks = []
         if lines:
-            columns = []
-            for j, column in enumerate(zip(header, *lines, strict=True)):
-                columns.append(_aligned(column, left=j < text_columns))
             first, *others = columns
             for part in evenly_split(others, MAX_COLUMNS - 1):
-                rows = zip(first, *part, strict=True)
-                blocks.append("\n".join(f"| {' | '.join(row)} |" for row in rows))
+                rows = [" | ".join(row) for row in zip(first, *part, strict=True)]
+                blocks.append("\n".join(f"| {row} |" for row in rows))
         table = super().__new__(cls, "\n\n".join(blocks))
         table.header = header
         table.lines = lines
@@ -50,22 +51,18 @@ class Table(str):
 
 def evenly_split(values: Sequence[Value], most: int) -> list[Sequence[Value]]:
     """Split values into as few parts of at most ``most`` as possible, even in size; one if none."""
-    count = max(1, math.ceil(len(values) / most))
-    parts = []
-    for k in range(count):
-        begin = len(values) * k // count
-        end = len(values) * (k + 1) // count
-        parts.append(values[begin:end])
-    return parts
+    size = len(values)
+    count = max(1, math.ceil(size / most))
+    ends = [size * k // count for k in range(count + 1)]
+    return [values[begin:end] for begin, end in pairwise(ends)]
 
 
 def _aligned(column: Sequence[str], left: bool) -> list[str]:
     """Return the cells of a column with equal widths, and the rule below its header."""
     cells = []
     for text in column:
-        text = " ".join(text.split())
         # A bar ends a cell even inside code.
-        cells.append(re.sub(r"(?<!\\)\|", r"\\|", text))
+        cells.append(re.sub(r"(?<!\\)\|", r"\\|", _on_one_line(text)))
     width = max(3, *map(cell_len, cells))
     padded = []
     for text in cells:
@@ -76,6 +73,10 @@ def _aligned(column: Sequence[str], left: bool) -> list[str]:
     return [padded[0], rule, *padded[1:]]
 
 
+def _on_one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
 def bold(text: str) -> str:
     """Return text with strong emphasis."""
     return f"**{text}**"
@@ -83,8 +84,10 @@ def bold(text: str) -> str:
 
 def code(text: str) -> str:
     """Return text set as code on one line, with a fence longer than any in the text."""
-    text = " ".join(text.split())
-    fence = max(re.findall("`+", text), key=len, default="") + "`"
+    text = _on_one_line(text)
+    fence = "`"
+    while fence in text:
+        fence += "`"
     space = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{fence}{space}{text}{space}{fence}"
 
@@ -94,7 +97,8 @@ def plain(text: object) -> str:
 
     Characters with an effect in Markdown or HTML are escaped.
     """
-    escaped = re.sub(r"([\\`*\[\]|~]|\b_|_\b|^#)", r"\\\1", " ".join(str(text).split()))
+    line = _on_one_line(str(text))
+    escaped = re.sub(r"([\\`*\[\]|~]|\b_|_\b|^#)", r"\\\1", line)
     return escaped.replace("<", "&lt;").replace(">", "&gt;")
 
 

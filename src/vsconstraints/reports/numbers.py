@@ -46,11 +46,12 @@ def percentage(share: float, digits: int) -> str:
     """
     if not math.isfinite(share):
         return DASH
+    per_cent = 100.0 * share
     if share in (0.0, 1.0):
-        return f"{100.0 * share:.0f}"
-    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
+        return f"{per_cent:.0f}"
+    while digits < 6 and abs(float(f"{per_cent:.{digits}f}")) in (0.0, 100.0):
         digits += 1
-    return f"{100.0 * share:.{digits}f}".replace("-", "−")
+    return f"{per_cent:.{digits}f}".replace("-", "−")
 
 
 #: Functions that format each style of metric.

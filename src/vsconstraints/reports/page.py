@@ -195,19 +195,23 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
 
     Pictures from other places are shown as text.
     """
-    source = str(tokens[k].attrs["src"])
+    token = tokens[k]
+    source = str(token.attrs["src"])
     if not BESIDE.fullmatch(source):
-        return escapeHtml(f"![{tokens[k].content}]({source})")
-    return f'<a href="{escapeHtml(source)}">{renderer.image(tokens, k, options, env)}</a>'
+        return escapeHtml(f"![{token.content}]({source})")
+    picture = renderer.image(tokens, k, options, env)
+    return f'<a href="{escapeHtml(source)}">{picture}</a>'
 
 
 def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
     """Return escaped text in which numbers are not broken across lines."""
-    return WHOLE.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
+    escaped = escapeHtml(tokens[k].content)
+    return WHOLE.sub(r'<span class="whole">\g<0></span>', escaped)
 
 
 def _slug(heading: str) -> str:
-    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+    text = re.sub(r"[^\w\- ]", "", heading.lower())
+    return text.replace(" ", "-")
 
 
 def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
@@ -248,5 +252,7 @@ def _plain(inline: Token) -> str:
     """Return the text of a line without emphasis, links and anchors."""
     text = ""
     for child in inline.children or []:
-        text += child.content if child.type in ("text", "code_inline") else " "
-    return " ".join(ANCHOR.sub("", text).split())
+        has_text = child.type in ("text", "code_inline")
+        text += child.content if has_text else " "
+    without_anchors = ANCHOR.sub("", text)
+    return " ".join(without_anchors.split())

@@ -36,34 +36,40 @@ class Results:
 
     def __init__(self, stored: StoredComparison) -> None:
         configuration = stored.manifest["configuration"]
+        entries = configuration["controllers"]
         self.stored = stored
         self.scenarios = tuple(stored.scenarios)
         self.trials = int(configuration.get("trials", 1))
         self.seed = int(configuration.get("seed", 0))
-        self.groups = grouped(configuration["controllers"])
+        self.groups = grouped(entries)
         controllers = dict[str, None]()  # the baseline is in several groups
         for group in self.groups:
             controllers |= dict.fromkeys(group.controllers)
         self.controllers = tuple(controllers)
-        self.competitors = tuple(name for name in controllers if name != BASELINE)
+        controllers.pop(BASELINE, None)
+        self.competitors = tuple(controllers)
         #: Controllers that are programs in processes of their own.
         self.external = set[str]()
-        for name, table in configuration["controllers"].items():
+        for name, table in entries.items():
             if table.get("type") == stack_law():
                 self.external.add(name)
         in_order = sorted(stored.results, key=lambda line: line["trial"])
         self._runs = _by_scenario_and_controller(in_order)
         self._rows = _by_scenario_and_controller(stored.constraints)
-        self.planned = len(self.scenarios) * len(self.controllers) * self.trials
+        run_count = len(self.scenarios) * len(self.controllers)
+        self.planned = run_count * self.trials
         self.finished = sum(len(self.all_runs(name)) for name in self.controllers)
 
-    def runs(self, scenario: str, controller: str) -> Sequence[Line]:
+    def runs(self, scenario: str, controller: str) -> list[Line]:
         """Return the lines of results.csv, one for each finished trial."""
         return self._runs.get((scenario, controller), [])
 
     def all_runs(self, controller: str) -> list[Line]:
         """Return the lines of results.csv of a controller over all scenarios."""
-        return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
+        lines: list[Line] = []
+        for scenario in self.scenarios:
+            lines += self.runs(scenario, controller)
+        return lines
 
     def solvers(self, scenario: str) -> list[str]:
         """Return the controllers that converged without violation in every trial."""
@@ -106,25 +112,26 @@ class Results:
         recorded runs, whose times are unknown.
         """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        flags = {bool(line.get("compiled")) for line in lines if _was_timed(line)}
-        if flags and controller in self.external:
+        kinds = set()
+        for line in lines:
+            if _was_timed(line):
+                kinds.add("compiled" if line.get("compiled") else "NumPy")
+        if kinds and controller in self.external:
             return "external"
-        names = []
-        if True in flags:
-            names.append("compiled")
-        if False in flags:
-            names.append("NumPy")
-        return " and ".join(names)
+        return " and ".join(kind for kind in ("compiled", "NumPy") if kind in kinds)
 
     @cached_property
     def declared(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
         declared = {}
         for name in self.competitors:
-            reasons = [str(line.get("reason") or "") for line in self.all_runs(name)]
-            of_runs = [uses for uses in map(declared_uses, reasons) if uses is not None]
-            if of_runs:
-                declared[name] = tuple(dict.fromkeys(chain.from_iterable(of_runs)))
+            declarations = []
+            for line in self.all_runs(name):
+                uses = declared_uses(str(line.get("reason") or ""))
+                if uses is not None:
+                    declarations.append(uses)
+            if declarations:
+                declared[name] = tuple(dict.fromkeys(chain.from_iterable(declarations)))
         return declared
 
     @property
@@ -135,19 +142,28 @@ class Results:
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Return the lines of constraints.csv, of one row or of all."""
         lines = self._rows.get((scenario, controller), [])
-        return [line for line in lines if label is None or line["constraint"] == label]
+        if label is None:
+            return lines
+        return [line for line in lines if line["constraint"] == label]
 
     def every_row(self, scenario: str) -> list[Line]:
         """Return the lines of constraints.csv of all controllers."""
-        return [line for name in self.controllers for line in self.rows(scenario, name)]
+        lines: list[Line] = []
+        for name in self.controllers:
+            lines += self.rows(scenario, name)
+        return lines
 
     def labels(self, scenario: str) -> tuple[str, ...]:
         """Return the labels of a scenario's rows, in their order."""
-        return tuple(dict.fromkeys(line["constraint"] for line in self.every_row(scenario)))
+        labels = [line["constraint"] for line in self.every_row(scenario)]
+        return tuple(dict.fromkeys(labels))
 
     def challenged(self, scenario: str) -> tuple[str, ...]:
         """Return the labels of the rows that a scenario challenges in any trial."""
-        challenged = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
+        challenged = set()
+        for line in self.every_row(scenario):
+            if line["challenged"]:
+                challenged.add(line["constraint"])
         return tuple(label for label in self.labels(scenario) if label in challenged)
 
     def rows_shown(self, scenario: str) -> RowsShown:
@@ -205,12 +221,16 @@ class RowsShown(NamedTuple):
             return is_relevant[label], active_time[label]
 
         def most_important(labels: Sequence[str], count: int) -> tuple[str, ...]:
-            chosen = sorted(labels, key=importance, reverse=True)[:count]
+            by_importance = sorted(labels, key=importance, reverse=True)
+            chosen = by_importance[:count]
             return tuple(label for label in labels if label in chosen)
 
-        phi = most_important(relevant or active, MAX_PHI)
         lanes = most_important(active, MAX_LANES)
-        return cls(phi, lanes, hidden=len(active) - len(lanes))
+        return cls(
+            phi=most_important(relevant or active, MAX_PHI),
+            lanes=lanes,
+            hidden=len(active) - len(lanes),
+        )
 
 
 def _was_timed(line: Line) -> bool:
@@ -230,7 +250,8 @@ def clean(line: Line, column: str = "violated") -> bool:
 
 def violated(line: Line, column: str = "violated") -> list[str]:
     """Return the labels of the rows that a run violated, by the standard of ``column``."""
-    return [label for label in str(line[column] or "").split("; ") if label]
+    labels = str(line[column] or "").split("; ")
+    return [label for label in labels if label]
 
 
 def reason_kind(reason: str) -> str:
@@ -246,10 +267,15 @@ def shown(metric: Metric, line: Line) -> float:
     value = float(line[metric.column])
     if metric.over:
         divisor = float(line[metric.over])
-        if not (math.isfinite(divisor) and divisor > 0.0):
+        if not math.isfinite(divisor) or divisor <= 0.0:
             return math.nan
         value /= divisor
     return metric.factor * value
+
+
+def shown_values(metric: Metric, lines: Sequence[Line]) -> list[float]:
+    """Return a metric's values in several lines as :func:`shown`."""
+    return [shown(metric, line) for line in lines]
 
 
 class Cell(NamedTuple):

@@ -23,7 +23,7 @@ from .results import (
     marked,
     never_outside,
     reason_kind,
-    shown,
+    shown_values,
     tally,
     violated,
 )  # fmt: skip
@@ -46,9 +46,8 @@ def takes(scenario: Scenario) -> str:
 def is_ideal(scenario: Scenario) -> bool:
     """True if commanded accelerations are integrated exactly: no low-level loop, mass or errors."""
     tables = scenario.tables
-    return takes(scenario) == "acceleration" and not (
-        tables.get("plant") or tables.get("disturbances")
-    )
+    has_errors = bool(tables.get("plant") or tables.get("disturbances"))
+    return takes(scenario) == "acceleration" and not has_errors
 
 
 def robot_name(scenario: Scenario) -> str:
@@ -66,8 +65,8 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     runs = [results.runs(scenario, name) for name in names]
     texts: dict[str, list[str]] = {}
     if group == "outcome":
-        texts["status"] = list(map(status_text, runs))
-        texts["violated rows"] = list(map(violated_text, runs))
+        texts["status"] = [status_text(trials) for trials in runs]
+        texts["violated rows"] = [violated_text(trials) for trials in runs]
     if group == "time":
         texts["implementation"] = [results.implementation(name, scenario) or DASH for name in names]
     is_ranked = results.is_ranked(scenario)
@@ -76,12 +75,10 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     for metric in run_metrics():
         if metric.group != group or not metric.header:
             continue
-        show = FORMATS[metric.style]
         cells = []
         eligible = []
         for trials, is_comparable in zip(runs, are_comparable, strict=True):
-            values = [shown(metric, run) for run in trials]
-            cells.append(Cell.of(values, show))
+            cells.append(Cell.of(shown_values(metric, trials), FORMATS[metric.style]))
             eligible.append(is_comparable and judged_by(metric, trials))
         has_values = any(math.isfinite(cell.value) for cell in cells)
         if has_values:
@@ -102,7 +99,8 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
     """
     accelerations = {}
     for name in results.controllers:
-        value = largest([run["acceleration_max"] for run in results.runs(scenario, name)])
+        largest_of_runs = [run["acceleration_max"] for run in results.runs(scenario, name)]
+        value = largest(largest_of_runs)
         if math.isfinite(value):
             accelerations[name] = value
     if len(accelerations) < 2:
@@ -124,22 +122,23 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
 
 def metric_text(metric: Metric, runs: Sequence[Line]) -> str:
     """Format the values of a metric in runs of a scenario."""
-    return over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
+    return over_trials(shown_values(metric, runs), FORMATS[metric.style])
 
 
 def challenge_table(results: Results, scenario: str) -> Table:
     """Return least clearance and mean unused margin of each challenged row, by controller."""
     names = results.competitors
-    baseline = [name for name in results.controllers if name == BASELINE]
     converged = comparable([results.runs(scenario, name) for name in names])
+    baseline = [BASELINE] if BASELINE in results.controllers else []
     columns = {}
     for label in results.challenged(scenario):
-        lines = [line for line in results.every_row(scenario) if line["constraint"] == label]
-        unit, factor = finer_unit(lines[0]["unit"])
+        rows_of = {name: results.rows(scenario, name, label) for name in results.controllers}
+        first = next(row for rows in rows_of.values() for row in rows)
+        unit, factor = finer_unit(first["unit"])
         cells = []
         eligible = []
         for name, is_comparable in zip(names, converged, strict=True):
-            rows = results.rows(scenario, name, label)
+            rows = rows_of[name]
             cell = Cell(DASH)
             if rows:
                 margins = [factor * row["mean_unused_margin"] for row in rows]
@@ -148,18 +147,15 @@ def challenge_table(results: Results, scenario: str) -> Table:
             cells.append(cell)
             eligible.append(is_comparable and never_outside(rows))
         # The baseline has no margin while it violates the row.
-        column = []
-        for name in baseline:
-            rows = results.rows(scenario, name, label)
-            column.append(_least_clearance(rows, factor))
-        column += marked(cells, eligible, "less")
-        columns[f"{code(label)} [{unit}]"] = column
+        column = [_least_clearance(rows_of[name], factor) for name in baseline]
+        columns[f"{code(label)} [{unit}]"] = column + marked(cells, eligible, "less")
     controllers = [*baseline, *names] if columns else []
     return columns_table("challenged rows", controllers, columns)
 
 
 def _least_clearance(rows: Sequence[Line], factor: float) -> str:
-    return over_trials([factor * row["clearance_min"] for row in rows], error)
+    clearances = [factor * row["clearance_min"] for row in rows]
+    return over_trials(clearances, error)
 
 
 def failure_table(
@@ -224,7 +220,9 @@ def _rows_at_the_end(run: Line, rows: Sequence[Line]) -> str:
     """Return the rows that were active shortly before the end of a run, to be added to a text."""
     begin = run["duration_s"] - AT_THE_END
     late = [code(row["constraint"]) for row in rows if row["last_active_s"] >= begin]
-    return f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}" if late else ""
+    if not late:
+        return ""
+    return f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}"
 
 
 def _trials_text(alike: Sequence[Line], example: Line, trials: int) -> str:

@@ -21,7 +21,7 @@ from .results import (
     columns_table,
     judged_by,
     marked,
-    shown,
+    shown_values,
     tally,
     violated,
 )  # fmt: skip
@@ -147,7 +147,7 @@ def scenarios_won(results: Results, metric: Metric) -> dict[str, list[str]]:
         values = {}
         texts = {}
         for name in results.solvers(scenario):
-            value = median([shown(metric, run) for run in results.runs(scenario, name)])
+            value = median(shown_values(metric, results.runs(scenario, name)))
             if math.isfinite(value):
                 values[name] = value
                 texts[name] = show(value)
@@ -237,8 +237,9 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
     converged: dict[str, set[tuple[str, int]]] = {}
     for name in results.competitors:
         runs = results.all_runs(name)
-        if runs:
-            converged[name] = set()
+        if not runs:
+            continue
+        converged[name] = set()
         for run in runs:
             if run["status"] == "converged":
                 converged[name].add((run["scenario"], run["trial"]))
@@ -267,7 +268,7 @@ def _overall(
             runs = results.all_runs(name)
             if metric.condensed != "worst" and metric.kind != "time":
                 runs = [run for run in runs if run["status"] == "converged"]
-            values = [shown(metric, run) for run in runs]
+            values = shown_values(metric, runs)
             overall = condense(values)
             digits = FORMATS[metric.style](overall)
             known = sum(not math.isnan(value) for value in values)

@@ -33,7 +33,8 @@ def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
     q = np.clip(near, robot.q_min, robot.q_max)
     for _ in range(MAX_STEPS):
         pin.computeJointJacobians(model, data, q)
-        difference = pin.updateFramePlacement(model, data, frame).actInv(wanted)
+        present = pin.updateFramePlacement(model, data, frame)
+        difference = present.actInv(wanted)
         error = pin.log6(difference).vector
         squared = float(error @ error)
         if squared <= POSE_TOLERANCE**2:
@@ -42,7 +43,8 @@ def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
         J = pin.Jlog6(difference.inverse()) @ tip_J
         mu = DAMPING * squared + 1e-12
         step = np.linalg.solve(J.T @ J + mu * eye, J.T @ error)
-        excess = max(1.0, np.abs(step).max() / MAX_STEP)
+        longest = np.abs(step).max()
+        excess = max(1.0, longest / MAX_STEP)
         q = np.clip(q + step / excess, robot.q_min, robot.q_max)
     return None
 

@@ -148,15 +148,17 @@ def _pose_behind(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
     start = scene.camera_pose(q0)
     seen = camera.normalised(goal.pixels)
     for turn in np.arange(TURNS) * (2.0 * np.pi / TURNS):
-        turned = Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
+        rotation = np.asarray(pin.utils.rotate("z", turn))
+        turned = Pose(rotation, np.zeros(3))
         try:
             pose = estimated_pose(scene.markers, seen, start @ turned)
         except np.linalg.LinAlgError:  # the iteration diverged beyond the range of floats
             continue
         P = pose.inverse.act(scene.markers)
-        if (P[:, 2] <= MINIMUM_DEPTH).any():
+        depths = P[:, 2:]
+        if (depths <= MINIMUM_DEPTH).any():
             continue
-        pixels = camera.pixels(P[:, :2] / P[:, 2:])
+        pixels = camera.pixels(P[:, :2] / depths)
         miss = float(np.abs(pixels - goal.pixels).max())
         if miss < least_miss:
             best = pose
@@ -168,13 +170,16 @@ def _pose_behind(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
 
 def named_goals(goals: Sequence[Any]) -> Iterator[tuple[str, Any]]:
     """Yield each goal with its name in messages."""
-    return ((f"goal {k}" if len(goals) > 1 else "goal", goal) for k, goal in enumerate(goals, 1))
+    for k, goal in enumerate(goals, start=1):
+        name = f"goal {k}" if len(goals) > 1 else "goal"
+        yield name, goal
 
 
 def moments_at_goals(setup: Setup) -> Iterator[Moment]:
     """Yield the state at the end of each goal, when the next one begins or the run ends."""
     goals = setup.task.goals
-    ends = [goal.from_time - setup.Ts for goal in goals[1:]] + [(setup.samples - 1) * setup.Ts]
+    ends = [goal.from_time - setup.Ts for goal in goals[1:]]
+    ends.append((setup.samples - 1) * setup.Ts)
     for (name, goal), t in zip(named_goals(goals), ends, strict=True):
         try:
             q, missed = goal_configuration(setup.scene, goal, setup.q0, t)
@@ -193,8 +198,7 @@ def moments_at_goals(setup: Setup) -> Iterator[Moment]:
 
 def problems_at_goals(setup: Setup) -> list[str]:
     """Return the problems at the goals of a setup that can start, each with the goal's name."""
-    return [
-        f"{moment.name}: {problem}"
-        for moment in moments_at_goals(setup)
-        for problem in moment.problems
-    ]
+    problems = []
+    for moment in moments_at_goals(setup):
+        problems += [f"{moment.name}: {problem}" for problem in moment.problems]
+    return problems

@@ -66,9 +66,14 @@ def split(
     Raises ConfigurationError for a key that no callable takes.
     """
     values = require_table(table, where)
-    known = [[name for name in parameters(make) if name not in without] for make in makes]
-    require_known(values, [name for names in known for name in names], where)
-    return [{name: values[name] for name in names if name in values} for names in known]
+    known: list[str] = []
+    tables = []
+    for make in makes:
+        names = [name for name in parameters(make) if name not in without]
+        known += names
+        tables.append({name: values[name] for name in names if name in values})
+    require_known(values, known, where)
+    return tables
 
 
 def parameters(make: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
@@ -187,7 +192,9 @@ def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Po
 
 def _options(kind: Any) -> list[Any]:
     """Return the types of a union, or the one type; without arrays, which files do not hold."""
-    options = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
+    options: tuple[Any, ...] = (kind,)
+    if get_origin(kind) in UNIONS:
+        options = get_args(kind)
     return [option for option in options if get_origin(option) is not np.ndarray]
 
 
@@ -198,18 +205,24 @@ def _type_in_file(kind: Any) -> tuple[Any, bool]:
     The type is None if the annotation allows anything that a file cannot hold.
     """
     options = _options(kind)
-    can_be_in_file = all(map(_can_be_in_file, options))
-    type_in_file = Union[tuple(options)] if can_be_in_file else None  # noqa: UP007
-    return type_in_file, any(Any in get_args(option) for option in options)
+    type_in_file = None
+    if all(map(_can_be_in_file, options)):
+        type_in_file = Union[tuple(options)]  # noqa: UP007
+    checked_later = any(Any in get_args(option) for option in options)
+    return type_in_file, checked_later
 
 
 def _can_be_in_file(kind: Any) -> bool:
     """True if a file can hold values of a type, and of all types inside it."""
-    if get_origin(kind) in (Annotated, tuple, list, dict, Sequence, Mapping):
-        parts = [part for part in get_args(kind) if part is not Ellipsis]
-        return all(_can_be_in_file(part) for part in parts if not isinstance(part, msgspec.Meta))
+    origin = get_origin(kind)
+    if origin in (Annotated, tuple, list, dict, Sequence, Mapping):
+        for part in get_args(kind):
+            is_type = part is not Ellipsis and not isinstance(part, msgspec.Meta)
+            if is_type and not _can_be_in_file(part):
+                return False
+        return True
     plain = (float, int, str, bool, dict, list, Any, types.NoneType)
-    return get_origin(kind) is Literal or kind in plain
+    return origin is Literal or kind in plain
 
 
 def _finite(value: Any) -> Any:

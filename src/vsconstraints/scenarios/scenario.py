@@ -92,10 +92,13 @@ class Scenario(Described):
         Files in the value are relative to ``base``, or to the scenario's own folder if it is None.
         """
         tables = copy.deepcopy(self.tables)
-        value = value if base is None else _from_base(key.rpartition(".")[2], value, base)
-        if key.startswith("task.feature") and isinstance(tables.get("task"), dict):
+        if base is not None:
+            _, _, last = key.rpartition(".")
+            value = _from_base(last, value, base)
+        task = tables.get("task")
+        if key.startswith("task.feature") and isinstance(task, dict):
             changed = {key.removeprefix("task."): value}
-            tables["task"] = without_replaced_feature(tables["task"], changed)
+            tables["task"] = without_replaced_feature(task, changed)
         override(tables, key, value, self.name)
         return replace(self, tables=tables)
 
@@ -126,11 +129,14 @@ class Scenario(Described):
 
         These are the URDF and its meshes, the meshes of obstacles, the SRDF and custom modules.
         """
-        named = [self.folder / text for text in _texts(self.tables)]
-        files = [path for path in named if _has_mode(path, stat.S_ISREG)]
+        files = []
+        for text in _texts(self.tables):
+            path = self.folder / text
+            if _has_mode(path, stat.S_ISREG):
+                files.append(path)
+        folders = None
         robot = self.tables.get("robot")
         packages = robot.get("package_dirs") if isinstance(robot, dict) else None
-        folders = None
         if isinstance(packages, list):
             folders = [self.folder / path for path in packages if isinstance(path, str)]
         meshes: list[Path] = []

@@ -104,7 +104,8 @@ def sustained_speeds(t: Array, q: Array) -> Array:
     faster, as a glitch or a singularity may cause it.
     """
     period = float(np.median(np.diff(t)))
-    width = min(max(1, round(SUSTAINED / period)), len(t) - 1)
+    samples = max(1, round(SUSTAINED / period))
+    width = min(samples, len(t) - 1)
     elapsed = (t[width:] - t[:-width])[:, None]
     speeds = np.abs(q[width:] - q[:-width]) / elapsed
     largest: Array = np.quantile(speeds, 0.99, axis=0, method="lower")

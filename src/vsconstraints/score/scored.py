@@ -140,16 +140,14 @@ def _rows_that_differ(setup: Setup, run: Trajectory, later: Array) -> list[str]:
     motion = run.q, run.qd, run.features_px, run.points
     clearance = setup.clearance(run.t, *motion)
     clearance_later = setup.clearance(later, *motion)
-    changed = _differ(clearance, clearance_later).any(axis=0)
+    is_changed = _differ(clearance, clearance_later).any(axis=0)
     step = setup.world()
-    for k in range(len(run.t)):
-        q = run.q[k]
-        qd = run.qd[k]
-        rows = _rows_at(step, run.t[k], q, qd)
-        rows_later = _rows_at(step, later[k], q, qd)
-        changed = changed | _differ(rows, rows_later).any(axis=1)
+    for t, t_later, q, qd in zip(run.t, later, run.q, run.qd, strict=True):
+        rows = _rows_at(step, t, q, qd)
+        rows_later = _rows_at(step, t_later, q, qd)
+        is_changed |= _differ(rows, rows_later).any(axis=1)
     labels = setup.constraints.labels
-    return [labels[i] for i in np.flatnonzero(changed)]
+    return [labels[i] for i in np.flatnonzero(is_changed)]
 
 
 def _rows_at(step: ControlStep, t: float, q: Array, qd: Array) -> Array:
@@ -209,15 +207,17 @@ def _require_start_in_radians(setup: Setup, q: Array, degrees: bool) -> None:
 
 def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajectory, str]:
     """Return the trajectory with measured pixels (N, M, 2), and a remark on their deviation."""
-    ideal = setup.scene.camera.undistort(pixels)
+    task = setup.task
+    camera = setup.scene.camera
+    ideal = camera.undistort(pixels)
     deviation = np.linalg.norm(ideal - run.features_px, axis=2)
     # a marker that is not seen may have left the image: its last pixel would hide that
     hidden = np.isnan(deviation)
     seen = np.where(hidden[:, :, None], run.features_px, ideal)
     clearance = setup.clearance(run.t, run.q, run.qd, seen, run.points)
-    of_image = np.array([unit == "px" for unit in setup.constraints.units], dtype=np.bool_)
+    is_in_pixels = [unit == "px" for unit in setup.constraints.units]
+    of_image = np.array(is_in_pixels, dtype=np.bool_)
     error = run.feature_error_px
-    task = setup.task
     if task.feature.reached_by != "feature":
         wanted = np.array([task.goals[task.goal_at(t)].pixels for t in run.t])
         distances = np.linalg.norm(seen - wanted, axis=2)
@@ -229,7 +229,7 @@ def _with_pixels(setup: Setup, run: Trajectory, pixels: Array) -> tuple[Trajecto
         clearance=np.where(of_image, clearance, run.clearance),
         between_clearance=np.where(of_image, np.inf, run.between_clearance),
     )
-    return measured, remark_on_deviation(deviation, setup.scene.camera)
+    return measured, remark_on_deviation(deviation, camera)
 
 
 def store(

@@ -53,13 +53,20 @@ def urdf_text(robot: Robot, limits: tuple[Array, Array, Array] | None = None) ->
     return tostring(root, encoding="unicode")
 
 
-def _joint(root: Element, name: str, kind: str, parent: str, child: str, at: pin.SE3) -> Element:
+def _joint(
+    root: Element, name: str, kind: str, parent: str, child: str, placement: pin.SE3
+) -> Element:
     joint = SubElement(root, "joint", name=name, type=kind)
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
-    rpy = np.asarray(pin.rpy.matrixToRpy(at.rotation))
-    SubElement(joint, "origin", xyz=_numbers(at.translation), rpy=_numbers(rpy))
+    _origin(joint, placement)
     return joint
+
+
+def _origin(element: Element, placement: pin.SE3) -> None:
+    rpy = np.asarray(pin.rpy.matrixToRpy(placement.rotation))
+    xyz = _numbers(placement.translation)
+    SubElement(element, "origin", xyz=xyz, rpy=_numbers(rpy))
 
 
 def _limits(robot: Robot, joint: int, ranges: tuple[Array, Array, Array]) -> dict[str, str]:
@@ -76,16 +83,16 @@ def _limits(robot: Robot, joint: int, ranges: tuple[Array, Array, Array]) -> dic
 def _body(root: Element, name: str, inertia: pin.Inertia) -> None:
     if inertia.mass <= 0.0:
         inertia = pin.Inertia(UNKNOWN_MASS, np.zeros(3), UNKNOWN_INERTIA * np.eye(3))
-    centre = np.asarray(inertia.lever)
-    moments = inertia.inertia
     link = SubElement(root, "link", name=name)
     body = SubElement(link, "inertial")
-    SubElement(body, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    centre = _numbers(np.asarray(inertia.lever))
+    SubElement(body, "origin", xyz=centre, rpy="0 0 0")
     SubElement(body, "mass", value=_number(inertia.mass))
-    element = SubElement(body, "inertia")
+    moments = {}
     for row, column in combinations_with_replacement(range(3), 2):
         axes = AXES[row] + AXES[column]
-        element.set(f"i{axes}", _number(moments[row, column]))
+        moments[f"i{axes}"] = _number(inertia.inertia[row, column])
+    SubElement(body, "inertia", moments)
 
 
 def _numbers(values: Array) -> str:

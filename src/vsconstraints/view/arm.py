@@ -30,19 +30,21 @@ PRISMATIC = 0.25
 BASE_RADIUS = 0.09
 BASE_TOP = 0.04
 BASE_BOTTOM = -0.005
+#: Rail of a prismatic joint: one metre long, and stretched to the joint's coordinate.
+RAIL = bar(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.004)
 SHORT = 1e-6  #: Distance below which two points coincide [m].
 
 
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
     """Return poses of the base and of each joint's child link (n + 1), and joint axes (n, 3)."""
-    data = robot.model.createData()
-    pin.computeJointJacobians(robot.model, data, q)
-    J = np.asarray(data.J).reshape(6, -1)
+    model = robot.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
     poses = [Pose.of(placement) for placement in data.oMi]
-    linear = J[:3]
-    angular = J[3:]
-    axes = np.where(np.array(robot.prismatic), linear, angular).T
-    return poses, axes
+    linear, angular = np.asarray(data.J).reshape(2, 3, -1)
+    is_prismatic = np.array(robot.prismatic)
+    axes = np.where(is_prismatic, linear, angular)
+    return poses, axes.T
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
@@ -77,30 +79,35 @@ def bars(robot: Robot, size: float) -> list[Part]:
     radii = size * (BASE_LINK + narrowing)
     parts = []
     if not robot.prismatic[0]:
-        bottom = size * np.array([0.0, 0.0, BASE_BOTTOM])
-        top = size * np.array([0.0, 0.0, BASE_TOP])
-        parts.append(Part(bar(bottom, top, BASE_RADIUS * size, 24), JOINT, "joint 0"))
-        first_joint = poses[1].t
-        if np.linalg.norm(first_joint) > SHORT:
-            column = bar(np.zeros(3), first_joint, REVOLUTE * radii[0])
-            parts.append(Part(column, LINK, "joint 0"))
+        parts += _base(size, poses[1].t, REVOLUTE * radii[0])
     for i, corners in enumerate(bars_of(robot, zero)):
         number = i + 1
         pose = poses[number]
         frame = f"joint {number}"
+        radius = radii[i]
         is_prismatic = robot.prismatic[i]
-        thickness = (PRISMATIC if is_prismatic else REVOLUTE) * radii[i]
+        thickness = PRISMATIC if is_prismatic else REVOLUTE
         if len(corners) > 1:
-            link = _rounded_bar(corners, thickness, 0.05 * size)
+            link = _rounded_bar(corners, thickness * radius, 0.05 * size)
             parts.append(Part(link.moved(pose.inverse), LINK, frame))
         if is_prismatic:
-            # one metre long, and stretched to the joint's coordinate
-            rail = bar(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.004)
-            parts.append(Part(rail, LINK, f"slide {number}"))
+            parts.append(Part(RAIL, LINK, f"slide {number}"))
         else:
-            half = 1.35 * radii[i] * axes[i]
-            drum = tube(pose.t + np.array([-half, half]), 1.25 * radii[i], 14)
+            half = 1.35 * radius * axes[i]
+            drum = bar(pose.t - half, pose.t + half, 1.25 * radius, 14)
             parts.append(Part(drum.moved(pose.inverse), JOINT, frame))
+    return parts
+
+
+def _base(size: float, first_joint: Array, radius: float) -> list[Part]:
+    """Return the base's plate, and a column with this radius from there to the first joint (3,)."""
+    origin = np.zeros(3)
+    up = np.array([0.0, 0.0, size])
+    plate = bar(BASE_BOTTOM * up, BASE_TOP * up, BASE_RADIUS * size, 24)
+    parts = [Part(plate, JOINT, "joint 0")]
+    if np.linalg.norm(first_joint) > SHORT:
+        column = bar(origin, first_joint, radius)
+        parts.append(Part(column, LINK, "joint 0"))
     return parts
 
 
@@ -108,8 +115,10 @@ def _rounded_bar(corners: Array, radius: float, step: float) -> Mesh:
     """Return a bar along corners (p, 3) with round ends, in sections ``step`` [m] apart."""
     pieces = []
     for begin, end in pairwise(corners):
-        count = max(2, int(np.linalg.norm(end - begin) / step))
-        pieces.append(tube(np.linspace(begin, end, count), radius))
+        length = np.linalg.norm(end - begin)
+        count = max(2, int(length / step))
+        line = np.linspace(begin, end, count)
+        pieces.append(tube(line, radius))
         pieces.append(ball(end, radius, 12))
     return joined(pieces)
 
@@ -143,14 +152,16 @@ def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
     A frame ``slide k`` lies along each prismatic joint k.
     """
     poses, axes = joint_poses(robot, q)
-    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)}
+    frames = {}
+    for number, pose in enumerate(poses):
+        frames[f"joint {number}"] = Placement(pose)
     frames["tip"] = Placement(robot.pose(q))
     z = np.array([0.0, 0.0, 1.0])
     for i in np.flatnonzero(robot.prismatic):
         # the rail ends at the joint's zero position
-        R = pin.Quaternion.FromTwoVectors(z, -axes[i]).matrix()
+        turn = pin.Quaternion.FromTwoVectors(z, -axes[i])
         number = i + 1
-        rail = Pose(R, poses[number].t)
+        rail = Pose(turn.matrix(), poses[number].t)
         stretch = float(q[i]) or 1e-6
         frames[f"slide {number}"] = Placement(rail, stretch)
     return frames

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -20,7 +20,6 @@ WHITE = (255, 255, 255)
 #: Number of colours of a GIF, and its reduction in size: noise does not compress.
 COLOURS = 32
 SMALLER = 2
-Colour = tuple[int, int, int]  #: Red, green and blue.
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 
@@ -45,12 +44,11 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
     last = -1
     for t, q, qd in zip(run.t.tolist(), run.q, run.qd, strict=True):
         number = settings.number(t)
-        if number == last:
-            continue
+        if number > last:
+            state = setup.scene.evaluate(t, q, qd)
+            image = photographer.image(number, state)
+            yield Frame(number, t, image, detector.find(image))
         last = number
-        state = setup.scene.evaluate(t, q, qd)
-        image = photographer.image(number, state)
-        yield Frame(number, t, image, detector.find(image))
 
 
 def kind_of(path: Path) -> str:
@@ -96,11 +94,12 @@ def write_frames(
 def _write_folder(images: Iterator[Frame], folder: Path, on_frame: Callable[[], None]) -> int:
     """Write images as PNGs into a folder and return their number."""
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("[0-9]" * 5 + ".png"):
+    for old in folder.glob("[0-9][0-9][0-9][0-9][0-9].png"):
         old.unlink()
     count = 0
     for frame in images:
-        Image.fromarray(frame.image).save(folder / f"{frame.number:05d}.png")
+        path = folder / f"{frame.number:05d}.png"
+        Image.fromarray(frame.image).save(path)
         count += 1
         on_frame()
     return count
@@ -114,19 +113,22 @@ def with_tags(frame: Frame, expected: set[int]) -> Picture:
     """
     import cv2
 
-    picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
-
-    def write(text: str, x: int, y: int, size: float, colour: Colour, thickness: int) -> None:
-        font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(picture, text, (x, y), font, size, colour, thickness, cv2.LINE_AA)
-
-    for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
+    grey = frame.image[..., None]
+    picture: Picture = np.repeat(grey, 3, axis=2)
+    font: dict[str, Any] = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "lineType": cv2.LINE_AA}
+    tags = frame.tags
+    for number, corners in zip(tags.ids.tolist(), tags.corners, strict=True):
         colour = EXPECTED if number in expected else FOREIGN
         outline = corners.round().astype(np.int32)
-        first_corner = outline[0].tolist()
         cv2.polylines(picture, [outline], True, colour, 2, cv2.LINE_AA)
+        first_corner = outline[0].tolist()
         cv2.circle(picture, first_corner, 5, colour, cv2.FILLED, cv2.LINE_AA)
-        x, y = corners.mean(axis=0).round().astype(int).tolist()
-        write(str(number), x - 8, y + 8, 0.8, colour, 2)
-    write(f"{frame.taken:.3f} s", 8, 20, 0.6, WHITE, 1)
+        middle = corners.mean(axis=0).round()
+        x, y = middle.astype(int).tolist()
+        below_middle = (x - 8, y + 8)
+        cv2.putText(
+            picture, str(number), below_middle, fontScale=0.8, color=colour, thickness=2, **font
+        )
+    time = f"{frame.taken:.3f} s"
+    cv2.putText(picture, time, (8, 20), fontScale=0.6, color=WHITE, thickness=1, **font)
     return picture

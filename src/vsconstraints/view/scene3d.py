@@ -26,6 +26,8 @@ AMBIENT = 0.55
 DIFFUSE = 0.45
 #: Cells of a plate in each direction: triangles are ordered by the mean distance of their corners.
 PLATE_CELLS = 8
+#: Triangles of a pyramid: its apex and two corners of its base.
+PYRAMID_SIDES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
 
 
 class Part(NamedTuple):
@@ -81,8 +83,8 @@ class Scene3D:
         """Add a camera at the origin of a frame: a glass pyramid with this base (4, 3)."""
         apex = np.zeros((1, 3))
         points = np.concatenate((apex, base))
-        triangles = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
-        self.add(Mesh(points, triangles), colour, frame, opacity=0.55, shaded=False)
+        sides = Mesh(points, PYRAMID_SIDES)
+        self.add(sides, colour, frame, opacity=0.55, shaded=False)
 
     def target(self, markers: Array, edge: float, marker: float, frame: str = "") -> None:
         """Add markers (M, 3), on a plate if there are more than two.
@@ -99,12 +101,14 @@ class Scene3D:
         centre = markers.mean(axis=0)
         corners = centre + 1.25 * (markers - centre)
         # small cells: a triangle in one piece would be drawn over bodies on the plate
-        steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)[:, None, None]
+        cell_count = PLATE_CELLS + 1
+        steps = np.linspace(0.0, 1.0, cell_count)[:, None, None]
         wedges = []
         edges = []
         for corner, following in pairwise([*corners, corners[0]]):
-            side = np.linspace(corner, following, PLATE_CELLS + 1)
-            wedges.append(grid_surface(centre + steps * (side - centre)))
+            side = np.linspace(corner, following, cell_count)
+            wedge = centre + steps * (side - centre)
+            wedges.append(grid_surface(wedge))
             edges.append(bar(corner, following, edge, 6))
         self.add(joined(wedges), PLATE, frame, shaded=False)
         self.add(joined(edges), INK, frame)
@@ -122,10 +126,9 @@ class Scene3D:
         """
         if self.parts:
             self._draw_parts(ax, frames or {}, whole)
-        x, y, z = view.centre
-        ax.set_xlim(x - view.half, x + view.half)
-        ax.set_ylim(y - view.half, y + view.half)
-        ax.set_zlim(z - view.half, z + view.half)
+        low = view.centre - view.half
+        high = view.centre + view.half
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
         ax.set_box_aspect((1, 1, 1), zoom=1.45)
         ax.view_init(elev=view.elevation, azim=view.azimuth)
         ax.set_proj_type("persp", focal_length=0.6)
@@ -163,10 +166,13 @@ class Scene3D:
 
 def _colours(corners: Array, part: Part) -> Array:
     """Return colours (F, 4) of triangles (F, 3, 3), shaded by their angle to the light."""
-    brightness = _brightness(corners) if part.shaded else np.ones(len(corners))
-    colours = brightness[:, None] * np.array(rgb(part.colour)) / 255.0
-    opacity = np.full(len(corners), part.opacity)
-    return np.column_stack((colours, opacity))
+    colour = np.array(rgb(part.colour))
+    count = len(corners)
+    brightness: Array = np.ones(count)
+    if part.shaded:
+        brightness = _brightness(corners)
+    colours = brightness[:, None] * colour / 255.0
+    return np.column_stack((colours, np.full(count, part.opacity)))
 
 
 def _brightness(corners: Array) -> Array:
@@ -174,7 +180,8 @@ def _brightness(corners: Array) -> Array:
     first, second, third = corners.transpose(1, 0, 2)
     normals = np.cross(second - first, third - first)
     lengths = np.linalg.norm(normals, axis=1)
+    has_area = lengths > 0.0
     facing = np.ones(len(corners))
-    np.divide(np.abs(normals @ LIGHT), lengths, out=facing, where=lengths > 0.0)
+    np.divide(np.abs(normals @ LIGHT), lengths, out=facing, where=has_area)
     brightness: Array = AMBIENT + DIFFUSE * np.minimum(facing, 1.0)
     return brightness

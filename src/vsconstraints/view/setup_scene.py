@@ -29,6 +29,8 @@ CAMERA_SIZE = 0.12
 #: Radii of the edges and markers of the target, for an arm of :data:`.REACH` [m].
 EDGE_RADIUS = 0.003
 MARKER_RADIUS = 0.015
+#: Corners of an image, relative to half its size.
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 MIN_DEPTH = 0.05  # least depth of the drawn view [m], for markers behind the camera
 #: Half the height of a view relative to half the side of its cube; allowance for thick links.
 IN_VIEW = 1.16
@@ -54,10 +56,11 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
     frames["target"] = Placement(target)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
-        shift = np.zeros(3)
+        pose = Pose.identity()
         if motion is not None and motion.size == 3:
             shift = motion.displacement(t) - motion.displacement(0.0)
-        frames[f"obstacle {k}"] = Placement(Pose(np.eye(3), shift))
+            pose = Pose(pose.R, shift)
+        frames[f"obstacle {k}"] = Placement(pose)
     return frames
 
 
@@ -97,10 +100,12 @@ def add_robot(
     frames begin with ``prefix``.
     """
     for part in arm:
-        scene.parts.append(part._replace(frame=prefix + part.frame))
+        frame = prefix + part.frame
+        scene.parts.append(part._replace(frame=frame))
     camera = setup.scene.camera
-    markers = setup.scene.markers
-    carried = markers.mean(axis=0) if camera.fixed is not None else camera.mount.inverse.t
+    carried = camera.mount.inverse.t
+    if camera.fixed is not None:
+        carried = setup.scene.markers.mean(axis=0)
     if np.linalg.norm(carried) > SHORT:
         line = np.linspace(np.zeros(3), carried, 6)
         holder = tube(line, 0.007 * scale, 8)
@@ -112,19 +117,20 @@ def add_robot(
 
 def image_corners(camera: Camera) -> Array:
     """Return the corners (4, 3) of the image at depth 1, in the camera's frame."""
-    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    pixels = 0.5 * np.asarray(camera.size) * signs
+    pixels = 0.5 * np.asarray(camera.size) * CORNERS
     with suppress(InvalidInput):  # where the lens cannot be inverted, corners of a pinhole camera
         pixels = camera.undistort(pixels)
-    return np.column_stack((camera.normalised(pixels), np.ones(4)))
+    corners = camera.normalised(pixels)
+    return np.column_stack((corners, np.ones(4)))
 
 
 def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
     """Return corners (4, 3) of the camera's view at the markers' distance, in the base frame."""
-    markers = camera.inverse.act(setup.scene.markers_at(q, t))
-    mean_depth = float(markers[:, 2].mean())
-    depth = max(mean_depth, MIN_DEPTH)
-    return camera.act(depth * image_corners(setup.scene.camera))
+    markers = setup.scene.markers_at(q, t)
+    depths = camera.inverse.act(markers)[:, 2]
+    depth = max(float(depths.mean()), MIN_DEPTH)
+    corners = image_corners(setup.scene.camera)
+    return camera.act(depth * corners)
 
 
 _bars = lru_cache(maxsize=8)(bars)
@@ -134,17 +140,20 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     """Draw everything at an instant with matplotlib: the arm as bars, and the camera's view."""
     frames = setup_frames(setup, q, t)
     scale = view.half / REACH
+    robot = setup.scene.robot
     scene = Scene3D()
     add_surroundings(scene, setup, view.half)
-    add_robot(scene, setup, _bars(setup.scene.robot, scale), scale)
+    add_robot(scene, setup, _bars(robot, scale), scale)
     camera = frames["camera"].pose
     corners = view_corners(setup, camera, q, t)
+    edges = []
     for corner, following in pairwise([*corners, corners[0]]):
-        lines = [(camera.t, corner), (corner, following)]
-        for begin, end in lines:
-            points = np.linspace(begin, end, 12)
-            line = tube(points, 0.0022 * scale, 4, caps=False)
-            scene.add(line, CAMERA)
+        edges.append((camera.t, corner))
+        edges.append((corner, following))
+    for begin, end in edges:
+        points = np.linspace(begin, end, 12)
+        line = tube(points, 0.0022 * scale, 4, caps=False)
+        scene.add(line, CAMERA)
     scene.draw(ax, view, frames)
 
 
@@ -152,14 +161,13 @@ def points_in_view(setup: Setup, q: Array, t: float) -> Array:
     """Return corners (k, 3) of arm, camera, markers and camera's view, in the base frame."""
     robot = setup.scene.robot
     camera = setup_frames(setup, q, t)["camera"].pose
-    points: list[Array] = []
-    if not robot.prismatic[0]:
-        base = np.zeros((1, 3))
-        points.append(base)
-    points += bars_of(robot, q)
+    points = bars_of(robot, q)
     points.append(camera.t[None])
     points.append(setup.scene.markers_at(q, t))
     points.append(view_corners(setup, camera, q, t))
+    if not robot.prismatic[0]:
+        base = np.zeros((1, 3))
+        points.insert(0, base)
     return np.concatenate(points)
 
 
@@ -175,8 +183,10 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
     elevation = ELEVATION_FLAT if is_flat else ELEVATION
 
     def covered_area(azimuth: float) -> float:
-        across, up, _ = (points @ view_axes(elevation, azimuth)).T
-        return float(np.linalg.det(np.cov((across, up))))
+        seen = points @ view_axes(elevation, azimuth)
+        across, up, _ = seen.T
+        covariance = np.cov((across, up))
+        return float(np.linalg.det(covariance))
 
     azimuths = np.arange(-90.0, 91.0, 10.0)
     azimuth = float(max(azimuths, key=covered_area))
@@ -186,9 +196,12 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
     high = seen.max(axis=0)
     half_width, half_height, _ = 0.5 * (high - low)
     needed = max(half_height, half_width / aspect)
-    half = MARGIN * needed / IN_VIEW
-    centre = axes @ (0.5 * (low + high))
-    return Viewpoint(centre, half, elevation, azimuth)
+    return Viewpoint(
+        centre=axes @ (0.5 * (low + high)),
+        half=MARGIN * needed / IN_VIEW,
+        elevation=elevation,
+        azimuth=azimuth,
+    )
 
 
 def view_axes(elevation: float, azimuth: float) -> Array:
@@ -197,7 +210,8 @@ def view_axes(elevation: float, azimuth: float) -> Array:
     cos = np.cos(azimuth_rad)
     sin = np.sin(azimuth_rad)
     level = np.cos(elevation_rad)
+    height = np.sin(elevation_rad)
     right = np.array([-sin, cos, 0.0])
-    towards = np.array([level * cos, level * sin, np.sin(elevation_rad)])
+    towards = np.array([level * cos, level * sin, height])
     up = np.cross(towards, right)
     return np.column_stack((right, up, towards))

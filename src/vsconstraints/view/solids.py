@@ -12,8 +12,6 @@ from ..rows import Array
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return several meshes as one."""
-    if not meshes:
-        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
     points = []
     triangles = []
     point_count = 0
@@ -28,15 +26,18 @@ def grid_surface(points: Array) -> Mesh:
     """Return the surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
     numbers = np.arange(a * b).reshape(a, b)
+    above = numbers[:-1]
+    below = numbers[1:]
     # corners of each cell
-    top_left = numbers[:-1, :-1].ravel()
-    top_right = numbers[:-1, 1:].ravel()
-    bottom_left = numbers[1:, :-1].ravel()
-    bottom_right = numbers[1:, 1:].ravel()
+    top_left = above[:, :-1]
+    top_right = above[:, 1:]
+    bottom_left = below[:, :-1]
+    bottom_right = below[:, 1:]
     # each cell is two triangles, on both sides of its diagonal
-    upper = np.column_stack((top_left, top_right, bottom_right))
-    lower = np.column_stack((top_left, bottom_right, bottom_left))
-    return Mesh(points.reshape(-1, 3), np.concatenate((upper, lower)))
+    upper = np.stack((top_left, top_right, bottom_right), axis=-1)
+    lower = np.stack((top_left, bottom_right, bottom_left), axis=-1)
+    triangles = np.concatenate((upper, lower))
+    return Mesh(points.reshape(-1, 3), triangles.reshape(-1, 3))
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
@@ -45,10 +46,10 @@ def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
     azimuth = np.linspace(0.0, 2.0 * np.pi, count + 1)
     theta, phi = np.meshgrid(polar, azimuth, indexing="ij")
     rho = np.sin(theta)
-    x = rho * np.cos(phi)
-    y = rho * np.sin(phi)
-    z = np.cos(theta)
-    directions = np.stack((x, y, z), axis=-1)
+    directions = np.empty((*theta.shape, 3))
+    directions[..., 0] = rho * np.cos(phi)
+    directions[..., 1] = rho * np.sin(phi)
+    directions[..., 2] = np.cos(theta)
     return grid_surface(centre + radius * directions)
 
 
@@ -59,11 +60,11 @@ def bar(begin: Array, end: Array, radius: float, sides: int = 12) -> Mesh:
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
     """Return a round bar along a polyline (p, 3)."""
-    points = np.asarray(points, dtype=np.float64)
     along = _unit(np.gradient(points, axis=0))
     # all sections are oriented by the direction in which the line extends least
     _, _, directions = np.linalg.svd(along)
-    x = _unit(np.cross(along, directions[2]))
+    least = directions[2]
+    x = _unit(np.cross(along, least))
     y = np.cross(along, x)
     angles = 2.0 * np.pi * np.arange(sides + 1) / sides
     cos = np.cos(angles)[:, None]
@@ -72,9 +73,10 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     surface = points[:, None] + radius * sections
     if caps:
         # sections of radius 0 at both ends
-        first = np.full_like(surface[:1], points[0])
-        last = np.full_like(surface[:1], points[-1])
-        surface = np.concatenate((first, surface, last))
+        closed = np.pad(surface, ((1, 1), (0, 0), (0, 0)))
+        closed[0] = points[0]
+        closed[-1] = points[-1]
+        surface = closed
     return grid_surface(surface)
 
 

@@ -153,7 +153,8 @@ def _measured(
             on_progress(done, len(calls))
     longest = defaultdict[str, float](float)
     for (law, _), times in measured.items():
-        of_family = float(f"{np.median(times):.3g}")
+        middle = np.median(times)
+        of_family = float(f"{middle:.3g}")
         longest[law] = max(longest[law], of_family)
     return CallTimes(dict(longest), 1e-6, HOW)
 
@@ -169,9 +170,10 @@ def time_calls(batch: Batch) -> list[tuple[str, str, float]]:
         with deadline(batch.drawing_limit):
             _, bench_of = benches(batch, number)
         for bench, law in product(bench_of.values(), laws):
+            times = []
             with deadline(batch.run_limit(law)):
-                runs = [bench.run(law) for _ in range(REPEATS)]
-            times = [run.trajectory.step_time[1:] for run in runs]
+                for _ in range(REPEATS):
+                    times.append(bench.run(law).trajectory.step_time[1:])
             # a run that fails has fewer calls
             calls = min(map(len, times))
             if calls:

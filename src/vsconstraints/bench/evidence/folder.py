@@ -165,16 +165,16 @@ def finished_batches(folder: Path, campaign: Campaign) -> list[Facts]:
         raise ConfigurationError(
             f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}"
         )
-    unfinished_files = list(folder.rglob("*.part"))
-    for path in unfinished_files:
+    for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
-    complete = _complete_batches(folder)  # again: a changed file was removed with its batch
-    names = {batch.name for batch in complete}
+    complete = {}  # again: a changed file was removed with its batch
+    for batch in _complete_batches(folder):
+        complete[batch.name] = batch.facts
     for path in stored_files(folder):
-        if path.suffix == ".parquet" and path.stem not in names:
+        if path.suffix == ".parquet" and path.stem not in complete:
             path.unlink()
-    return [batch.facts for batch in complete]
+    return list(complete.values())
 
 
 def _complete_batches(folder: Path) -> list[StoredBatch]:

@@ -213,7 +213,8 @@ def read(
             for column in selected:
                 if column.name in missing:
                     empty_cell = "" if column.kind == "text" else None
-                    empty = pa.array([empty_cell] * len(lines), _TYPES[column.kind])
+                    cells = [empty_cell] * len(lines)
+                    empty = pa.array(cells, _TYPES[column.kind])
                     lines = lines.append_column(column.name, empty)
             parts.append(lines.select(wanted.names).cast(wanted))
     return pa.concat_tables(parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -233,17 +233,19 @@ def _run_by_run(batches: Mapping[int, Batch], workers: Workers) -> Iterator[tupl
     """Make each run of the batches in a call of its own; yield their numbers and results."""
     pieces: dict[tuple[int, int], Batch] = {}
     limits: dict[tuple[int, int], float] = {}
+    parts: dict[int, dict[int, Part | None]] = {}
     for i, batch in batches.items():
+        parts[i] = {}
         for j, (piece, limit) in enumerate(batch.pieces()):
             pieces[i, j] = replace(piece, limit=limit + GRACE)
             limits[i, j] = limit
-    count = Counter(i for i, _ in pieces)
-    parts = defaultdict[int, dict[int, Part]](dict)
+            parts[i][j] = None
     calls = {key: (piece,) for key, piece in pieces.items()}
     for (i, j), answer in workers.run(calls, limits):
         if isinstance(answer, Failure):
             answer = failed(pieces[i, j], answer.reason)
         parts[i][j] = answer
-        if len(parts[i]) == count[i]:
-            in_order = sorted(parts.pop(i).items())
-            yield i, Part.joined([part for _, part in in_order])
+        finished = [part for part in parts[i].values() if part is not None]
+        if len(finished) == len(parts[i]):
+            del parts[i]
+            yield i, Part.joined(finished)

@@ -127,13 +127,16 @@ class Evidence(StoredResults):
         """List the wanted scenes that are not stored, by family; empty if none is missing."""
         missing = {name: set(wanted) for name in self.manifest["configuration"]["families"]}
         for batch in self.batches:
-            missing[batch.facts.family].difference_update(batch.facts.scenes)
+            facts = batch.facts
+            missing[facts.family].difference_update(facts.scenes)
         ranges = []
         for name, numbers in missing.items():
-            firsts = sorted(number for number in numbers if number - 1 not in numbers)
-            lasts = sorted(number for number in numbers if number + 1 not in numbers)
-            for first, last in zip(firsts, lasts, strict=True):
-                ranges.append(f"{name} {first}–{last}")
+            first = -1
+            for number in sorted(numbers):
+                if number - 1 not in numbers:
+                    first = number
+                if number + 1 not in numbers:
+                    ranges.append(f"{name} {first}–{number}")
         text = ", ".join(ranges[:MAX_NAMED])
         return f"{text} and more" if len(ranges) > MAX_NAMED else text
 

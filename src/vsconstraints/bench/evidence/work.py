@@ -124,10 +124,12 @@ class Batch:
         scenes = [replace(self, scenes=(number,)) for number in self.scenes]
         pieces: list[tuple[Batch, float]] = []
         for scene in scenes:
-            pieces.append((replace(scene, conditions=()), self.drawing_limit))
-        for scene, condition, entry in product(scenes, self.conditions, self.controllers):
-            run = replace(scene, conditions=(condition,), single=entry.name)
-            pieces.append((run, run.run_limit(entry)))
+            drawing = replace(scene, conditions=())
+            pieces.append((drawing, self.drawing_limit))
+        for scene in scenes:
+            for condition, entry in product(self.conditions, self.controllers):
+                run = replace(scene, conditions=(condition,), single=entry.name)
+                pieces.append((run, run.run_limit(entry)))
         return pieces
 
 

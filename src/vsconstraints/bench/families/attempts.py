@@ -157,7 +157,10 @@ def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
             table[name] = _filled(inner, ends, tree, f"{where}.{name}")
         return table
     if isinstance(tree, list):
-        return [_filled(inner, ends, beside, f"{where}.{i}") for i, inner in enumerate(tree)]
+        entries = []
+        for i, inner in enumerate(tree):
+            entries.append(_filled(inner, ends, beside, f"{where}.{i}"))
+        return entries
     return tree
 
 
@@ -185,8 +188,9 @@ def _check_views(ends: Ends) -> None:
         if outside:
             raise Rejected(reasons.out_of_range, outside[0])
     for reasons, q in known:
+        camera = scene.camera_pose(q)
         try:
-            pixels = scene.project(scene.camera_pose(q))
+            pixels = scene.project(camera)
         except SceneError as error:
             raise Rejected(reasons.behind, str(error)) from error
         if not np.all(scene.camera.sees(pixels)):
@@ -313,9 +317,10 @@ def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
     """
     peak = np.minimum(speed, np.sqrt(acceleration * distance))
     # a joint that need not move, or has no limits, needs no time
-    moving = (distance > 0.0) & np.isfinite(peak)
-    peak = np.where(moving, peak, 1.0)
-    return np.where(moving, distance / peak + peak / acceleration, 0.0)
+    is_moving = (distance > 0.0) & np.isfinite(peak)
+    peak = np.where(is_moving, peak, 1.0)
+    time = distance / peak + peak / acceleration
+    return np.where(is_moving, time, 0.0)
 
 
 def least_time(setup: Setup, ends: Ends) -> float:
@@ -343,6 +348,14 @@ def least_time(setup: Setup, ends: Ends) -> float:
         return math.nan
     # not Robot.difference: stored scenes of the test set have this time, of a fixed definition
     way = goal - setup.q0
+    acceleration = setup.limits.of_joint("acceleration", robot.n)
+    times = rest_to_rest(np.abs(way), acceleration, _speed_limits(setup, way))
+    return float(times.max())
+
+
+def _speed_limits(setup: Setup, way: Array) -> Array:
+    """Return the speed limits (n,) in the directions of a way (n,); infinite without limits."""
+    robot = setup.scene.robot
     speed = np.full(robot.n, np.inf)
     if setup.limits.ranges:
         speed = robot.qd_max.copy()
@@ -353,6 +366,4 @@ def least_time(setup: Setup, ends: Ends) -> float:
             share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
             limit = np.where(way[joints] > 0.0, rows.upper, -rows.lower)
             speed[joints] = np.minimum(speed[joints], share * limit)
-    acceleration = setup.limits.of_joint("acceleration", robot.n)
-    times = rest_to_rest(np.abs(way), acceleration, speed)
-    return float(times.max())
+    return speed

@@ -198,11 +198,15 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
         return Placed(tree.name, table)
     prefix = f"{key}." if key else ""
     if isinstance(tree, dict):
-        return {
-            name: drawn(inner, streams, f"{prefix}{name}", values) for name, inner in tree.items()
-        }
+        table = {}
+        for name, inner in tree.items():
+            table[name] = drawn(inner, streams, f"{prefix}{name}", values)
+        return table
     if isinstance(tree, list):
-        return [drawn(inner, streams, f"{prefix}{i}", values) for i, inner in enumerate(tree)]
+        entries = []
+        for i, inner in enumerate(tree):
+            entries.append(drawn(inner, streams, f"{prefix}{i}", values))
+        return entries
     return tree
 
 

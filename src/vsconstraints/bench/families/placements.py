@@ -85,13 +85,14 @@ def look_at(
     it starts at the configuration of the start for goals, and in the middle of the ranges
     otherwise.
     """
-    scene = place.ends.scene
-    robot = place.ends.scene.robot
+    ends = place.ends
+    scene = ends.scene
+    robot = scene.robot
     if not (distance > 0.0 and np.any(normal)):
         raise ConfigurationError(
             f"{place.where}: distance must be positive and normal must not be zero"
         )
-    start = place.ends.q[0] if place.ends.q else None
+    start = ends.q[0] if ends.q else None
     if near is not None:
         begin = robot.configuration(near, f"{place.where}: near")
     elif start is not None:

@@ -162,19 +162,26 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         if stage != LAW:
             return self._observation, -1.0, True, False, self._info(False)
         self._look()
-        reward = (before - self._error) / self._unit
-        depths = loop.true.sigma / loop.true.scale
-        outside = depths[loop.true.sigma > 0.0]
-        if outside.size:
-            deepest = float(outside.max())
-            self._violation = max(self._violation, deepest)
-            penalty = float((1.0 + np.minimum(outside, 1.0)).sum())
-            reward -= self.violation_weight * self.run.setup.Ts * penalty
+        reward = (before - self._error) / self._unit - self._penalty()
         # sample k is the last judged sample
         first_reached = int(loop.scores.unreached[-1]) + 1
-        success = k - max(first_reached, self._last_goal) >= self._dwell
+        dwell = k - max(first_reached, self._last_goal)
+        success = dwell >= self._dwell
         is_truncated = self._k + 1 >= self.run.setup.samples
         return self._observation, reward + success, success, is_truncated, self._info(success)
+
+    def _penalty(self) -> float:
+        """Return the penalty on rows that are violated, and note the deepest violation."""
+        true = self.run.loop.true
+        is_violated = true.sigma > 0.0
+        depths = (true.sigma / true.scale)[is_violated]
+        if not depths.size:
+            return 0.0
+        deepest = float(depths.max())
+        self._violation = max(self._violation, deepest)
+        penalties = 1.0 + np.minimum(depths, 1.0)
+        weight = self.violation_weight * self.run.setup.Ts
+        return weight * float(penalties.sum())
 
     def _info(self, success: bool) -> dict[str, Any]:
         t = self._k * self.run.setup.Ts

@@ -64,11 +64,13 @@ class Observer:
         of_rows = row_values * self._row_factor
         Ja = (task.J * self.action).ravel()
         norm = float(Ja @ Ja) ** 0.5
-        of_task = np.concatenate((Ja, task.b)) / (norm or 1.0)
+        task_values = np.concatenate((Ja, task.b))
+        of_task = task_values / (norm or 1.0)
         joint_values = np.concatenate((q - self._middle, qd))
         of_joints = joint_values * self._joint_factor
         x = np.concatenate((of_rows, of_task, of_joints))
-        return np.asarray(x / (1.0 + np.abs(x)))
+        observation: Array = x / (1.0 + np.abs(x))
+        return observation
 
 
 class Policy(Controller):
@@ -124,10 +126,10 @@ class Policy(Controller):
 
     def action(self, x: Array) -> Array:
         """Return π(x) of an observation."""
-        for W, b in self.layers[:-1]:
+        *hidden, (last_W, last_b) = self.layers
+        for W, b in hidden:
             x = np.tanh(W @ x + b)
-        W, b = self.layers[-1]
-        return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
+        return np.minimum(np.maximum(last_W @ x + last_b, -1.0), 1.0)
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """Return the filtered command; see the class.

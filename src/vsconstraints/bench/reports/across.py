@@ -69,8 +69,12 @@ def beyond(dataset: Dataset) -> list[Beyond]:
     """Return the results of each condition with at least :data:`FEWEST` families."""
 
     def compute() -> list[Beyond]:
-        results = [_beyond(dataset, condition) for condition in dataset.conditions]
-        return [result for result in results if result is not None]
+        results = []
+        for condition in dataset.conditions:
+            result = _beyond(dataset, condition)
+            if result is not None:
+                results.append(result)
+        return results
 
     return dataset.once("beyond", compute)
 
@@ -87,9 +91,13 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     shares = {}
     for law, estimate in zip(laws, estimates, strict=True):
         shares[law] = Share(estimate.share, estimate.low, estimate.high)
-    behind = _behind_first(success)
-    ranks = left_out_ranks(families.mean())
-    return Beyond(condition, laws, shares, behind, ranks)
+    return Beyond(
+        condition,
+        laws,
+        shares,
+        behind=_behind_first(success),
+        ranks=left_out_ranks(families.mean()),
+    )
 
 
 def _behind_first(success: pd.DataFrame) -> frozenset[str]:
@@ -124,15 +132,14 @@ def across_findings(dataset: Dataset) -> list[Finding]:
     """
     findings = []
     for result in beyond(dataset):
-        condition = result.condition
         leader = result.laws[0]
         share = result.shares[leader]
-        begin = condition_text(condition)
+        begin = condition_text(result.condition)
         text = text_of("across", begin=begin, leader=leader, share=share, one=result)
         numbers: dict[str, float] = share.numbers("success", law=leader)
         numbers["families"] = len(result.ranks)
         numbers["stays"] = result.stays
-        findings.append(Finding(text, "across", condition, (leader,), numbers))
+        findings.append(Finding(text, "across", result.condition, (leader,), numbers))
     return findings
 
 

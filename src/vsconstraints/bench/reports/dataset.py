@@ -137,12 +137,13 @@ class Dataset:
         conditions = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
         of_runs = self.runs[["family", "condition"]].drop_duplicates()
         pairs = set(of_runs.itertuples(index=False, name=None))
-        self.situations = [pair for pair in product(self.families, conditions) if pair in pairs]
+        self.situations: list[tuple[str, str]] = []
         self.factorials: dict[str, Factorial] = {}
         shown = {NOMINAL}
         for family in self.families:
+            run = [condition for condition in conditions if (family, condition) in pairs]
+            self.situations += [(family, condition) for condition in run]
             tables = families.get(family, {}).get("tables", {})
-            run = [condition for name, condition in self.situations if name == family]
             factorial = Factorial.of(tables.get("conditions", {}), run)
             if factorial is None:
                 shown.update(run)
@@ -192,11 +193,13 @@ class Dataset:
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
         for standard in ("", "tolerant "):
-            runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
+            violated = OUTCOMES[f"{standard}violation"].flag(runs)
+            runs[f"{standard}kept"] = ~violated
             runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
         runs["ending"] = endings(runs)
         depth = runs["violation_fraction"].astype(float)
-        runs["tolerance"] = depth.where(runs["status"] == "converged", math.inf)
+        has_converged = runs["status"] == "converged"
+        runs["tolerance"] = depth.where(has_converged, math.inf)
         texts = ("family", "condition", "controller", "status")
         plain: pd.DataFrame = runs.astype(dict.fromkeys(texts, str))
         return plain
@@ -233,10 +236,11 @@ class Dataset:
         """
         runs = self.among(condition, families)
         # a run always has a success, while its value may be missing
-        ran = runs.pivot(index=SCENE, columns="controller", values="success").notna()
+        success = runs.pivot(index=SCENE, columns="controller", values="success")
+        ran_all = success.notna().all(axis=1)
         values = runs.pivot(index=SCENE, columns="controller", values=column)
-        values = values[ran.all(axis=1)]
-        return values[[name for name in self.laws if name in values.columns]]
+        laws = [name for name in self.laws if name in values.columns]
+        return values.loc[ran_all, laws]
 
     def working(self, condition: str) -> tuple[str, ...]:
         """Return the controllers of which at least one run in a condition did not fail.

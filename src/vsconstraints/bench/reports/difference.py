@@ -141,12 +141,16 @@ def _times(found: Difference) -> Iterator[tuple[Any, ...]]:
     for group, column in product(found.groups, TIMES):
         a = group.a[column].to_numpy(dtype=float)
         b = group.b[column].to_numpy(dtype=float)
-        known = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
-        if known.any():
-            before = a[known]
-            after = b[known]
-            medians = [np.median(times) for times in (before, after, after / before)]
-            yield group, column, *(number(float(value)) for value in medians)
+        is_known = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
+        if not is_known.any():
+            continue
+        before = a[is_known]
+        after = b[is_known]
+        texts = []
+        for times in (before, after, after / before):
+            median = float(np.median(times))
+            texts.append(number(median))
+        yield group, column, *texts
 
 
 def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:

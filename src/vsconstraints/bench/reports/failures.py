@@ -141,9 +141,9 @@ def scene_figures(dataset: Dataset) -> list[str]:
     It shows the tracks of the best controllers and of the unconstrained baseline.
     """
     texts: list[str] = []
-    condition = dataset.conditions[0]
     if not dataset.figures:
         return texts
+    condition = dataset.conditions[0]
     for family in dataset.families:
         scene = divisive_scene(dataset, family)
         if scene is None:
@@ -151,21 +151,25 @@ def scene_figures(dataset: Dataset) -> list[str]:
         best = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
         # In this order they have the colours of other figures.
         laws = [law for law in dataset.laws if law in best]
+        shown = (BASELINE, *laws)
         try:
             setup = setup_of(dataset.evidence, family, scene, condition)
-            runs = {name: rerun(dataset.evidence, setup, name) for name in (BASELINE, *laws)}
+            runs = {name: rerun(dataset.evidence, setup, name) for name in shown}
         except Exception as error:  # missing custom parts can raise anything
             problem = f"Scene {scene} of {plain(family)} could not be simulated again"
             texts.append(f"{problem}: {plain(described(error))}.")
             continue
         flags: Any = dataset.paired(condition, "success", [family]).astype(bool)
         success = flags.loc[(family, scene)]
-        successful = enumeration([law for law in laws if success[law]]) or "none of these"
+        successful = enumeration([law for law in laws if success[law]])
         title = f"{plain(family)} {scene}, {condition}"
-        caption = f"{title}. Successful: {successful}."
-        figure = replace(TRACKS, name=f"scene--{family}", title=title, caption=caption)
-        view = View(setup, runs, (BASELINE, *laws))
-        texts.append(dataset.picture(figure, view))
+        figure = replace(
+            TRACKS,
+            name=f"scene--{family}",
+            title=title,
+            caption=f"{title}. Successful: {successful or 'none of these'}.",
+        )
+        texts.append(dataset.picture(figure, View(setup, runs, shown)))
     return texts
 
 
@@ -197,11 +201,12 @@ class Cell(NamedTuple):
 
         rgb = np.array(colormaps["cividis"](self.share.value)[:3])
         # sRGB to linear light (IEC 61966-2-1)
-        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        of_dark = rgb / 12.92
+        of_bright = ((rgb + 0.055) / 1.055) ** 2.4
+        linear = np.where(rgb <= 0.04045, of_dark, of_bright)
         luminance = linear @ LUMINANCE
         text = "#000" if luminance > BRIGHT else "#fff"
-        background = to_hex(rgb)
-        return background, text
+        return to_hex(rgb), text
 
 
 class Situation(NamedTuple):
@@ -220,8 +225,7 @@ def situations(dataset: Dataset) -> list[Situation]:
 
 def _situations(dataset: Dataset) -> list[Situation]:
     keys = ["family", "condition", "controller"]
-    run_keys = dataset.runs[[*keys, "ending"]]
-    counts = Counter(run_keys.itertuples(index=False, name=None))
+    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
     worst: dict[tuple[str, ...], Any] = {}
     last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
     for _, run in last.iterrows():
@@ -231,10 +235,11 @@ def _situations(dataset: Dataset) -> list[Situation]:
         ranked = ranking(dataset, condition, families=[family])
         cells = {}
         for law, share in ranked.shares.items():
-            run = worst[family, condition, law]
+            key = (family, condition, law)
+            run = worst[key]
             run_endings = {}
             for ending in ("success", *UNSUCCESSFUL):
-                run_endings[ending] = counts[family, condition, law, ending]
+                run_endings[ending] = counts[*key, ending]
             cells[law] = Cell(
                 share=share,
                 front=law in ranked.front and ranked.next is not None,

@@ -94,9 +94,14 @@ def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | Non
         return None
     sheet = Sheet(left=0.62, right=0.2)
     depth = np.geomspace(NEGLIGIBLE, DEEPEST, 400)
-    labels = "tolerated depth [% of L]", "success [% of scenes]"
     titles = [title for title, _ in panels]
-    axes = _panels(sheet, titles, height=2.0, gap=0.4, labels=labels)
+    axes = _panels(
+        sheet,
+        titles,
+        height=2.0,
+        gap=0.4,
+        labels=("tolerated depth [% of L]", "success [% of scenes]"),
+    )
     for ax, (_, least) in zip(axes, panels, strict=True):
         # (scenes, depths, laws)
         is_success = least.to_numpy()[:, None] <= depth[:, None]
@@ -119,19 +124,26 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
         last = _last_ratio([profile for _, _, profile in panels])
-        tau = np.geomspace(1.0, last, 400)
-        ticks = [1.0]
-        for tick in TICKS:
-            gap = np.log(tick / ticks[-1])
-            if tick <= last and gap >= TICK_GAP * np.log(last):
-                ticks.append(tick)
         titles = [title for title, _, _ in panels]
         axes = _panels(sheet, titles, height=1.75, gap=0.2, labels=labels)
+        tau = np.geomspace(1.0, last, 400)
         for ax, (_, shown, profile) in zip(axes, panels, strict=True):
-            _curves(ax, tau, profile.share(tau).T, shown, laws)
-            logarithmic(ax.xaxis, ticks)
+            shares = profile.share(tau)
+            _curves(ax, tau, shares.T, shown, laws)
+            logarithmic(ax.xaxis, _ratio_ticks(last))
     _legend(sheet, laws)
     return sheet
+
+
+def _ratio_ticks(last: float) -> list[float]:
+    """Return the ticks of ratios from 1 to the last one that are not too close to each other."""
+    ticks = [1.0]
+    least_gap = TICK_GAP * np.log(last)
+    for tick in TICKS:
+        gap = np.log(tick / ticks[-1])
+        if tick <= last and gap >= least_gap:
+            ticks.append(tick)
+    return ticks
 
 
 def _last_ratio(profiles: Sequence[Profile]) -> float:
@@ -214,8 +226,10 @@ def _combinations(factors: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """Draw one critical-difference diagram per condition, as by Demšar: best on the left."""
-    look = looks(laws)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
+    if not shown:
+        return None
+    look = looks(laws)
     names: list[str] = []
     for _, ranked_laws, _ in shown:
         names += ranked_laws
@@ -238,11 +252,7 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         ax.xaxis.tick_top()
         ax.grid(False)
         ax.spines[["left", "right", "bottom"]].set_visible(False)
-        for i, group in enumerate(ranks.groups):
-            means = ranks.means[list(group)]
-            ends = [means.min() - 0.03, means.max() + 0.03]
-            y = 0.08 + BAR * i
-            ax.plot(ends, [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
+        _draw_groups(ax, ranks)
         order = np.argsort(ranks.means, kind="stable")
         for place, k in enumerate(order):
             law = ranked_laws[k]
@@ -250,7 +260,17 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
             line_of_name = place if on_left else count - 1 - place
             y = bars + NAME_LINE * line_of_name
             _name_rank(ax, law, ranks.means[k], y, look[law].colour, on_left)
-    return sheet if shown else None
+    return sheet
+
+
+def _draw_groups(ax: Any, ranks: Ranks) -> None:
+    """Draw a thick bar over the ranks of each group of laws without significant differences."""
+    for i, group in enumerate(ranks.groups):
+        y = 0.08 + BAR * i
+        means = ranks.means[list(group)]
+        left = means.min() - 0.03
+        right = means.max() + 0.03
+        ax.plot([left, right], [y, y], color=INK, linewidth=3.0, solid_capstyle="butt")
 
 
 def _name_rank(ax: Any, law: str, rank: float, y: float, colour: str, on_left: bool) -> None:
@@ -299,19 +319,23 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     """
     sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.2, above=0.05)
+    success = 100.0 * evaluations["successes"] / evaluations["runs"]
+    evaluations = evaluations.assign(success=success)
     for law, style in _line_styles(laws).items():
-        tried = evaluations[evaluations["law"] == law].sort_values("number")
-        success = 100.0 * tried["successes"] / tried["runs"]
-        by_seed = tried.assign(success=success).pivot_table(
-            index="number", columns="seed", values="success"
-        )
+        tried = evaluations[evaluations["law"] == law]
+        by_seed = tried.pivot_table(index="number", columns="seed", values="success")
         best = by_seed.cummax()
         count = best.index + 1
         marks = markers(law, laws, len(count))
         ax.plot(count, best.median(axis=1), **style, **marks)
-        least = best.min(axis=1)
-        greatest = best.max(axis=1)
-        ax.fill_between(count, least, greatest, color=style["color"], alpha=0.12, linewidth=0)
+        ax.fill_between(
+            count,
+            best.min(axis=1),
+            best.max(axis=1),
+            color=style["color"],
+            alpha=0.12,
+            linewidth=0,
+        )
     ax.set_xlabel("evaluations of each law, the default first")
     ax.set_ylabel("success on training scenes [%]")
     _legend(sheet, laws)

@@ -218,10 +218,11 @@ def _reversal_sizes(before: Ranking, after: Ranking) -> dict[tuple[str, str], fl
     sizes = {}
     in_both = [law for law in before.laws if law in after.laws]
     for a, b in combinations(in_both, 2):
-        is_reversed = after.differences[a, b].value < 0.0
-        if is_reversed and before.significant(a, b) and after.significant(a, b):
-            gap_before = before.differences[a, b].value
-            gap_after = after.differences[b, a].value
+        if not before.significant(a, b) or not after.significant(a, b):
+            continue
+        gap_before = before.differences[a, b].value
+        gap_after = after.differences[b, a].value
+        if gap_after > 0.0:
             sizes[a, b] = min(gap_before, gap_after)
     return sizes
 

@@ -93,7 +93,9 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
     missing_results = {}
     for author, study in studies.items():
         require_whole(study, testset, author)
-        names = {law: law if law not in sources else f"{law} ({author})" for law in study.laws}
+        names = {}
+        for law in study.laws:
+            names[law] = f"{law} ({author})" if law in sources else law
         for law, name in names.items():
             sources[name] = law, study, author
         controllers = study.runs["controller"].map(names)
@@ -124,4 +126,5 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
 def _ranked(runs: pd.DataFrame, condition: str, column: str) -> Ranking:
     """Rank the laws in a condition by a column of flags."""
     chosen = runs[runs[CONDITION] == condition]
-    return ranked(chosen.pivot(index=SCENE, columns="controller", values=column), condition)
+    flags = chosen.pivot(index=SCENE, columns="controller", values=column)
+    return ranked(flags, condition)

@@ -20,7 +20,7 @@ from ..statistics import (
     simultaneous,
 )
 from ..statistics.judged import MIN_SCENES, judged_metric
-from .dataset import Dataset
+from .dataset import SCENE, Dataset
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -238,18 +238,28 @@ def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
     # A stable sort keeps the order of ties.
     counts = flags.sum().sort_values(ascending=False, kind="stable")
     laws = tuple(map(str, counts.index))
-    arrays = {law: flags[law].to_numpy() for law in laws}
-    shares = {law: Share.of(rate(arrays[law])) for law in laws}
+    successes = {}
+    shares = {}
+    for law in laws:
+        successes[law] = flags[law].to_numpy()
+        shares[law] = Share.of(rate(successes[law]))
     pairs = list(combinations(laws, 2))
     level = simultaneous(0.95, len(pairs))
     differences = {}
     for a, b in pairs:
-        tested = mcnemar(arrays[a], arrays[b], level)
+        tested = mcnemar(successes[a], successes[b], level)
         difference = Share(tested.difference, tested.low, tested.high)
         differences[a, b] = difference
         differences[b, a] = difference.reversed
-    families = flags.index.get_level_values(0).nunique()
-    return Ranking(condition, laws, shares, differences, len(flags), families)
+    families = flags.index.get_level_values(0)
+    return Ranking(
+        condition,
+        laws,
+        shares,
+        differences,
+        scenes=len(flags),
+        families=families.nunique(),
+    )
 
 
 class PairVerdict(NamedTuple):
@@ -326,20 +336,20 @@ def best_by(
     The best one is followed by its ties. Only scenes in which all succeed are used. Return None
     without such scenes, or for fewer than two controllers.
     """
-    values = dataset.paired(condition, metric)[list(laws)].astype(float)
-    success = dataset.paired(condition, "success").astype(bool)[list(laws)]
+    laws = list(laws)
+    values = dataset.paired(condition, metric)[laws].astype(float)
+    success = dataset.paired(condition, "success")[laws].astype(bool)
     # One set of scenes for all laws, so that the same scenes decide which law is first.
-    is_judged = success.all(axis=1) & values.notna().all(axis=1)
-    values = values[is_judged]
+    values = values[success.all(axis=1)].dropna()
     if len(laws) < 2 or values.empty:
         return None
     medians = values.median()
     less_is_better = judged_metric(metric).better == "less"
     first = str(medians.idxmin() if less_is_better else medians.idxmax())
     runs = dataset.among(condition)
-    in_scenes = runs.set_index(["family", "scene"]).index.isin(values.index)
-    is_compared = runs["controller"].isin(list(laws))
-    pairs = pairwise_verdicts(runs[is_compared & in_scenes], metric, ratio=ratio)
+    runs = runs[runs["controller"].isin(laws)]
+    in_scenes = runs.set_index(SCENE).index.isin(values.index)
+    pairs = pairwise_verdicts(runs[in_scenes], metric, ratio=ratio)
     best = [first]
     for law in laws:
         if law != first and pairs[first, law].verdict != "better":

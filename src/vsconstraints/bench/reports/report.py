@@ -210,20 +210,21 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
     panels: dict[str, list[Panel]] = {metric: [] for metric in PROFILED}
     diagrams: list[Diagram] = []
     conditions = dataset.conditions if len(dataset.laws) > 1 else ()
-    for (metric, words), condition in product(PROFILED.items(), conditions):
+    for metric, condition in product(PROFILED, conditions):
         cost = costs(dataset.among(condition), metric).table
         laws = tuple(law for law in dataset.laws if law in cost.columns)
         values = cost[list(laws)].to_numpy(float)
         if not len(values):
             continue
-        panels[metric].append((f"{words}, {condition}", laws, profile(values)))
+        title = f"{PROFILED[metric]}, {condition}"
+        panels[metric].append((title, laws, profile(values)))
         if metric == RANKED_BY:
             diagrams.append((condition_text(condition), laws, ranks(values)))
     figures = [
         dataset.picture(PROFILES, list(panels.values()), dataset.laws),
         dataset.picture(CRITICAL_DIFFERENCE, diagrams, dataset.laws),
     ]
-    return {"figures": list(filter(None, figures))}
+    return {"figures": [figure for figure in figures if figure]}
 
 
 def _singles(dataset: Dataset) -> dict[str, Any]:

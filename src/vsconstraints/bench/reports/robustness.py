@@ -155,9 +155,15 @@ def _power(concluded: Sequence[Conclusion], verdicts: PairVerdicts) -> Power:
         differing = median(other.differ / other.scenes for other in others if other.scenes)
     # each pair has a verdict in both orders
     tests = sum(verdict.verdict != "too few" for verdict in verdicts.values()) // 2
-    least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+    confidence = simultaneous(0.95, tests)
     conclusion = concluded[0]
-    return Power(conclusion.measure.name, conclusion.condition, len(concluded), scenes, least)
+    return Power(
+        conclusion.measure.name,
+        conclusion.condition,
+        len(concluded),
+        scenes,
+        detectable(int(scenes), differing, confidence, POWER),
+    )
 
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:

@@ -154,11 +154,14 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
     def excess(delta: float) -> float:
         # p is the positive root of 2 n p² + linear p − only_b δ (1 − δ) = 0
+        spread = delta * (1.0 - delta)
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b
         discriminant = linear**2 + 8 * n * only_b * delta * (1.0 - delta)
-        p = (math.sqrt(max(discriminant, 0.0)) - linear) / (4 * n)
-        variance = n * (2.0 * p + delta * (1.0 - delta))
-        return apart - n * delta - z * math.sqrt(max(variance, 0.0))
+        root = math.sqrt(max(discriminant, 0.0))
+        p = (root - linear) / (4 * n)
+        variance = n * (2.0 * p + spread)
+        deviation = math.sqrt(max(variance, 0.0))
+        return apart - n * delta - z * deviation
 
     # exclude the observed difference: the expression may be zero there too, but it is not the end
     # of the interval
@@ -182,9 +185,12 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
     def excess(delta: float) -> float:
         # share of scenes that differ, and probability that the first law wins in one of these
         share = max(differing, delta)
-        wins = (1.0 + delta / share) / 2.0 if share else 0.5
+        wins = 0.5
+        if share:
+            wins = (1.0 + delta / share) / 2.0
         significant = binom.sf(needed_wins - 1.0, m, wins)
-        return float(binom.pmf(m, n, share) @ significant) - power
+        detected = binom.pmf(m, n, share) @ significant
+        return float(detected) - power
 
     if excess(1.0) <= 0.0:
         return math.inf

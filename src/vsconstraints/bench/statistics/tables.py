@@ -48,12 +48,12 @@ def rates(
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
     flags = OUTCOMES[outcome].flag(checked(runs, by))
+    key = (*by, LAW)
     lines = []
-    for group, group_runs in _groups(runs.assign(flag=flags), (*by, LAW)):
+    for group, group_runs in _groups(runs.assign(flag=flags), key):
         result = rate(group_runs["flag"].to_numpy(bool), confidence)
-        columns = (result.count, result.of, result.share, result.low, result.high)
-        lines.append((*group, *columns))
-    return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
+        lines.append((*group, result.count, result.of, result.share, result.low, result.high))
+    return _frame((*key, "count", "of", "share", "low", "high"), lines)
 
 
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
@@ -64,11 +64,13 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
     """
     judged = judged_metric(metric)
     column = values(checked(runs, by, judged), judged)
+    key = (*by, LAW)
     lines = []
-    for group, group_runs in _groups(runs.assign(value=column), (*by, LAW)):
-        middle, low, high, counted = median(group_runs["value"].dropna(), confidence)
-        lines.append((*group, counted, len(group_runs), middle, low, high))
-    return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
+    for group, group_runs in _groups(runs.assign(value=column), key):
+        counted = group_runs["value"].dropna()
+        middle, low, high, n = median(counted, confidence)
+        lines.append((*group, n, len(group_runs), middle, low, high))
+    return _frame((*key, "counted", "of", "median", "low", "high"), lines)
 
 
 class Costs(NamedTuple):
@@ -158,12 +160,14 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
     known_a = ~np.isnan(a)
     known_b = ~np.isnan(b)
     both = known_a & known_b
+    only_a = known_a & ~known_b
+    only_b = known_b & ~known_a
     result = paired(a, b, better=better, least=least, confidence=confidence)
     comparison = Comparison(
         scenes=len(a),
         paired=result.n,
-        only_a=int((known_a & ~known_b).sum()),
-        only_b=int((known_b & ~known_a).sum()),
+        only_a=int(only_a.sum()),
+        only_b=int(only_b.sum()),
         differ=result.wins + result.losses,
         difference=result.median,
         low=result.low,

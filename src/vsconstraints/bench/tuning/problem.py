@@ -102,18 +102,18 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     if status != "converged" and not both_still_move:
         return Outcome(status, violated, REFERENCE)
     unused = 1.0 - float(result["utilization"])
-    variation = float(result["acceleration_variation"])
     # a command that never changes has a variation of zero
-    log_variation = math.log10(variation) if variation > 0.0 else -math.inf
-    tracking = float(baseline["settling_time_s"])
+    log_variation = -math.inf
+    variation = float(result["acceleration_variation"])
+    if variation > 0.0:
+        log_variation = math.log10(variation)
     settling = math.nan
+    tracking = float(baseline["settling_time_s"])
     if tracking > 0.0:
         settling = float(result["settling_time_s"]) / tracking
-    bounded = []
-    for value, worst in zip((unused, log_variation, settling), REFERENCE, strict=True):
-        # min and max would not pass NaN on
-        bounded.append(value if math.isnan(value) else min(max(value, -worst), worst))
-    return Outcome(status, violated, tuple(bounded))
+    worst = np.array(REFERENCE)
+    point = np.clip([unused, log_variation, settling], -worst, worst)
+    return Outcome(status, violated, tuple(point.tolist()))
 
 
 def judged(outcomes: Sequence[Outcome]) -> Judged:
@@ -166,8 +166,8 @@ def choose(settings: Sequence[Judged]) -> int:
     points = np.array([settings[i].point for i in best]) / units
     ideal = points.min(axis=0)
     distance = np.linalg.norm(points - ideal, axis=1)
-    is_nearest = distance <= distance.min() * (1.0 + ROUNDING)
-    nearest = [i for i, near in zip(best, is_nearest, strict=True) if near]
+    greatest = distance.min() * (1.0 + ROUNDING)
+    nearest = [best[k] for k in np.flatnonzero(distance <= greatest)]
     return min(nearest, key=lambda i: (settings[i].point, i))
 
 
@@ -332,14 +332,15 @@ def evaluating(batches: Sequence[Batch], workers: int | None, files: Files) -> I
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             if not settings:
                 return []
-            named = [replace(setting, name=str(i)) for i, setting in enumerate(settings)]
+            named = []
+            outcomes: list[dict[str, list[Outcome]]] = []
+            for i, setting in enumerate(settings):
+                named.append(replace(setting, name=str(i)))
+                outcomes.append({name: [] for name in (ALL, *families)})
             calls = []
             for batch in batches:
                 controllers = (*batch.controllers, *named)
                 calls.append(replace(batch, controllers=controllers))
-            outcomes: list[dict[str, list[Outcome]]] = []
-            for _ in settings:
-                outcomes.append({name: [] for name in (ALL, *families)})
             for position, part in results(calls, pool):
                 require_unchanged_files(part.files, files)
                 files.update(part.files)

@@ -203,7 +203,8 @@ def seal(folder: Path, paths: Iterable[Path]) -> None:
     """
     known = recorded(folder) or {}
     names = {path.relative_to(folder).as_posix(): path for path in paths if path.is_file()}
-    known |= digests(folder, (path for name, path in names.items() if name not in known))
+    new = [path for name, path in names.items() if name not in known]
+    known |= digests(folder, new)
     write_sums(folder, {name: known[name] for name in names})
 
 

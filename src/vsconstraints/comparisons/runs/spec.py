@@ -211,11 +211,14 @@ class ControllerSpec:
     @property
     def files(self) -> tuple[Path, ...]:
         """Files in which a custom controller is defined, and those of a stack's command."""
+        files = [*module_files([self.law], self.folder)]
+        command = self.options.get("command")
         is_stack = ":" in self.law and self.law == stack_law()
-        command = self.options.get("command", ()) if is_stack else ()
-        parts = command if isinstance(command, list | tuple) else ()
-        own = [Path(part) for part in parts if isinstance(part, str) and isfile(part)]
-        return (*module_files([self.law], self.folder), *own)
+        if is_stack and isinstance(command, list | tuple):
+            for part in command:
+                if isinstance(part, str) and isfile(part):
+                    files.append(Path(part))
+        return tuple(files)
 
     def make(self) -> Controller:
         """Create a controller; raises ConfigurationError or InvalidInput that names the cause."""

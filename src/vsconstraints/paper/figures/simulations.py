@@ -10,7 +10,7 @@ from ...comparisons.run import Run
 from ...constraints import FieldOfView
 from ...reports import plots
 from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
-from ...reports.plots.image import Plane, square
+from ...reports.plots.image import Plane, rectangle
 from ...rows import Array
 from ...vision.camera import Camera
 from ..case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, active_spans, at_once, phases
@@ -34,7 +34,7 @@ def draw_hyperellipses() -> Sheet:
     camera = Camera((600.0, 600.0), size)
     (ax,) = sheet.views((4.6, 4.6 * height / width))
     border = {"color": INK, "linewidth": 2.6}
-    square(ax, (0.0, 0.0), width / 2, height / 2, solid_joinstyle="miter", **border)
+    rectangle(ax, np.zeros(2), 0.5 * np.array([width, height]), solid_joinstyle="miter", **border)
     entries = [line("image", INK) | border]
     exponents = (2, 4, 8, 16)
     dashes = ("-", "--", "-.", "-")
@@ -122,7 +122,7 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     sheet.bottom = 0.28
     whole, detail = sheet.views((3.0, 3.0), (2.05, 2.05), gap=0.45)
     entries = paper.draw_tracks(whole, run, upwards=True)
-    square(whole, met.centre, met.half, met.half, color=INK, linewidth=0.9, zorder=7)
+    rectangle(whole, np.array(met.centre), met.half, color=INK, linewidth=0.9, zorder=7)
     Plane.of(run.setup).draw_part(detail, np.array(met.centre), np.full(2, met.half))
     detail.invert_yaxis()
     detail.set_title("detail", loc="left", fontsize=8.5, pad=3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -22,6 +22,14 @@ GREY = "#666666"
 # Sizes of markers [pt].
 SMALL = 5.0
 LARGE = 11.0
+HOLLOW = symbol(
+    "o",
+    "white",
+    GREY,
+    7.0,
+    label="hollow: a constraint was violated",
+    markeredgewidth=1.5,
+)
 RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
 # Width of a bold letter of a name, and height of a name [pt].
 LETTER = 5.6
@@ -35,6 +43,12 @@ FAR = (
     *((0, up) for up in (2, -2, 3, -3)),
 )
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
+NAME_BOX: dict[str, Any] = {
+    "boxstyle": "square,pad=0.05",
+    "facecolor": "white",
+    "edgecolor": "none",
+    "alpha": 0.8,
+}
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
@@ -48,7 +62,8 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
             continue
         shown[name] = []
         for run in results.all_runs(name):
-            if math.isfinite(run["utilization"]) and run["acceleration_variation"] > 0.0:
+            is_limited = math.isfinite(run["utilization"])
+            if is_limited and run["acceleration_variation"] > 0.0:
                 shown[name].append(run)
     return shown
 
@@ -68,11 +83,13 @@ class Centre(NamedTuple):
         used = finite_values(run["utilization"] for run in converged)
         variation = finite_values(run["acceleration_variation"] for run in converged)
         if not used or not variation:
-            unknown = (math.nan, math.nan)
-            return cls(math.nan, math.nan, unknown, unknown)
-        used_range = (min(used), max(used))
-        variation_range = (min(variation), max(variation))
-        return cls(median(used), median(variation), used_range, variation_range)
+            used = variation = [math.nan]
+        return cls(
+            used=median(used),
+            variation=median(variation),
+            used_range=(min(used), max(used)),
+            variation_range=(min(variation), max(variation)),
+        )
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
@@ -81,31 +98,32 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     Large markers have the controller's name and ranges.
     """
     runs_of_all = shown_runs(results, results.competitors)
-    drawn = {name: runs for name, runs in runs_of_all.items() if runs and name in controllers}
+    drawn = []
+    for name, runs in runs_of_all.items():
+        if runs and name in controllers:
+            drawn.append(name)
     if not drawn:
         return None
     look = looks(controllers)
     sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
-    centres = {}
-    for name, runs in drawn.items():
-        for run in runs:
+    centres = {name: Centre.of(results.all_runs(name)) for name in runs_of_all}
+    named = {}
+    without_name = {}
+    for name in drawn:
+        for run in runs_of_all[name]:
             _mark_run(ax, run, look[name])
-        centre = Centre.of(results.all_runs(name))
-        if centre.variation > 0.0:
-            centres[name] = centre
-    for name, centre in centres.items():
+        if centres[name].variation > 0.0:
+            named[name] = centres[name]
+        else:
+            without_name[name] = look[name]
+    for name, centre in named.items():
         _mark_centre(ax, centre, look[name])
     # Axes are those of all controllers, so that the figures of several groups can be compared.
-    variations: list[float] = []
-    for name in runs_of_all:
-        variations += Centre.of(results.all_runs(name)).variation_range
     runs_of_axes = [*chain(*runs_of_all.values())]
-    variations += [run["acceleration_variation"] for run in runs_of_axes]
-    _scale_axes(ax, runs_of_axes, [value for value in variations if value > 0.0])
+    _scale_axes(ax, runs_of_axes, centres.values())
     width = WIDTH - sheet.left - sheet.right
-    name_centres(ax, centres, look, (POINTS * width, POINTS * HEIGHT))
-    without_name = {name: look[name] for name in drawn if name not in centres}
+    name_centres(ax, named, look, (POINTS * width, POINTS * HEIGHT))
     sheet.bottom += 0.08
     sheet.legend(_entries(without_name), 2)
     return sheet
@@ -115,49 +133,57 @@ def _entries(without_name: Mapping[str, Look]) -> list[dict[str, Any]]:
     """Return the legend entries of controllers without a name in the figure, and of the marks."""
     entries = []
     for name, look in without_name.items():
-        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=shortened(name)))
-    hollow = symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated")
+        label = shortened(name)
+        entries.append(symbol(look.marker, look.colour, look.colour, 8.0, label=label))
     entries += [
         symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
         line("from the least to the greatest of them", GREY, linewidth=RANGE["linewidth"]),
         symbol("o", GREY, GREY, SMALL, label="one run"),
-        hollow | {"markeredgewidth": 1.5},
+        HOLLOW,
     ]
     return entries
 
 
-def _scale_axes(ax: Any, runs: Sequence[Line], variations: Sequence[float]) -> None:
-    """Set limits, logarithmic scales, ticks and labels for these runs and variations."""
+def _scale_axes(ax: Any, runs: Sequence[Line], centres: Iterable[Centre]) -> None:
+    """Set limits, logarithmic scales, ticks and labels for these runs and medians."""
+    variations = [run["acceleration_variation"] for run in runs]
+    for centre in centres:
+        variations += centre.variation_range
+    positive = [variation for variation in variations if variation > 0.0]
+    lowest = min(positive) / 1.6
+    highest = 1.6 * max(positive)
+    logarithmic(ax.yaxis, decades(lowest, highest))
+    ax.set_ylim(lowest, highest)
+    ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
     unused = [_unused_share(run["utilization"]) for run in runs]
     most = 1.4 * max(0.1, *unused)
     least = max(min(unused) / 1.6, LEAST_UNUSED)
     logarithmic(ax.xaxis, ())
     ax.set_xlim(most, least)
-    lowest = min(variations) / 1.6
-    highest = 1.6 * max(variations)
-    logarithmic(ax.yaxis, decades(lowest, highest))
-    ax.set_ylim(lowest, highest)
-    places = []
-    labels = []
+    ticks = {}
     for share in SHARES:
         place = 1.0 - share
         if least - 1e-12 <= place <= most:
-            places.append(place)
-            labels.append(f"{100.0 * share:g}" if share < SHARES[-1] else "≥ 99.99")
-    ax.set_xticks(places, labels)
+            ticks[place] = f"{100.0 * share:g}"
+            if share == SHARES[-1]:
+                ticks[place] = "≥ 99.99"
+    ax.set_xticks([*ticks], [*ticks.values()])
     ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
-    ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
 
 
 def _mark_run(ax: Any, run: Line, look: Look) -> None:
     """Draw a run as a small marker, hollow if a row was violated."""
+    face = "white"
+    edge = look.colour
+    width = 1.5
     if run["violation_depth"] == 0.0:
-        mark = symbol(look.marker, look.colour, darker(look.colour), SMALL, markeredgewidth=0.7)
-    else:
-        mark = symbol(look.marker, "white", look.colour, SMALL, markeredgewidth=1.5)
+        face = look.colour
+        edge = darker(look.colour)
+        width = 0.7
+    mark = symbol(look.marker, face, edge, SMALL, markeredgewidth=width)
     x = _unused_share(run["utilization"])
     y = run["acceleration_variation"]
-    ax.plot([x], [y], **mark, clip_on=False, alpha=0.6, zorder=3)
+    ax.plot(x, y, **mark, clip_on=False, alpha=0.6, zorder=3)
 
 
 def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
@@ -165,10 +191,19 @@ def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
     x = _unused_share(centre.used)
     y = centre.variation
     x_range = [_unused_share(used) for used in centre.used_range]
-    ax.plot(x_range, [y, y], color=look.colour, **RANGE)
-    ax.plot([x, x], centre.variation_range, color=look.colour, **RANGE)
-    mark = symbol(look.marker, look.colour, "white", LARGE, markeredgewidth=1.0)
-    ax.plot([x], [y], **mark, clip_on=False, zorder=4)
+    cross = RANGE | {"color": look.colour}
+    ax.plot(x_range, [y, y], **cross)
+    ax.plot([x, x], centre.variation_range, **cross)
+    mark = symbol(
+        look.marker,
+        look.colour,
+        "white",
+        LARGE,
+        markeredgewidth=1.0,
+        clip_on=False,
+        zorder=4,
+    )
+    ax.plot(x, y, **mark)
 
 
 def name_centres(
@@ -186,7 +221,9 @@ def name_centres(
         x, y = to_axes.transform((_unused_share(centre.used), centre.variation))
         places[name] = (float(x) * width, float(y) * height)
     marker = 1.2 * LARGE
-    taken = [_box(x, y, marker, marker) for x, y in places.values()]
+    taken = []
+    for x, y in places.values():
+        taken.append(_box(x, y, marker, marker))
     # Names are placed from the highest marker to the lowest.
     for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
         text = shortened(name)
@@ -220,12 +257,7 @@ def name_centres(
             fontweight="bold",
             color=darker(colour),
             arrowprops=leader,
-            bbox={
-                "boxstyle": "square,pad=0.05",
-                "facecolor": "white",
-                "edgecolor": "none",
-                "alpha": 0.8,
-            },
+            bbox=NAME_BOX,
             zorder=6,
         )
 

@@ -109,6 +109,7 @@ def _draw_activity(ax: Any, view: View, height: float) -> None:
     ax.set_title("when each constraint is active", loc="left", fontsize=8, color=FAINT, pad=2)
     ax.set(ylim=(height * len(view.lane_rows), 0.0), yticks=[])
     ax.grid(False)
+    least_length = view.rows_end / 500.0
     for i, label in enumerate(view.lane_rows):
         top = i * height
         if i % 2 == 0:
@@ -118,11 +119,12 @@ def _draw_activity(ax: Any, view: View, height: float) -> None:
             trajectory = run.trajectory
             if label not in trajectory.labels:
                 continue
-            active = trajectory.active[:, trajectory.labels.index(label)]
+            row = trajectory.labels.index(label)
+            active = trajectory.active[:, row]
             least_gap = max(10.0 * run.Ts, view.rows_end / 200.0)
             bars = []
             for begin, end in intervals(trajectory.t, active, least_gap):
-                length = max(end - begin, view.rows_end / 500.0)
+                length = max(end - begin, least_length)
                 bars.append((begin, length))
             lane_top = top + 0.5 * LANE_GAP + k * LANE
             ax.broken_barh(
@@ -222,13 +224,14 @@ def draw_acceleration(view: View) -> Sheet:
     for name in view.shown:
         trajectory = view.runs[name].trajectory
         commands[name] = (trajectory.t, trajectory.qdd_command)
-    scale = (1.0, 1.3 * _largest_command(view))
-    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", scale, 0.26)
-    for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
+    limit = 1.3 * _largest_command(view)
+    sheet, panels, colours = joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
+    for ax, name in zip(panels, commands, strict=True):
+        view.title(ax, name)
+        t, qdd = commands[name]
         windows = windows_of(t, qdd, MEAN_BINS)
         for mean, colour in zip(windows.mean.T, colours, strict=False):
             ax.plot(windows.t, mean, color=colour, linewidth=1.1, zorder=3)
-        view.title(ax, name)
     return sheet
 
 

@@ -5,6 +5,7 @@ The close-up shows the place where controllers differ most.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -14,10 +15,10 @@ from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...rows import Array
-from ..plots.image import OUTSIDE, START, Plane, numbered, passes_through, square, tracks
+from ..plots.image import OUTSIDE, START, Plane, numbered, passes_through, rectangle, tracks
 from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK, line, patch, symbol
-from .view import View
+from .view import View, is_violated
 
 #: Half the side of the close-up, larger for a deeper violation, and the depth beyond which
 #: violations need no close-up, relative to the larger side of the image.
@@ -33,9 +34,9 @@ LEGEND_LINE = 0.21
 # Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
-EARLIER = symbol("*", "white", size=6.3)
-LAST = symbol("*", INK, "white", size=6.3)
-VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
+EARLIER = symbol("*", "white", size=6.3, zorder=6.2)
+LAST = symbol("*", INK, "white", size=6.3, zorder=6.2)
+VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6, "zorder": 5}
 
 
 class CloseUp(NamedTuple):
@@ -75,9 +76,10 @@ def draw_tracks(view: View) -> Sheet | None:
         plane.draw(ax, labels=False)
         draw_run(ax, view, name)
         view.title(ax, name, fontsize=8)  # leaves room for the longest status
-        ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
+        status = view.runs[name].trajectory.status
+        ax.set_title(status, loc="right", color=FAINT, fontsize=8, pad=4)
         if detail is not None:
-            square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
+            rectangle(ax, detail.centre, detail.half, color=INK, linewidth=0.8, zorder=8)
             beside = sheet.beside_panel(ax, APART, BESIDE * width)
             plane.draw_part(beside, detail.centre, np.full(2, detail.half))
             draw_run(beside, view, name, 1.5)
@@ -127,26 +129,27 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
         zorder=4,
     )
     for track in _violations(run):
-        ax.plot(*track.T, **VIOLATED, zorder=5)
-    end = symbol("o", look.colour, "white", 5.5)
-    ax.plot(*pixels[-1].T, **end, zorder=6)
-    goals = view.setup.task.goals if view.setup is not None else ()
-    for goal in goals:
-        star = LAST if goal is goals[-1] else EARLIER
-        ax.plot(*goal.pixels.T, **star, zorder=6.2)
+        ax.plot(*track.T, **VIOLATED)
+    end = symbol("o", look.colour, "white", 5.5, zorder=6)
+    ax.plot(*pixels[-1].T, **end)
+    if view.setup is not None:
+        *earlier, last = view.setup.task.goals
+        for goal in earlier:
+            ax.plot(*goal.pixels.T, **EARLIER)
+        ax.plot(*last.pixels.T, **LAST)
     numbered(ax, pixels[0])
 
 
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
     """Yield the index of each row on a marker's place in the image, and that place (N, 2) [px]."""
-    pixels = run.trajectory.features_px
+    trajectory = run.trajectory
+    pixels = trajectory.features_px
     marker_count = pixels.shape[1]
-    for i, label in enumerate(run.trajectory.labels):
-        _, _, end = label.rpartition("marker ")
-        number = end.rstrip("]")
-        if run.units[i] != "px" or not number.isdecimal():
+    for i, label in enumerate(trajectory.labels):
+        match = re.search(r"marker (\d+)\]*$", label)
+        if run.units[i] != "px" or match is None:
             continue
-        marker = int(number) - 1
+        marker = int(match[1]) - 1
         if marker < marker_count:
             yield i, pixels[:, marker]
 
@@ -155,21 +158,22 @@ def _entries(
     view: View, plane: Plane, names: list[str], detail: CloseUp | None
 ) -> list[dict[str, Any]]:
     """Return the legend entries of tracks, image and close-up."""
-    goal_count = 0 if view.setup is None else len(view.setup.task.goals)
     entries = [START | {"label": "start of marker 1, 2, …"}]
-    if goal_count == 1:
-        entries.append(LAST | {"label": "goal"})
-    elif goal_count > 1:
-        entries.append(EARLIER | {"label": "earlier goal"})
-        entries.append(LAST | {"label": "last goal"})
-    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
+    if view.setup is not None:
+        if len(view.setup.task.goals) > 1:
+            entries.append(EARLIER | {"label": "earlier goal"})
+            entries.append(LAST | {"label": "last goal"})
+        else:
+            entries.append(LAST | {"label": "goal"})
+    end = symbol("o", "#777777", "white", 5.5, label="end, where not at the goal")
+    entries.append(end)
     if view.baseline is not None and view.competitors:
         colour = view.looks[BASELINE].colour
-        entries.append(line("tracking alone", colour) | {"linewidth": 0.9})
-    runs = [view.runs[name] for name in names]
-    is_violated = [any(True for _ in _violations(run)) for run in runs]
-    if any(is_violated):
-        entries.append(line("row in the image violated", **VIOLATED))
+        entries.append(line("tracking alone", colour, linewidth=0.9))
+    for name in names:
+        if any(True for _ in _violations(view.runs[name])):
+            entries.append(line("row in the image violated", **VIOLATED))
+            break
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
         side = round(2.0 * detail.half)
@@ -180,10 +184,10 @@ def _entries(
 
 def _violations(run: RunRecord) -> Iterator[Array]:
     """Yield pixels (N, 2) of a marker while it violates a row in the image, NaN otherwise."""
+    outside = is_violated(run)
     for i, pixels in _rows_in_image(run):
-        outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
-        if outside.any():
-            yield np.where(outside[:, None], pixels, np.nan)
+        if outside[:, i].any():
+            yield np.where(outside[:, i, None], pixels, np.nan)
 
 
 def close_up(view: View, plane: Plane) -> CloseUp | None:
@@ -194,9 +198,10 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     it.
     """
     candidates: list[tuple[float, CloseUp]] = []
-    for name, run in view.runs.items():
+    for name in view.runs:
         if name == BASELINE:
             continue
+        run = view.runs[name]
         for i, pixels in _rows_in_image(run):
             if run.trajectory.labels[i] in view.phi_rows:
                 candidates += _candidates(run, i, pixels, plane)
@@ -215,24 +220,29 @@ def _candidates(
     Yield it with the clearance there relative to L; none if the row does not matter, or if the
     violation is deep enough to be seen in the whole image.
     """
+    trajectory = run.trajectory
     size = max(plane.size)
     is_shown = (np.abs(pixels) <= plane.half).all(axis=1)
-    clearance = np.where(is_shown, run.trajectory.clearance[:, i], np.inf)
+    clearance = np.where(is_shown, trajectory.clearance[:, i], np.inf)
     nearest = int(np.argmin(clearance))
     least = float(clearance[nearest])
-    is_active = run.trajectory.active[:, i].any()
-    is_violated = least < -NEGLIGIBLE * run.length[i]
-    if least > -MAX_DEPTH * size and (is_active or is_violated):
+    if least <= -MAX_DEPTH * size:
+        return
+    length = run.length[i]
+    is_outside = least < -NEGLIGIBLE * length
+    if is_outside or trajectory.active[:, i].any():
         half = max(SHARE * size, -1.6 * least)
-        yield least / run.length[i], CloseUp(pixels[nearest], half)
+        yield least / length, CloseUp(pixels[nearest], half)
 
 
 def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
     """Return True if a fixed or moving boundary passes through a close-up."""
+    centre = detail.centre
     for _, lines in plane.moving:
         for points in lines:
-            if passes_through(points - detail.centre, detail.half):
+            if passes_through(points - centre, detail.half):
                 return True
     offsets = np.linspace(-detail.half, detail.half, GRID)
-    depth = plane.depth(detail.centre[0] + offsets, detail.centre[1] + offsets)
+    u, v = centre[:, None] + offsets
+    depth = plane.depth(u, v)
     return bool(depth.min() <= 0.0 <= depth.max())

@@ -12,7 +12,7 @@ import numpy as np
 from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
-from ...rows import Array
+from ...rows import Array, BoolArray
 from ...simulation import Setup, Tolerances, Trajectory
 from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_axis, widths
 
@@ -66,9 +66,13 @@ class View:
         A run is at rest once its errors stay within a fifth of their tolerances from their final
         values.
         """
-        longest = max(float(run.trajectory.t[-1]) for run in self.runs.values())
         tolerances = Tolerances() if self.setup is None else self.setup.tolerances
-        rest = max(rest_time(run.trajectory, tolerances) for run in self.runs.values())
+        longest = 0.0
+        rest = 0.0
+        for run in self.runs.values():
+            trajectory = run.trajectory
+            longest = max(longest, float(trajectory.t[-1]))
+            rest = max(rest, rest_time(trajectory, tolerances))
         return min(longest, AFTER * rest) if rest > 0.0 else longest
 
     @cached_property
@@ -80,15 +84,14 @@ class View:
         shown_rows = {*self.phi_rows, *self.lane_rows}
         last = 0.0
         for name in self.shown:
-            run = self.runs[name]
-            trajectory = run.trajectory
+            trajectory = self.runs[name].trajectory
+            is_relevant = is_violated(self.runs[name])
+            if name != BASELINE:
+                is_relevant |= trajectory.active
             for i, label in enumerate(trajectory.labels):
-                if label not in shown_rows:
-                    continue
-                relevant = trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
-                if name != BASELINE:
-                    relevant |= trajectory.active[:, i]
-                last = max(last, float(np.max(trajectory.t[relevant], initial=0.0)))
+                if label in shown_rows:
+                    times = trajectory.t[is_relevant[:, i]]
+                    last = float(np.max(times, initial=last))
         return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
@@ -97,7 +100,8 @@ class View:
         The unconstrained baseline is thin and lies below the others; later lines are thinner than
         earlier ones.
         """
-        width = {BASELINE: 1.0, **widths(self.competitors)}
+        width = widths(self.competitors)
+        width[BASELINE] = 1.0
         for name in sorted(self.shown, key=lambda name: name != BASELINE):
             look = self.looks[name]
             style = {
@@ -110,11 +114,15 @@ class View:
 
     def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
         """Return legend entries of these controllers, or of all shown ones."""
+        if names is None:
+            names = self.shown
         entries = []
-        for name in self.shown if names is None else names:
+        for name in names:
             look = self.looks[name]
-            mark = {} if name == BASELINE else mark_of(look)
-            entries.append(line(shortened(name), look.colour, look.line, **mark))
+            entry = line(shortened(name), look.colour, look.line)
+            if name != BASELINE:
+                entry |= mark_of(look)
+            entries.append(entry)
         return entries
 
     def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:
@@ -125,24 +133,30 @@ class View:
         """
         if name == BASELINE or not len(t):
             return {}
-        share = (self.competitors.index(name) + 0.5) / len(self.competitors)
+        competitors = self.competitors
+        share = (competitors.index(name) + 0.5) / len(competitors)
         times = end * (np.arange(MARKS) + share) / MARKS
-        samples = np.searchsorted(t, times[times <= t[-1]])
-        return mark_of(self.looks[name]) | {"markevery": samples.tolist()}
+        shown_times = times[times <= t[-1]]
+        style = mark_of(self.looks[name])
+        style["markevery"] = np.searchsorted(t, shown_times).tolist()
+        return style
 
     def time_axis(self, ax: Any, end: float = 0.0) -> None:
         """Draw the time axis up to ``end``, by default that of the view, with the goal changes."""
         changes = set[float]()
         if self.setup is not None:
-            changes.update(goal.from_time for goal in self.setup.task.goals[1:])
+            for goal in self.setup.task.goals[1:]:
+                changes.add(goal.from_time)
         else:
             for run in self.runs.values():
-                changes.update(run.goal_begins[run.goal_begins > 0.0].tolist())
+                begins = run.goal_begins
+                changes.update(begins[begins > 0.0].tolist())
         time_axis(ax, end or self.end, sorted(changes))
 
     def title_lines(self, names: Iterable[str]) -> int:
         """Return the greatest number of lines of :meth:`title` for these controllers."""
-        return max(1 + folded(name, TITLE_LENGTH).count("\n") for name in names)
+        titles = [folded(name, TITLE_LENGTH) for name in names]
+        return max(1 + title.count("\n") for title in titles)
 
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
         """Write a controller's name above its panel, with this distance [pt]; fold a long name."""
@@ -164,8 +178,18 @@ def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
     tolerance.
     """
     errors = np.column_stack([trajectory.camera_error, trajectory.feature_error_px])
-    limits = 0.2 * np.array(
-        [tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px]
-    )
-    moving = (np.abs(errors - errors[-1]) > limits).any(axis=1)
-    return float(np.max(trajectory.t[moving], initial=0.0))
+    deviations = np.abs(errors - errors[-1])
+    accepted = [
+        tolerances.translation_m,
+        tolerances.rotation_rad,
+        tolerances.feature_px,
+    ]
+    limits = 0.2 * np.array(accepted)
+    is_moving = (deviations > limits).any(axis=1)
+    return float(np.max(trajectory.t[is_moving], initial=0.0))
+
+
+def is_violated(run: RunRecord) -> BoolArray:
+    """Return True (N, m) where a run violates a row in a sample."""
+    violated: BoolArray = run.trajectory.clearance < -NEGLIGIBLE * run.length
+    return violated

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,11 +21,24 @@ from .style import FAINT, INK, line, patch, symbol
 AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
+IMAGE = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
+#: Style of the time beside a moving boundary.
+TIME: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "clip_on": True,
+    "annotation_clip": True,
+    "fontsize": 7.5,
+    "color": FAINT,
+    "zorder": 2.2,
+}
 LABELLED = 0.93  # farthest place of a time from the centre, relative to half of the shown part
 #: Most drawings of a moving boundary; instants at which its presence in the image is checked.
 MOMENTS = 5
 INSTANTS = 200
+#: Corners of an image, in order and back to the first, relative to half its size.
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
 # Step of the grid on which the forbidden side is found [px]; the boundary line drawn on top of
 # its edge is exact.
 GRID_STEP = 2.0
@@ -86,7 +98,8 @@ class Plane:
         moved: list[Array] = []
         for _, motion, lines in self.drifting:
             displacement = motion.displacement(t)
-            moved += [line + displacement for line in lines]
+            for points in lines:
+                moved.append(points + displacement)
         return moved
 
     @property
@@ -112,15 +125,15 @@ class Plane:
         """
         if self.outline is not None:
             return self.outline
-        signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-        corners: Array = 0.5 * np.asarray(self.size) * signs
+        corners: Array = 0.5 * np.asarray(self.size) * CORNERS
         return corners
 
     @property
     def half(self) -> Array:
         """Half the size (2,) of the shown part [px]."""
+        image = 0.5 * np.asarray(self.size)
         reach = np.abs(self.edge).max(axis=0)
-        half: Array = AROUND * np.maximum(0.5 * np.asarray(self.size), reach)
+        half: Array = AROUND * np.maximum(image, reach)
         return half
 
     @cached_property
@@ -132,8 +145,11 @@ class Plane:
         """Return outlines (p, 2) of forbidden areas within ``half`` (2,) of a centre (2,) [px]."""
         if not self.constraints:
             return []
-        count = int(np.clip(2.0 * half.max() / GRID_STEP, 80, 600))
-        u, v = np.linspace(centre - half, centre + half, count, axis=1)
+        steps = 2.0 * half.max() / GRID_STEP
+        count = int(np.clip(steps, 80, 600))
+        low = centre - half
+        high = centre + half
+        u, v = np.linspace(low, high, count, axis=1)
         contours = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset")
         areas, offsets = contours.filled(0.0, 1.0)
         outlines = []
@@ -148,7 +164,7 @@ class Plane:
         Values are clipped at ±0.1.
         """
         grid = np.stack(np.meshgrid(u, v), axis=-1)
-        depth: Array = np.full(grid.shape[:-1], -0.1)
+        depth: Array = np.full((len(v), len(u)), -0.1)
         for constraint in self.constraints:
             depth = np.maximum(depth, constraint.sigma(grid))
         # Only the sign is needed; huge values far from a boundary would spoil interpolation.
@@ -161,28 +177,22 @@ class Plane:
         self.draw_part(ax, np.zeros(2), self.half, self.forbidden)
         for t, lines in self.moving:
             for points in lines:
-                middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-                if (np.abs(middle) > LABELLED * self.half).any():
-                    continue  # the label would be cut off
-                ax.annotate(
-                    f"{t:.1f} s",
-                    middle,
-                    ha="center",
-                    va="center",
-                    clip_on=True,
-                    annotation_clip=True,
-                    fontsize=7.5,
-                    color=FAINT,
-                    zorder=2.2,
-                )
+                low = points.min(axis=0)
+                high = points.max(axis=0)
+                middle = 0.5 * (low + high)
+                is_cut_off = np.abs(middle) > LABELLED * self.half
+                if not is_cut_off.any():
+                    ax.annotate(f"{t:.1f} s", middle, **TIME)
         ax.plot(*self.edge.T, **FRAME, zorder=2.5)
         if upwards:
             ax.invert_yaxis()
         for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True))
+            ticks = MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True)
+            axis.set_major_locator(ticks)
         if labels:
+            direction = "upwards" if upwards else "downwards"
             ax.set_xlabel("u [px]", labelpad=1)
-            ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
+            ax.set_ylabel(f"v [px], {direction}", labelpad=1)
 
     def draw_part(
         self, ax: Any, centre: Array, half: Array, forbidden: list[Array] | None = None
@@ -214,21 +224,22 @@ class Plane:
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Return legend entries of the image and its contents; of the boundary if it has a name."""
-        frame = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
-        entries = [frame]
+        entries = [IMAGE]
         if boundary:
             entries.append(line(boundary, **BOUNDARY))
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
             times = "these times" if len(self.times) > 1 else "that time"
-            entries.append(line(f"boundary at {times}", **_moving_style(2, MOMENTS)))
+            style = _moving_style(2, MOMENTS)
+            entries.append(line(f"boundary at {times}", **style))
         return entries
 
 
 def passes_through(points: Array, half: Array | float) -> bool:
     """Return True if a polyline (p, 2) has a point with |u| and |v| below ``half``."""
-    return bool((np.abs(points) < half).all(axis=1).any())
+    is_inside = (np.abs(points) < half).all(axis=1)
+    return bool(is_inside.any())
 
 
 def _moving_style(moment: int, count: int) -> dict[str, Any]:
@@ -239,15 +250,10 @@ def _moving_style(moment: int, count: int) -> dict[str, Any]:
     return BOUNDARY | {"linestyle": "--", "alpha": alpha}
 
 
-def square(
-    ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any
-) -> None:
-    """Draw the outline of a part of the image [px]."""
-    left = centre[0] - half_u
-    right = centre[0] + half_u
-    top = centre[1] - half_v
-    bottom = centre[1] + half_v
-    ax.plot([left, right, right, left, left], [top, top, bottom, bottom, top], **look)
+def rectangle(ax: Any, centre: Array, half: Array | float, **look: Any) -> None:
+    """Draw the outline of a part of the image, by its centre (2,) and half its sides (2,) [px]."""
+    outline = centre + half * CORNERS
+    ax.plot(*outline.T, **look)
 
 
 def tracks(ax: Any, pixels: Array, **look: Any) -> None:
@@ -270,13 +276,14 @@ def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
     for i, marker in enumerate(pixels):
         if not np.isfinite(marker).all():
             continue
-        u, v = marker
-        colour = INK
-        if within is not None and (np.abs(marker) > within).any():
-            u, v = np.clip(marker, -within, within)
-            colour = OUTSIDE
+        place = marker
+        if within is not None:
+            place = np.clip(marker, -within, within)
+        u, v = place
+        colour = INK if (place == marker).all() else OUTSIDE
         order = 6.4 + 0.01 * i
-        ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
+        disc = START | {"markeredgecolor": colour}
+        ax.plot(u, v, **disc, zorder=order, clip_on=clip)
         ax.text(
             u,
             v,
@@ -302,9 +309,8 @@ def _outline(camera: Camera) -> Array | None:
     # the upper, right, lower and left edge
     u = np.concatenate((rising, constant, -rising, -constant))
     v = np.concatenate((-constant, rising, constant, -rising))
-    edge = np.stack((u, v), axis=1)
-    pixels = edge * np.asarray(camera.size)
+    edge = np.column_stack((u, v))
     try:
-        return camera.undistort(pixels)
+        return camera.undistort(edge * np.asarray(camera.size))
     except InvalidInput:
         return None

@@ -50,9 +50,10 @@ class Sheet:
         self.beside = (left, self.bottom)
         self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
+        downwards = Affine2D().scale(1.0, -1.0)
         whole: Any = self.figure.transFigure
         from_top = ScaledTranslation(0.0, 1.0, whole)
-        self.inches: Any = Affine2D().scale(1.0, -1.0) + self.figure.dpi_scale_trans + from_top
+        self.inches: Any = downwards + self.figure.dpi_scale_trans + from_top
         self._places: dict[Any, tuple[float, float, float, float]] = {}
 
     def axes(self, left: float, top: float, width: float, height: float, **options: Any) -> Any:
@@ -61,6 +62,10 @@ class Sheet:
         self._places[ax] = left, top, width, height
         self.bottom = max(self.bottom, top + height)
         return ax
+
+    def axes_3d(self, left: float, top: float, width: float, height: float) -> Any:
+        """Add axes in space, in which objects are drawn in the order of their ``zorder``."""
+        return self.axes(left, top, width, height, projection="3d", computed_zorder=False)
 
     def panels(
         self,
@@ -127,9 +132,9 @@ class Sheet:
             axis.set_visible(False)
         return ax
 
-    def text(self, left: float, top: float, text: str, **options: Any) -> None:
-        """Write text at a place [in]."""
-        self.figure.text(left, top, text, transform=self.inches, **options)
+    def text(self, left: float, top: float, text: str, **options: Any) -> Any:
+        """Write text at a place [in], and return it."""
+        return self.figure.text(left, top, text, transform=self.inches, **options)
 
     def name(self, ax: Any, text: str, height: float = 0.5, **options: Any) -> None:
         """Write text in the left margin, beside a panel at a relative height in it (0 to 1)."""

@@ -56,8 +56,13 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     It is that of its name in ``looks.toml``, or else a preferred one that no other controller has.
     A tuned law has the colour of the law from which it was tuned, dashed.
     """
-    known = {name: LOOKS[name] for name in controllers if name in LOOKS}
-    others = [name for name in dict.fromkeys(controllers) if name not in LOOKS]
+    known = {}
+    others = []
+    for name in dict.fromkeys(controllers):
+        if name in LOOKS:
+            known[name] = LOOKS[name]
+        else:
+            others.append(name)
     # Tuned laws come last, when the looks of their originals are known.
     others.sort(key=lambda name: name.endswith(TUNED))
     for name in others:
@@ -67,7 +72,7 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
             look = known.get(original) or LOOKS.get(original) or _free_look(original, taken)
             next_marker = MARKERS.index(look.marker) + 1
             known[name] = Look(look.colour, _free_marker(next_marker, taken), DASHED)
-        elif name not in known:
+        else:
             known[name] = _free_look(name, taken)
     return {name: known[name] for name in controllers}
 
@@ -78,8 +83,7 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
     A colour that no other law has is more important than a solid line.
     """
     number = crc32(name.encode())
-    k = number % len(FREE_COLOURS)
-    preferred = [*FREE_COLOURS[k:], *FREE_COLOURS[:k]]
+    preferred = _begun_at(number, FREE_COLOURS)
     _, *coloured = COLOURS.values()  # without the baseline's grey
     colours = dict.fromkeys([*preferred, *coloured])
     taken_colours = {look.colour for look in taken}
@@ -89,7 +93,8 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
         """Return 2 if a law has the pair of line and colour, 1 if one has the colour, else 0."""
         if pair in taken_pairs:
             return 2
-        return 1 if pair[1] in taken_colours else 0
+        _, colour = pair
+        return 1 if colour in taken_colours else 0
 
     # The first of the pairs with the least conflict, solid lines before others.
     line, colour = min(product(LINES, colours), key=conflict)
@@ -98,30 +103,40 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
 
 def _free_marker(start: int, taken: Sequence[Look]) -> str:
     """Return the first marker from ``start`` on that no other law has, or that at ``start``."""
-    k = start % len(MARKERS)
+    ordered = _begun_at(start, MARKERS)
     used = {look.marker for look in taken}
-    ordered = MARKERS[k:] + MARKERS[:k]
     for marker in ordered:
         if marker not in used:
             return marker
     return ordered[0]
 
 
+def _begun_at(start: int, values: Sequence[str]) -> list[str]:
+    """Return values in their order from the one at ``start`` on, counted round and round."""
+    k = start % len(values)
+    return [*values[k:], *values[:k]]
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     """Return red, green and blue, from 0 to 255, of ``#RRGGBB``."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
 
 
 def darker(colour: str, share: float = 0.8) -> str:
     """Return a shade of a colour ``#RRGGBB`` that is dark enough for text on white."""
-    parts = [int(share * part) for part in rgb(colour)]
-    return "#{:02X}{:02X}{:02X}".format(*parts)
+    return _mixed(colour, share, 0)
 
 
 def paler(colour: str, white: float = 0.45) -> str:
     """Return a colour ``#RRGGBB`` mixed with white."""
-    parts = [int((1.0 - white) * part + white * 255) for part in rgb(colour)]
-    return "#{:02X}{:02X}{:02X}".format(*parts)
+    return _mixed(colour, 1.0 - white, white * 255)
+
+
+def _mixed(colour: str, share: float, added: float) -> str:
+    """Return ``share`` of a colour ``#RRGGBB`` with the same grey level added to each channel."""
+    channels = [int(share * channel + added) for channel in rgb(colour)]
+    return f"#{bytes(channels).hex().upper()}"
 
 
 def shortened(name: str, most: int = 40) -> str:
@@ -141,10 +156,10 @@ def folded(name: str, most: int) -> str:
         k = hyphen.end()
         longer_line = max(k, len(name) - k)
         if longer_line <= most:
-            breaks.append(k)
+            breaks.append((longer_line, k))
     if not breaks:
         return shortened(name, most)
-    middle = min(breaks, key=lambda k: abs(2 * k - len(name)))
+    _, middle = min(breaks)
     return f"{name[:middle]}\n{name[middle:]}"
 
 
@@ -153,12 +168,23 @@ def folded(name: str, most: int) -> str:
 
 def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
     """Return the legend entry of a line."""
-    return {"label": label, "color": color, "linestyle": linestyle, "linewidth": 2.0, **look}
+    style = {
+        "label": label,
+        "color": color,
+        "linestyle": linestyle,
+        "linewidth": 2.0,
+    }
+    return style | look
 
 
 def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
     """Return the legend entry of an area."""
-    return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
+    style = {
+        "label": label,
+        "facecolor": facecolor,
+        "linewidth": 0.0,
+    }
+    return style | look
 
 
 def symbol(
@@ -220,11 +246,14 @@ def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[st
     Markers of different laws stand at different places.
     """
     share = (list(laws).index(law) + 0.5) / len(laws)
+    last = count - 1
     places = set()
     for k in range(most):
         place = int(count * (k + share) / most)
-        places.add(min(place, count - 1))
-    return mark_of(looks(laws)[law]) | {"markevery": sorted(places)}
+        places.add(min(place, last))
+    style = mark_of(looks(laws)[law])
+    style["markevery"] = sorted(places)
+    return style
 
 
 def zero_line(ax: Any) -> None:
@@ -234,7 +263,8 @@ def zero_line(ax: Any) -> None:
 
 def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any) -> None:
     """Shade a range of values."""
-    ax.axhspan(low, high, **{"color": colour, "linewidth": 0.0, "zorder": 0.5, **look})
+    style = {"color": colour, "linewidth": 0.0, "zorder": 0.5}
+    ax.axhspan(low, high, **style | look)
 
 
 def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
@@ -296,18 +326,21 @@ def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[
     overlap.
     """
     last = math.floor(math.log10(max(-low, high)))
-    if low > 0.0:
-        first = math.ceil(math.log10(low))
-        count = last - first + 1
-    else:
-        first = math.ceil(math.log10(least))
-        count = 2 * (last - first + 1)
+    has_zero = low <= 0.0
+    nearest = least if has_zero else low
+    first = math.ceil(math.log10(nearest))
+    count = last - first + 1
+    if has_zero:
+        count *= 2
     step = max(math.ceil(count / most), 1)
-    if low <= 0.0:
+    if has_zero:
         first += step - 1
-    powers = [10.0**k for k in range(first, last + 1, step)]
-    negative = [-power for power in reversed(powers)]
-    return [tick for tick in (*negative, 0.0, *powers) if low <= tick <= high]
+    ticks = [0.0]
+    for exponent in range(first, last + 1, step):
+        power = 10.0**exponent
+        ticks += [-power, power]
+    ticks.sort()
+    return [tick for tick in ticks if low <= tick <= high]
 
 
 def logarithmic(
@@ -338,21 +371,23 @@ def logarithmic(
 def plain(value: float) -> str:
     """Format the number of a tick: plain digits, or a power of ten where they would be long."""
     if value == 0.0 or 1e-3 <= abs(value) < 1e4:
-        return f"{value:g}".replace("-", "−")
-    mantissa, exponent = f"{value:.0e}".split("e")
-    factor = mantissa.replace("-", "−")
-    if factor in ("1", "−1"):
-        factor = factor.removesuffix("1")
+        text = f"{value:g}"
     else:
-        factor += "·"
-    raised = str(int(exponent)).translate(RAISED)
-    return f"{factor}10{raised}"
+        mantissa, exponent = f"{value:.0e}".split("e")
+        raised = str(int(exponent)).translate(RAISED)
+        text = f"{mantissa}·10{raised}"
+        text = re.sub(r"^(-?)1·", r"\1", text)
+    return text.replace("-", "−")
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
     """Return line widths for lines that may coincide: earlier lines are wider and stay visible."""
-    step = (thickest - thinnest) / max(len(names) - 1, 1)
-    return {name: thickest - step * i for i, name in enumerate(names)}
+    steps = max(len(names) - 1, 1)
+    step = (thickest - thinnest) / steps
+    width = {}
+    for i, name in enumerate(names):
+        width[name] = thickest - step * i
+    return width
 
 
 class Windows(NamedTuple):
@@ -366,14 +401,14 @@ class Windows(NamedTuple):
 
 def windows_of(t: Array, y: Array, most: int) -> Windows:
     """Return y (N, …) at times t (N,) [s] in at most ``most`` windows."""
-    N = len(t)
-    begins = np.linspace(0, N, min(most, N), endpoint=False)
+    count = len(t)
+    begins = np.linspace(0, count, min(most, count), endpoint=False)
     starts = np.unique(begins.astype(np.int64))
-    ends = np.append(starts[1:], N) - 1
+    ends = np.append(starts[1:], count) - 1
     return Windows(
         t=0.5 * (t[starts] + t[ends]),
-        least=np.fmin.reduceat(y, starts, axis=0),
-        greatest=np.fmax.reduceat(y, starts, axis=0),
+        least=np.fmin.reduceat(y, starts),
+        greatest=np.fmax.reduceat(y, starts),
         mean=_window_means(y, starts),
     )
 
@@ -382,8 +417,8 @@ def _window_means(y: Array, starts: IntArray) -> Array:
     """Return the mean of the finite values of y (N, …) in windows with these starts (B,)."""
     is_known = np.isfinite(y)
     known = np.where(is_known, y, 0.0)
-    count = np.add.reduceat(is_known.astype(np.int64), starts, axis=0)
-    total = np.add.reduceat(known, starts, axis=0)
+    total = np.add.reduceat(known, starts)
+    count = np.add.reduceat(is_known.astype(np.int64), starts)
     mean = np.full(total.shape, np.nan)
     np.divide(total, count, out=mean, where=count > 0)
     return mean

@@ -194,7 +194,8 @@ class Comparison:
                 runs[law] = run
         rows = self._lines.rows_shown(name)
         setup = self.stored.scenarios[name].setup(0, self._lines.seed)
-        return Plots(View(setup, runs, self.laws, rows.phi, rows.lanes))
+        view = View(setup, runs, self.laws, rows.phi, rows.lanes)
+        return Plots(view)
 
     def replay(
         self,

@@ -28,6 +28,8 @@ from .copies import copied, packed, stable_digest
 
 #: Instance, class that needs no options, name of a registered law, or ``module:Class``.
 AnyLaw = Controller | type[Controller] | str
+#: Methods that may be replaced on an instance, which no file can specify.
+REPLACEABLE = ("solve", "command", "define")
 #: One law, several, or several with names chosen by the user.
 Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 
@@ -72,14 +74,20 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     if not isinstance(laws, Iterable):
         raise _no_law(laws)
     named = laws.items() if isinstance(laws, Mapping) else [("", law) for law in laws]
-    specs = [spec_of(law, name) for name, law in named]
-    for name, count in Counter(spec.name for spec, _ in specs).items():
+    specs = []
+    notes = []
+    for name, law in named:
+        spec, note = spec_of(law, name)
+        specs.append(spec)
+        if note:
+            notes.append(note)
+    for name, count in Counter(spec.name for spec in specs).items():
         if count > 1:
             how = f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
             raise ConfigurationError(
                 f"two laws have the name {name!r}; give each its own, as in {how}"
             )
-    return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
+    return tuple(specs), tuple(notes)
 
 
 def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
@@ -121,10 +129,15 @@ def own_spec(law: Controller, name: str, data: bytes = b"") -> InstanceSpec:
     kind = type(law)
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
     # An instance that is not packed may differ from call to call, so it gets a random identity.
-    options = {"instance": stable_digest(data) if data else uuid.uuid4().hex}
-    files = (Path(file),) if file else ()
-    law_name = f"{kind.__module__}:{kind.__qualname__}"
-    return InstanceSpec(name, law_name, options, packed=data, instance=law, files=files)
+    identity = stable_digest(data) if data else uuid.uuid4().hex
+    return InstanceSpec(
+        name,
+        law=f"{kind.__module__}:{kind.__qualname__}",
+        options={"instance": identity},
+        packed=data,
+        instance=law,
+        files=(Path(file),) if file else (),
+    )
 
 
 def _no_law(value: object) -> ConfigurationError:
@@ -153,21 +166,23 @@ def _options(law: Controller) -> dict[str, Any] | None:
     named = _named(law)
     wrappers = _wrappers(law)
     kind = type(named)
-    replaced = {"solve", "command", "define"} & set().union(*map(vars, (*wrappers, named, inner)))
-    replaced |= {"wrapper" for wrapper in wrappers if type(wrapper) not in WRAPPERS}
-    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or replaced:
+    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind:
         return None
-    options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
+    if any(type(wrapper) not in WRAPPERS for wrapper in wrappers):
+        return None
+    for part in (*wrappers, named, inner):
+        if not vars(part).keys().isdisjoint(REPLACEABLE):
+            return None
+    options: dict[str, Any] = {}
+    if law.factors != kind.factors:
+        options |= law.factors.options()
     for parameter in inspect.signature(kind).parameters.values():
         holder = inner if hasattr(inner, parameter.name) else named
         if parameter.kind is parameter.VAR_KEYWORD or not hasattr(holder, parameter.name):
             continue
         value = getattr(holder, parameter.name)
         if isinstance(value, Demand | Resolver):
-            for field in fields(value):
-                chosen = getattr(value, field.name)
-                if chosen != field.default:
-                    options[field.name] = chosen
+            options |= _chosen_fields(value)
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
@@ -178,9 +193,20 @@ def _options(law: Controller) -> dict[str, Any] | None:
                 options[key] = value
     try:
         json.dumps(options)
-        return options if repr(make_controller(kind.name, options)) == repr(law) else None
+        made = make_controller(kind.name, options)
     except (TypeError, ValueError, VsconstraintsError):
         return None
+    return options if repr(made) == repr(law) else None
+
+
+def _chosen_fields(part: Demand | Resolver) -> dict[str, Any]:
+    """Return the fields of a demand or a resolver that differ from their defaults."""
+    chosen = {}
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if value != field.default:
+            chosen[field.name] = value
+    return chosen
 
 
 # --- Scenarios ---

@@ -152,9 +152,13 @@ class NotebookRun(Run):
     def plot(self) -> Plots:
         """Figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
         known = {BASELINE: self.baseline, self.law: self.record}
-        runs = {name: record for name, record in known.items() if len(record.trajectory.t) > 1}
+        runs = {}
+        for name, record in known.items():
+            if len(record.trajectory.t) > 1:
+                runs[name] = record
         rows = RowsShown.of(self.score.constraints)
-        return Plots(View(self.setup, runs, tuple(known), rows.phi, rows.lanes))
+        view = View(self.setup, runs, tuple(known), rows.phi, rows.lanes)
+        return Plots(view)
 
     def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
         """Replay the run together with others of the same scene.
@@ -262,27 +266,26 @@ def frame_of(trajectory: Trajectory) -> pd.DataFrame:
     import pandas as pd
 
     index = pd.Index(trajectory.t, name="t")
-
-    def named(values: Any, names: Sequence[str]) -> pd.DataFrame:
-        return pd.DataFrame(values, index, names)
-
-    def numbered(values: Any, name: str) -> pd.DataFrame:
-        return named(values, [f"{name} {i + 1}" for i in range(values.shape[1])])
-
-    parts = {
-        "q": numbered(trajectory.q, "joint"),
-        "qd": numbered(trajectory.qd, "joint"),
-        "qdd_command": numbered(trajectory.qdd_command, "joint"),
-        "error": numbered(trajectory.error, "feature"),
-        "camera_error": named(trajectory.camera_error, ["distance [m]", "angle [rad]"]),
-        "camera_position": named(trajectory.camera_position, ["x", "y", "z"]),
-        "u_px": numbered(trajectory.features_px[:, :, 0], "marker"),
-        "v_px": numbered(trajectory.features_px[:, :, 1], "marker"),
+    u_px, v_px = np.moveaxis(trajectory.features_px, -1, 0)
+    elements = {
+        "q": (trajectory.q, "joint"),
+        "qd": (trajectory.qd, "joint"),
+        "qdd_command": (trajectory.qdd_command, "joint"),
+        "error": (trajectory.error, "feature"),
+        "camera_error": (trajectory.camera_error, ["distance [m]", "angle [rad]"]),
+        "camera_position": (trajectory.camera_position, ["x", "y", "z"]),
+        "u_px": (u_px, "marker"),
+        "v_px": (v_px, "marker"),
     }
     for quantity in ("phi", "sigma", "clearance", "active"):
-        parts[quantity] = named(getattr(trajectory, quantity), trajectory.labels)
+        elements[quantity] = (getattr(trajectory, quantity), trajectory.labels)
     for quantity in ("feature_error_px", "saturated", "rows_time", "step_time"):
-        parts[quantity] = named(getattr(trajectory, quantity), [""])
+        elements[quantity] = (getattr(trajectory, quantity), [""])
+    parts = {}
+    for quantity, (values, names) in elements.items():
+        if isinstance(names, str):
+            names = [f"{names} {i + 1}" for i in range(values.shape[1])]
+        parts[quantity] = pd.DataFrame(values, index, names)
     return pd.concat(parts, axis="columns")
 
 

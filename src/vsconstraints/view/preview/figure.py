@@ -11,6 +11,7 @@ import numpy as np
 from ...reports.plots.image import OUTSIDE, START, Plane, numbered
 from ...reports.plots.sheet import WIDTH, Figure, Sheet
 from ...reports.plots.style import INK, shortened, symbol
+from ...rows import Array
 from ...rows.readable import counted
 from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
@@ -38,9 +39,10 @@ LABELS = 1.95
 CELL = 1.36
 NEAREST = 1.8
 MAX_USAGE = 1.15  # greatest usage that is shown; larger values are drawn at the edge
-STARTED = symbol("o", "white", size=8.5)
-GOAL = symbol("*", INK, size=5.2)
-EARLIER = symbol("*", "white", size=5.2)
+ON_TOP: dict[str, Any] = {"zorder": 4.0, "clip_on": False}
+STARTED = symbol("o", "white", size=8.5, **ON_TOP)
+GOAL = symbol("*", INK, size=5.2, **ON_TOP)
+EARLIER = symbol("*", "white", size=5.2, **ON_TOP)
 
 
 def lines(preview: Preview) -> Iterator[str]:
@@ -49,7 +51,9 @@ def lines(preview: Preview) -> Iterator[str]:
     robot = scene.robot
     yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(scene.markers)} markers"
     for moment in preview.moments:
-        q = "unknown" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        q = "unknown"
+        if moment.q is not None:
+            q = " ".join(f"{x:.4g}" for x in moment.q)
         yield f"  {moment.name:8s} t = {moment.t:g} s, q = {q}"
     if not preview.rows:
         yield "  no rows and no joint limits"
@@ -68,7 +72,8 @@ def lines(preview: Preview) -> Iterator[str]:
         table.append([mark, row.label, *distances])
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for cells in table:
-        mark, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
+        mark, *others = padded
         yield f"  {mark} {'  '.join(others)}".rstrip()
     hidden_count = len(preview.rows) - len(shown)
     if hidden_count:
@@ -120,47 +125,54 @@ def _draw_images(sheet: Sheet, preview: Preview, columns: int, width: float) -> 
         labels=("u [px]", "v [px], downwards"),
         same_y=True,
     )
-    is_any_beyond = False
+    entries = [START | {"label": "marker 1, 2, …"}]
+    beyond = START | {"label": "marker beyond", "markeredgecolor": OUTSIDE}
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
-        pixels = moment.pixels
-        if len(pixels) > 1 and np.isfinite(pixels).all():
-            outline = np.concatenate((pixels, pixels[:1]))
-            ax.plot(*outline.T, color="#909090", linewidth=0.9, zorder=3.5)
-        numbered(ax, pixels, within=plane.half)
-        is_any_beyond |= bool((np.abs(pixels) > plane.half).any())
+        _draw_markers(ax, moment.pixels, plane.half)
+        is_beyond = np.abs(moment.pixels) > plane.half
+        if is_beyond.any() and beyond not in entries:
+            entries.append(beyond)
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
         if moment.problems:
             text = counted(len(moment.problems), "warning")
             ax.set_title(text, loc="right", color=OUTSIDE, fontsize=8, pad=4)
-    entries = [START | {"label": "marker 1, 2, …"}]
-    if is_any_beyond:
-        entries.append(START | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
     entries += plane.entries(forbidden="forbidden to markers")
     sheet.legend(entries, 4)
 
 
+def _draw_markers(ax: Any, pixels: Array, half: Array) -> None:
+    """Draw markers (M, 2) and the outline of their target; ``half`` (2,) is that of the plane."""
+    if len(pixels) > 1 and np.isfinite(pixels).all():
+        outline = np.append(pixels, pixels[:1], axis=0)
+        ax.plot(*outline.T, color="#909090", linewidth=0.9, zorder=3.5)
+    numbered(ax, pixels, within=half)
+
+
 def _draw_arms(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     """Draw the arm in each moment, all from one viewpoint."""
-    known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
+    moments = preview.moments
+    known = [(moment.q, moment.t) for moment in moments if moment.q is not None]
     if not known:
         return
     top = sheet.bottom + 0.12
     arm_height = min(width, MAX_ARM_HEIGHT)
     viewpoint = viewpoint_of(preview.setup, known, width / arm_height)
-    for first in range(0, len(preview.moments), columns):
-        beside_each_other = preview.moments[first : first + columns]
-        is_any_known = any(moment.q is not None for moment in beside_each_other)
-        height = arm_height if is_any_known else UNKNOWN_HEIGHT
-        for column, moment in enumerate(beside_each_other):
-            left = LEFT + column * (width + GAP)
+    for first in range(0, len(moments), columns):
+        row = moments[first : first + columns]
+        height = UNKNOWN_HEIGHT
+        if any(moment.q is not None for moment in row):
+            height = arm_height
+        left = LEFT
+        for moment in row:
             if moment.q is None:
                 text = f"{moment.name}: no configuration found"
                 sheet.text(left + 0.1, top + 0.5 * height, text, color=OUTSIDE)
             else:
-                ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
+                ax = sheet.axes_3d(left, top, width, height)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
+            left += width + GAP
         top += height
     sheet.bottom = top + 0.1
 
@@ -169,50 +181,58 @@ def _draw_rows(sheet: Sheet, preview: Preview) -> None:
     """Draw the usage of the nearest rows in each moment, with distances and φ in their units."""
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = known[:MIN_ROWS]
-    shown += [row for row in known[MIN_ROWS:MAX_ROWS] if row.greatest > 0.0]
+    for row in known[MIN_ROWS:MAX_ROWS]:
+        if row.greatest > 0.0:
+            shown.append(row)
     if not shown:
         sheet.text(LEFT, sheet.bottom + 0.1, "No rows and no joint limits.")
         sheet.bottom += 0.3
         return
     names = [moment.name for moment in preview.moments]
-    marks = [STARTED, *[EARLIER] * (len(names) - 2)]
-    if len(names) > 1:
-        marks.append(GOAL)
+    marks = [EARLIER] * len(names)
+    marks[-1] = GOAL
+    marks[0] = STARTED
     # many moments have no room beside each other: only the nearest of each row is written
     has_all_moments = len(names) <= COLUMNS
     cells_width = CELL * len(names) if has_all_moments else NEAREST
     cells_left = WIDTH - cells_width - 0.1
     top = sheet.bottom + 0.38
-    ax = sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, ROW * len(shown))
+    height = ROW * len(shown)
+    ax = sheet.axes(LABELS, top, cells_left - 0.1 - LABELS, height)
     _draw_usage(ax, shown, marks)
-    legend_top = top - 0.22
     if has_all_moments:
-        for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
-            left = cells_left + k * CELL
-            sheet.legend([mark | {"label": name}], 1, (left - 0.08, legend_top))
+        for k, name in enumerate(names):
+            left = cells_left + k * CELL - 0.08
+            sheet.legend([marks[k] | {"label": name}], 1, (left, top - 0.22))
     else:
         entries = [
             STARTED | {"label": names[0]},
             EARLIER | {"label": "earlier goals"},
             GOAL | {"label": names[-1]},
         ]
-        sheet.legend(entries, 3, (LABELS, legend_top))
+        sheet.legend(entries, 3, (LABELS, top - 0.22))
     for y, row in enumerate(shown):
-        height = top + ROW * (y + 0.5)
+        middle = top + ROW * (y + 0.5)
         if has_all_moments:
-            texts = {k: row.text(k) for k in range(len(names))}
+            for k in range(len(names)):
+                left = cells_left + k * CELL
+                _write_cell(sheet, left, middle, row, k)
         else:
             nearest = int(np.nanargmax(row.usage))
-            texts = {nearest: f"{names[nearest]}: {row.text(nearest)}"}
-        for column, (k, text) in enumerate(texts.items()):
-            colour = OUTSIDE if row.usage[k] > 1.0 else INK
-            left = cells_left + column * CELL
-            sheet.text(left, height, text, fontsize=7.5, color=colour, va="center")
-    sheet.bottom = top + ROW * len(shown) + 0.45
+            _write_cell(sheet, cells_left, middle, row, nearest, f"{names[nearest]}: ")
+    sheet.bottom = top + height + 0.45
     if any(row.limit for row in shown):
         note = "limit[…]: a range of the robot that no row bounds"
         sheet.text(LABELS, sheet.bottom + 0.12, note, fontsize=7.5)
         sheet.bottom += 0.16
+
+
+def _write_cell(
+    sheet: Sheet, left: float, middle: float, row: Row, k: int, before: str = ""
+) -> None:
+    """Write the distance of a row in moment k at a place, in another colour if it is violated."""
+    colour = OUTSIDE if row.usage[k] > 1.0 else INK
+    sheet.text(left, middle, before + row.text(k), fontsize=7.5, color=colour, va="center")
 
 
 def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
@@ -222,8 +242,9 @@ def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     ax.set_xlim(-0.04, end)
     ax.set_ylim(last_row + 0.5, -0.5)
     ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
+    middle = 0.5 * (1.0 + end)
     ax.text(
-        0.5 * (1.0 + end),
+        middle,
         0.5 * last_row,
         "outside",
         fontsize=7.5,
@@ -243,11 +264,12 @@ def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
         least = np.nanmin(usage)
         greatest = np.nanmax(usage)
-        ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        ax.plot([least, greatest], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
+        level = [y, y]
+        ax.plot([0.0, MAX_USAGE], level, color="#E3E3E3", linewidth=0.6, zorder=1.0)
+        ax.plot([least, greatest], level, color="#909090", linewidth=1.4, zorder=2.0)
         for value, mark in zip(usage, marks, strict=True):
             if np.isfinite(value):
-                ax.plot(value, y, **mark, zorder=4.0, clip_on=False)
+                ax.plot(value, y, **mark)
 
 
 #: Drawn from a :class:`~vsconstraints.view.preview.preview.Preview`.

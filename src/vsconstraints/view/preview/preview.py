@@ -56,14 +56,17 @@ class Row:
 def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     """Return all rows and the limits of joints without a row, nearest to their boundary first."""
     constraints = setup.constraints
-    phi = np.array([moment.phi for moment in moments]).T
-    clearance = np.array([moment.clearance for moment in moments]).T
+    lengths = constraints.characteristic_length
     rows = []
     for i, label in enumerate(constraints.labels):
-        usage = 1.0 - clearance[i] / constraints.characteristic_length[i]
-        rows.append(Row(label, constraints.units[i], phi[i], clearance[i], usage))
+        phi = np.array([moment.phi[i] for moment in moments])
+        clearance = np.array([moment.clearance[i] for moment in moments])
+        usage = 1.0 - clearance / lengths[i]
+        unit = constraints.units[i]
+        rows.append(Row(label, unit, phi, clearance, usage))
     rows += _limits_without_rows(setup, moments)
-    return tuple(sorted(rows, key=lambda row: -row.greatest))
+    rows.sort(key=lambda row: -row.greatest)
+    return tuple(rows)
 
 
 def _limits_without_rows(setup: Setup, moments: Sequence[Moment]) -> list[Row]:
@@ -76,18 +79,18 @@ def _limits_without_rows(setup: Setup, moments: Sequence[Moment]) -> list[Row]:
     no_phi = np.full(len(moments), np.nan)
     q = np.array([unknown if moment.q is None else moment.q for moment in moments])
     half = 0.5 * (robot.q_max - robot.q_min)
-    limited = np.flatnonzero(np.isfinite(half) & (half > 0.0))
+    is_limited = np.isfinite(half) & (half > 0.0)
     distances = {"lower": q - robot.q_min, "upper": robot.q_max - q}
     rows = []
     for side, to_limits in distances.items():
-        for j in limited:
-            name = f"joint {j + 1}"
-            if f"range[{name}].{side}" in setup.constraints.labels:
+        for j in np.flatnonzero(is_limited):
+            limit = f"[joint {j + 1}].{side}"
+            if f"range{limit}" in setup.constraints.labels:
                 continue
             unit = "m" if robot.prismatic[j] else "rad"
             distance = to_limits[:, j]
             usage = 1.0 - distance / half[j]
-            rows.append(Row(f"limit[{name}].{side}", unit, no_phi, distance, usage))
+            rows.append(Row(f"limit{limit}", unit, no_phi, distance, usage))
     return rows
 
 
@@ -173,21 +176,26 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
     constraints = tables.get("constraints", [])
     if not isinstance(task, dict) or not isinstance(target, dict):
         return None
-    if not isinstance(constraints, list):
-        constraints = []
     kept = []
-    for table in constraints:
-        if not (isinstance(table, dict) and table.get("type") == OF_GOALS):
-            kept.append(table)
-    at_start = {**task, "goals": [{"camera_at_q": tables.get("q0")}]}
+    if isinstance(constraints, list):
+        kept = [table for table in constraints if not _depends_on_goals(table)]
+    at_start = {"camera_at_q": tables.get("q0")}
     marker_count = 4 if "square" in target else len(target.get("markers", []))
-    pixels = [[0.0, 0.0]] * marker_count
-    in_centre = {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": pixels}]}
-    for other_task in (at_start, in_centre):
+    in_centre = {"markers_px": [[0.0, 0.0]] * marker_count}
+    other_tasks = [
+        {**task, "goals": [at_start]},
+        {"feature": "image-points", "Kp0": 1.0, "goals": [in_centre]},
+    ]
+    for other_task in other_tasks:
         changed = {**tables, "task": other_task, "constraints": kept}
         with suppress(VsconstraintsError):
             return replace(scenario, tables=changed).setup(trial, seed)
     return None
+
+
+def _depends_on_goals(table: object) -> bool:
+    """Return True if the table of a constraint is of a type that depends on the goals."""
+    return isinstance(table, dict) and table.get("type") == OF_GOALS
 
 
 def _moments_without_goals(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
@@ -196,10 +204,11 @@ def _moments_without_goals(setup: Setup, scenario: Scenario) -> tuple[Moment, ..
     goals = scenario.tables["task"].get("goals", [])
     if not isinstance(goals, list):
         goals = []
-    unknown_pixels = np.full((len(setup.scene.markers), 2), np.nan)
+    scene = setup.scene
+    unknown_pixels = np.full((len(scene.markers), 2), np.nan)
     for name, goal in named_goals(goals):
         try:
-            q = setup.scene.robot.configuration(goal["camera_at_q"])
+            q = scene.robot.configuration(goal["camera_at_q"])
             moment = moment_at(setup, name, 0.0, q, np.zeros_like(q))
         except (VsconstraintsError, KeyError, TypeError):
             problem = "the robot's configuration there is unknown"

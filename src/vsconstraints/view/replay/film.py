@@ -26,7 +26,7 @@ from .runs import (
     ReplayRun,
     Thing,
     check_same_scene,
-    colours_of,
+    coloured,
     things_of,
 )
 from .space import common_viewpoint
@@ -46,7 +46,8 @@ SPACE = 0.1
 TOP = 0.7
 CAPTION = 0.3
 LETTERS = 12.0  # of the text below an image, per inch of its width
-GOAL = symbol("*", INK, "white", 8.0)
+FIRST = symbol("o", "white", "#888888", 6.0, zorder=4)
+GOAL = symbol("*", INK, "white", 8.0, zorder=5)
 STATE_NAMES = {ACTIVE: "active", VIOLATED: "violated"}
 
 
@@ -57,10 +58,13 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
     Raises ConfigurationError if the runs cannot be shown together, if the suffix is another one, or
     if an MP4 is requested without the extra ``replay``; and OSError.
     """
-    film_kind(path := Path(path))
+    path = Path(path)
+    film_kind(path)
     check_same_scene(runs)
-    frames = Frames.of(runs, RATE, int(RATE * MAX_TIME))
-    film = list(pictures(runs, frames, title or runs[0].title))
+    most_frames = int(RATE * MAX_TIME)
+    frames = Frames.of(runs, RATE, most_frames)
+    title = title or runs[0].title
+    film = list(pictures(runs, frames, title))
     write_pictures(film, path, RATE, REST)
     remark = frames.remark(runs)
     return [remark] if remark else []
@@ -73,26 +77,27 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
     """
     plane = Plane.of(runs[0].setup)
     viewpoint = common_viewpoint(runs)
-    has_columns = len(runs) > 1
+    is_alone = len(runs) == 1
     width = (WIDTH - SPACE) / max(len(runs), 2) - SPACE
     image_height = width * plane.half[1] / plane.half[0]
-    arm_height = 0.78 * width if has_columns else 0.0
+    arm_height = 0.0 if is_alone else 0.78 * width
     sheet = Sheet(left=SPACE)
     speed = frames.period * RATE
     if speed > 1.05:
         title += f"   ({speed:.1f} times as fast)"
-    sheet.text(SPACE, 0.2, title, fontsize=10.5, fontweight="bold", va="center")
-    clock = sheet.figure.text(
-        WIDTH - SPACE, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
-    )
+    heading = {"fontsize": 10.5, "va": "center"}
+    sheet.text(SPACE, 0.2, title, fontweight="bold", **heading)
+    clock = sheet.text(WIDTH - SPACE, 0.2, "", ha="right", **heading)
     columns = []
-    for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
+    for k, (run, colour) in enumerate(coloured(runs)):
         left = SPACE + k * (width + SPACE)
         image = sheet.axes(left, TOP, width, image_height)
-        place = (left, TOP + CAPTION + image_height, width, arm_height)
-        if not has_columns:
-            place = (left + width + SPACE, TOP, width, image_height + CAPTION)
-        space = sheet.axes(*place, projection="3d", computed_zorder=False)
+        if is_alone:
+            beside = left + width + SPACE
+            space = sheet.axes_3d(beside, TOP, width, image_height + CAPTION)
+        else:
+            below = TOP + CAPTION + image_height
+            space = sheet.axes_3d(left, below, width, arm_height)
         columns.append(_Column(run, colour, image, space, frames))
     # films need even numbers of pixels
     height = 1.05 + image_height + arm_height
@@ -105,7 +110,8 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
         for column in columns:
             column.draw(k, t, plane, viewpoint)
         sheet.canvas.draw()
-        yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
+        pixels = np.asarray(sheet.canvas.buffer_rgba())
+        yield pixels[..., :3].copy()
 
 
 class _Column:
@@ -122,33 +128,41 @@ class _Column:
 
     def draw(self, k: int, t: float, plane: Plane, viewpoint: Viewpoint) -> None:
         """Draw the run in frame k, at t [s]."""
+        image = self.image
+        space = self.space
         trajectory = self.run.trajectory
         sample = int(self.samples[k])
-        self.image.clear()
-        plane.draw(self.image, labels=False)
+        image.clear()
+        plane.draw(image, labels=False)
         self._draw_image(sample, self.states[k].tolist())
-        is_over = t > trajectory.t[-1] + 1e-9 or k == len(self.samples) - 1
-        status = trajectory.status if is_over else ""
-        self.image.set_title(status, loc="right", fontsize=9, pad=4)
-        for old in list(self.space.collections):
+        is_last_frame = k == len(self.samples) - 1
+        if is_last_frame or t > trajectory.t[-1] + 1e-9:
+            image.set_title(trajectory.status, loc="right", fontsize=9, pad=4)
+        for old in list(space.collections):
             old.remove()
-        draw_setup(self.space, self.run.setup, trajectory.q[sample], t, viewpoint)
+        q = trajectory.q[sample]
+        draw_setup(space, self.run.setup, q, t, viewpoint)
 
     def _draw_image(self, sample: int, states: Sequence[int]) -> None:
         """Draw the run in the image plane up to a sample, with the states (m,) of its rows."""
         ax = self.image
-        run = self.run
-        pixels = run.trajectory.features_px
-        t = float(run.trajectory.t[sample])
+        trajectory = self.run.trajectory
+        pixels = trajectory.features_px
         ax.set_xticks([])
         ax.set_yticks([])
         letters = int(LETTERS * ax.get_position().width * WIDTH)
-        name = shortened(run.law, letters)
-        title_colour = darker(self.colour)
-        ax.set_title(name, loc="left", color=title_colour, fontweight="bold", fontsize=10, pad=4)
-        ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
-        goals = [goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9]
-        ax.plot(*goals[-1].pixels.T, **GOAL, zorder=5)
+        ax.set_title(
+            shortened(self.run.law, letters),
+            loc="left",
+            color=darker(self.colour),
+            fontweight="bold",
+            fontsize=10,
+            pad=4,
+        )
+        ax.plot(*pixels[0].T, **FIRST)
+        task = self.run.setup.task
+        goal = task.goals[task.goal_at(float(trajectory.t[sample]))]
+        ax.plot(*goal.pixels.T, **GOAL)
         step = max(sample // 300, 1)
         until_now = pixels[: sample + 1 : step]
         tracks(ax, until_now, color=self.colour, linewidth=2.0, zorder=4.5)
@@ -173,14 +187,16 @@ class _Column:
         worst = max(states, default=INACTIVE)
         text = ""
         if worst != INACTIVE:
-            rows = zip(self.run.trajectory.labels, states, strict=True)
-            labels = ", ".join(label for label, state in rows if state == worst)
-            text = shortened(f"{STATE_NAMES[worst]}: {labels}", letters)
+            labels = []
+            for label, state in zip(self.run.trajectory.labels, states, strict=True):
+                if state == worst:
+                    labels.append(label)
+            text = f"{STATE_NAMES[worst]}: {', '.join(labels)}"
         self.image.text(
             0.0,
             -0.02,
-            text,
-            color=darker(HIGHLIGHTS.get(worst, INK), 0.8),
+            shortened(text, letters),
+            color=darker(HIGHLIGHTS.get(worst, INK)),
             transform=self.image.transAxes,
             fontsize=9,
             va="top",
@@ -230,14 +246,15 @@ def _write_gif(frames: Sequence[Any], path: Path, rate: float, rest: float, colo
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     first, *others = images
     step = round(100.0 / rate) * 10  # [ms]
-    last = step + int(1000.0 * rest)
+    durations = [step] * len(images)
+    durations[-1] += int(1000.0 * rest)
     first.save(
         path,
         format="GIF",
         save_all=True,
         append_images=others,
         optimize=True,
-        duration=[*[step] * len(others), last],
+        duration=durations,
         loop=0,
     )
 
@@ -276,18 +293,14 @@ def common_palette(frames: Sequence[Array], colours: int) -> Any:
     weight = np.sqrt(largest)
     chosen: list[int] = []
     distance = np.full(len(means), np.inf)
-
-    def choose(k: int) -> None:
-        chosen.append(k)
-        to_colour = ((means - means[k]) ** 2).sum(axis=1)
-        np.minimum(distance, to_colour, out=distance)
-
     largest_first = np.argsort(-weight, kind="stable")
-    for k in largest_first[: colours // 4].tolist():
-        choose(k)
-    for _ in range(min(colours, len(means)) - len(chosen)):
-        worst_represented = np.argmax(distance * weight)
-        choose(int(worst_represented))
+    for k in range(min(colours, len(means))):
+        colour = int(largest_first[k])
+        if k >= colours // 4:
+            colour = int(np.argmax(distance * weight))
+        chosen.append(colour)
+        to_colour = ((means - means[colour]) ** 2).sum(axis=1)
+        distance = np.minimum(distance, to_colour)
     palette = Image.new("P", (1, 1))
     channels = np.rint(means[chosen]).astype(np.uint8)
     palette.putpalette(channels.ravel().tolist())
@@ -306,14 +319,15 @@ def _similar_colours(frames: Sequence[Array]) -> tuple[Array, Array]:
     pixel_count = np.zeros(cells)
     sums = np.zeros((3, cells))
     for frame in frames:
-        channels = np.asarray(frame, dtype=np.int64).reshape(-1, 3).T
+        pixels = np.asarray(frame, dtype=np.int64)
+        channels = pixels.reshape(-1, 3).T
         red, green, blue = channels >> (8 - BITS)
         cell = (red * levels + green) * levels + blue
         count = np.bincount(cell, minlength=cells)
         largest = np.maximum(largest, count)
         pixel_count += count
         for total, channel in zip(sums, channels, strict=True):
-            total += np.bincount(cell, weights=channel, minlength=cells)
+            total += np.bincount(cell, channel, cells)
     present = np.flatnonzero(pixel_count)
     means = sums[:, present] / pixel_count[present]
     return means.T, largest[present]

@@ -25,7 +25,7 @@ from .runs import (
     States,
     Thing,
     check_same_scene,
-    colours_of,
+    coloured,
     things_of,
 )
 from .space import common_viewpoint, space_of
@@ -117,6 +117,24 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
     """Return all data drawn in the image, in pixels from its centre, with one entry per frame."""
     setup = runs[0].setup
     plane = Plane.of(setup)
+    goals = []
+    for goal in setup.task.goals:
+        goals.append({"from": goal.from_time, "pixels": _rounded(goal.pixels)})
+    return {
+        "period": round(frames.period, 6),
+        "frames": len(frames.t),
+        "half": _rounded(plane.half),
+        "outline": [_rounded(plane.edge)],
+        "forbidden": _all_rounded(plane.forbidden),
+        "lines": _all_rounded(plane.lines),
+        "moving": _moving(plane, frames),
+        "goals": goals,
+        "runs": [_run_data(run, frames, colour) for run, colour in coloured(runs)],
+    }
+
+
+def _moving(plane: Plane, frames: Frames) -> list[dict[str, Any]]:
+    """Return lines and forbidden area of each moving boundary, and its displacement by frame."""
     moving = []
     for constraint, motion, _ in plane.drifting:
         lines = constraint.boundary(plane.size, frames.t)
@@ -134,23 +152,7 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
                 "moved": _rounded(motion.displacement(frames.t)),
             }
         )
-    goals = []
-    for goal in setup.task.goals:
-        goals.append({"from": goal.from_time, "pixels": _rounded(goal.pixels)})
-    data_of_runs = []
-    for run, colour in zip(runs, colours_of(runs), strict=True):
-        data_of_runs.append(_run_data(run, frames, colour))
-    return {
-        "period": round(frames.period, 6),
-        "frames": len(frames.t),
-        "half": _rounded(plane.half),
-        "outline": [_rounded(plane.edge)],
-        "forbidden": _all_rounded(plane.forbidden),
-        "lines": _all_rounded(plane.lines),
-        "moving": moving,
-        "goals": goals,
-        "runs": data_of_runs,
-    }
+    return moving
 
 
 def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
@@ -158,18 +160,20 @@ def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     trajectory = run.trajectory
     samples = frames.samples(run)
     pixels = trajectory.features_px[samples]
+    frame_count, marker_count, _ = pixels.shape
     states = frames.states(run)
     things = things_of(run)
     marker_states = []
-    for number in range(1, pixels.shape[1] + 1):
+    for number in range(1, marker_count + 1):
         applies = [thing == Thing("marker", number) for thing in things]
         of_marker = states[:, applies].max(axis=1, initial=INACTIVE)
         marker_states.append(_digits(of_marker))
     highlighted_frames = (states != INACTIVE).sum(axis=0)
     longest_first = np.argsort(-highlighted_frames, kind="stable")
-    highlighted = [int(i) for i in longest_first if highlighted_frames[i]]
+    highlighted_count = int(np.count_nonzero(highlighted_frames))
+    listed = longest_first[: min(highlighted_count, MAX_ROWS)]
     rows = []
-    for i in sorted(highlighted[:MAX_ROWS]):
+    for i in sorted(listed):
         rows.append({"label": trajectory.labels[i], "states": _digits(states[:, i])})
     return {
         "law": run.law,
@@ -177,12 +181,12 @@ def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        "pixels": _rounded(pixels.reshape(len(samples), -1)),
+        "pixels": _rounded(pixels.reshape(frame_count, -1)),
         "error": _rounded(trajectory.feature_error_px[samples]),
         "markers": marker_states,
         "rows": rows,
-        "more": max(len(highlighted) - MAX_ROWS, 0),
-        "quiet": len(trajectory.labels) - len(highlighted),
+        "more": highlighted_count - len(rows),
+        "quiet": len(trajectory.labels) - highlighted_count,
     }
 
 
@@ -218,10 +222,13 @@ def _path(lines: Iterable[Any], close: bool = False) -> str:
 
 def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
     """Return the track of each marker from pixels (F, 2M)."""
+    tracks = []
     columns = list(zip(*pixels, strict=True))
-    all_u = columns[::2]
-    all_v = columns[1::2]
-    return [list(zip(u, v, strict=True)) for u, v in zip(all_u, all_v, strict=True)]
+    for marker in range(len(columns) // 2):
+        u = columns[2 * marker]
+        v = columns[2 * marker + 1]
+        tracks.append(list(zip(u, v, strict=True)))
+    return tracks
 
 
 def _bars(states: str) -> list[tuple[str, int, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
-from ...comparisons.metrics import NEGLIGIBLE
+from ...comparisons.metric_inputs import is_outside
 from ...comparisons.record import run_file
 from ...comparisons.run import perform
 from ...controllers import CONTROLLERS
@@ -101,9 +101,11 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
             )
 
 
-def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
-    """Return the colours of the laws of these runs."""
-    return [look.colour for look in looks([run.law for run in runs]).values()]
+def coloured(runs: Sequence[ReplayRun]) -> Iterator[tuple[ReplayRun, str]]:
+    """Yield each run with the colour of its law."""
+    shown = looks([run.law for run in runs])
+    for run in runs:
+        yield run, shown[run.law].colour
 
 
 # --- Time ---
@@ -119,15 +121,18 @@ class Frames:
     @classmethod
     def of(cls, runs: Sequence[ReplayRun], rate: float = RATE, most: int = MAX_FRAMES) -> Frames:
         """Return the instants for runs: ``rate`` per second, but at most ``most``."""
-        end = max(float(run.trajectory.t[-1]) for run in runs)
+        ends = [float(run.trajectory.t[-1]) for run in runs]
+        end = max(ends)
         period = max(1.0 / rate, end / (most - 1))
         period_count = int(np.ceil(end / period - 1e-9))
-        return cls(period * np.arange(period_count + 1), period)
+        t = period * np.arange(period_count + 1)
+        return cls(t, period)
 
     def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
         """Return the sample (F,) of a run that each instant shows: the last one up to that time."""
-        shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
-        return np.maximum(shown, 0).astype(np.int64)
+        begun = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right")
+        shown = np.maximum(begun - 1, 0)
+        return shown.astype(np.int64)
 
     def states(self, run: ReplayRun) -> States:
         """Return the state (F, m) of each row between one instant and the next.
@@ -156,11 +161,10 @@ class Frames:
 def states(run: ReplayRun) -> States:
     """Return the state (N, m) of each row at each sample."""
     trajectory = run.trajectory
-    length = RunRecord.of(run.setup, trajectory, "").length
-    clearance = np.minimum(trajectory.clearance, trajectory.between_clearance)
-    states = np.full(clearance.shape, INACTIVE, dtype=np.uint8)
+    record = RunRecord.of(run.setup, trajectory, "")
+    states = np.full(trajectory.active.shape, INACTIVE, dtype=np.uint8)
     states[trajectory.active] = ACTIVE
-    states[clearance < -NEGLIGIBLE * length] = VIOLATED
+    states[is_outside(record)] = VIOLATED
     return states
 
 

@@ -26,7 +26,7 @@ from ..setup_scene import (
     viewpoint_of,
 )
 from ..solids import ball, bar
-from .runs import HIGHLIGHTS, Frames, ReplayRun, ThingOfRun, colours_of, highlights_of
+from .runs import HIGHLIGHTS, Frames, ReplayRun, ThingOfRun, coloured, highlights_of
 
 #: Colour of obstacles that are not highlighted; opacity of the arms after the first.
 NOT_HIGHLIGHTED = "#8FA3BF"
@@ -88,22 +88,24 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     camera_is_fixed = setup.scene.camera.fixed is not None
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
-    for k, colour in enumerate(colours_of(runs)):
+    for k, (_, colour) in enumerate(coloured(runs)):
         is_first = k == 0
-        arm_colour = paler(colour)
+        prefix = f"{k} "
         opacity = 1.0 if is_first else OTHERS
+        arm_look: dict[str, Any] = {"colour": paler(colour), "opacity": opacity}
         parts = []
         for part, mesh in zip(arm, meshes, strict=True):
             smaller = inset(mesh, k * INSET * scale)
-            parts.append(part._replace(mesh=smaller, colour=arm_colour, opacity=opacity))
+            parts.append(part._replace(mesh=smaller, **arm_look))
         # a fixed camera is the same for all runs, and each arm carries a target
         camera_colour = colour if is_first or not camera_is_fixed else ""
-        add_robot(scene, setup, parts, (1.0 - 0.03 * k) * scale, camera_colour, f"{k} ")
+        thickness = (1.0 - 0.03 * k) * scale
+        add_robot(scene, setup, parts, thickness, camera_colour, prefix)
         if camera_is_fixed and not is_first:
             # smaller markers: coinciding surfaces would flicker
             edge_radius = EDGE_RADIUS * scale
             marker_radius = OTHER_MARKER_RADIUS * scale
-            scene.target(setup.scene.markers, edge_radius, marker_radius, f"{k} target")
+            scene.target(setup.scene.markers, edge_radius, marker_radius, f"{prefix}target")
     add_surroundings(scene, setup, scale * REACH, NOT_HIGHLIGHTED)
     return scene, remark
 
@@ -131,7 +133,7 @@ def _recorded(
         nodes.add(part)
     covers = _add_covers(nodes, runs, frames, half)
     shown_q = []  # joint coordinates (F, n) of each run
-    for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
+    for k, (run, colour) in enumerate(coloured(runs)):
         samples = frames.samples(run)
         shown_q.append(run.trajectory.q[samples])
         path = _path(run, np.unique(samples))
@@ -145,9 +147,9 @@ def _recorded(
                 thickness_units="screen",
             )
     serializer = server.get_scene_serializer()
-    for k, t in enumerate(frames.t):
+    for k, t in enumerate(frames.t.tolist()):
         q = [coordinates[k] for coordinates in shown_q]
-        nodes.place(frames_of(runs, q, float(t)))
+        nodes.place(frames_of(runs, q, t))
         for is_visible, handle in covers:
             handle.visible = bool(is_visible[k])
         serializer.insert_sleep(frames.period)
@@ -224,17 +226,17 @@ def _cover(highlighted: ThingOfRun, runs: Sequence[ReplayRun], half: float) -> t
     """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
     k = highlighted.run
     kind, number = highlighted.thing
-    setup = runs[k].setup
+    scene = runs[k].setup.scene
     scale = half / REACH
     if kind == "marker":
-        place = setup.scene.markers[number - 1]
+        place = scene.markers[number - 1]
         frame = f"{k} target" if k else "target"
         return ball(place, 0.021 * scale, 12), frame
     if kind == "obstacle":
-        meshes = obstacle_meshes(setup, 1.01 * half)
+        meshes = obstacle_meshes(runs[k].setup, 1.01 * half)
         return meshes[number], f"obstacle {number}"
-    robot = setup.scene.robot
-    poses, axes = joint_poses(robot, np.zeros(robot.n))
+    zero = np.zeros(scene.robot.n)
+    poses, axes = joint_poses(scene.robot, zero)
     half_axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
     radius = (0.062 - 0.002 * k) * scale
     return bar(-half_axis, half_axis, radius, 20), f"{k} joint {number}"
@@ -280,10 +282,10 @@ def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     """Return joint coordinates (n,) and times [s] from the starts of runs to their ends."""
     instants = []
     for run in runs:
-        trajectory = run.trajectory
-        last = len(trajectory.t) - 1
-        for sample in np.linspace(0, last, INSTANTS).astype(int):
-            instants.append((trajectory.q[sample], float(trajectory.t[sample])))
+        q = run.trajectory.q
+        t = run.trajectory.t.tolist()
+        for sample in np.linspace(0, len(t) - 1, INSTANTS).astype(int):
+            instants.append((q[sample], t[sample]))
     return instants
 
 
@@ -300,11 +302,15 @@ def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     The distance is the least such d.
     """
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
-    points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
-    across, up, towards = ((points - viewpoint.centre) @ axes).T
-    half_height = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
+    setup = runs[0].setup
+    points = np.concatenate([points_in_view(setup, q, t) for q, t in _instants(runs)])
+    seen = (points - viewpoint.centre) @ axes
+    across, up, towards = seen.T
+    half_width = np.abs(across)
+    half_height = np.maximum(half_width / NARROWEST, np.abs(up))
+    needed = half_height + ROOM * viewpoint.half
     h = np.tan(0.5 * FIELD_OF_VIEW)
-    distance = np.max(towards + half_height / h)
+    distance = np.max(towards + needed / h)
     direction = axes[:, 2]
     eye: Array = viewpoint.centre + distance * direction
     return eye
