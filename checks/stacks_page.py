@@ -624,7 +624,7 @@ def scenes_text(runs: Any) -> str:
     """Return what the kept runs are, and what of the comparison is not among them."""
     tests = runs[runs["half"] == "held-out"]
     campaign = Campaign.load(SUITE)
-    counts, missing = [], []
+    made, missing = [], []
     for family in campaign.families:
         title = TITLES[family.name]
         own = tests[tests["family"] == family.name]
@@ -633,9 +633,7 @@ def scenes_text(runs: Any) -> str:
         if own.empty:
             missing.append(title)
             continue
-        scenes = own.groupby("condition")["scene"].nunique().to_numpy(dtype=float)
-        number = between(list(scenes), "held-out scenes")
-        counts.append(f"{title}, at {listed(there)} rad/s²: {number} each")
+        made.append(f"{title}, at {listed(there)} rad/s²")
         rest = [text for text in limits.values() if text not in there]
         if rest:
             missing.append(f"{title}, at {listed(rest)} rad/s²")
@@ -645,7 +643,9 @@ def scenes_text(runs: Any) -> str:
         if each.name != BASELINE and each.name not in set(tests["controller"])
     ]
     rest_text = f" Not run yet: {'; '.join(missing + absent)}." if missing + absent else ""
-    return f"{len(runs)} runs. {'; '.join(counts)}.{rest_text}"
+    groups = tests.groupby(["family", "condition"], observed=True)
+    number = between(list(groups["scene"].nunique()), "held-out scenes")
+    return f"{len(runs)} runs, with {number} in each of: {'; '.join(made)}.{rest_text}"
 
 
 def headline(runs: Any) -> str:
