@@ -131,6 +131,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
 }
 WITHOUT_IMAGE = "no constraint on the image"
 BLIND = ("resolved-rate", "oink", "oink-limited", "tsid", "visp", "machinevision-toolbox")
+NO_BREAK = "\N{NO-BREAK SPACE}"  #: Before units in narrow cells.
 FAR_OUTSIDE = 1000  #: Distance outside the image beyond which no number is written [px].
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
 HEIGHT, WIDEST = 1.45, 3.6  #: Of a panel, and its greatest width [in].
@@ -400,7 +401,8 @@ def cell_of(own: Any) -> str:
     count = f"{success.count}/{success.of}"
     if not np.isnan(time):
         count += f", {time:.1f} s"
-    return f"{count}<br>{100.0 * success.low:.0f}–{100.0 * success.high:.0f} %"
+    text = f"{count}<br>{100.0 * success.low:.0f}–{100.0 * success.high:.0f} %"
+    return text.replace(" ", NO_BREAK)
 
 
 def table_of(runs: Any, family: str) -> Iterator[str]:
@@ -601,14 +603,14 @@ def ranges_of(runs: Any) -> Iterator[str]:
 
 
 def range_text(cells: Sequence[Any]) -> str:
-    """Return the ranges of success and settling times, ``42 to 72 %<br>4.2 to 8.1 s``."""
+    """Return the ranges of success and settling times, ``42–72 %<br>4.2–8.1 s``."""
     if not cells:
         return "–"
     times = times_of(cells)
     lines = [between([share(cell) for cell in cells], "%")]
     if times:
         lines.append(between(times, "s", 1))
-    return "<br>".join(lines)
+    return "<br>".join(lines).replace(" to ", "–").replace(" ", NO_BREAK)
 
 
 def answer(runs: Any) -> str:
