@@ -38,17 +38,21 @@ from vsconstraints.bench.statistics import rate
 from vsconstraints.comparisons.runs.folder import locked, manifest_of
 from vsconstraints.comparisons.runs.spec import BASELINE
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
-from vsconstraints.reports.plots import Figure, Sheet, logarithmic
+from vsconstraints.reports.plots import WIDTH, Figure, Sheet, logarithmic
 from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
 
 TABLE = SUITE.with_suffix(".parquet")  #: The kept runs.
 README = SUITE.parents[1] / "README.md"
 PAGE = SUITE.parents[1] / "docs" / "stacks-in-view.md"
-FIGURE = SUITE.parents[1] / "docs" / "stacks-in-view.png"
+#: File of the figure of each feature, beside the page.
+FIGURES: Mapping[str, str] = {
+    "by pose": "stacks-in-view.png",
+    "by image points": "stacks-in-view-points.png",
+}
 #: Marks in the page around the parts that are made from the table.
 MARKS = {
     name: (f"<!-- {name}: begin -->", f"<!-- {name}: end -->")
-    for name in ("answer", "tables", "stacks")
+    for name in ("answer", "figures", "tables", "stacks")
 }
 POSE = ("ur5", "panda")
 #: Families of each feature, and how sentences say what their goals are given by.
@@ -82,8 +86,10 @@ PANELS: Mapping[str, Mapping[str, str]] = {
         "robotics-toolbox": "purple v -",
         "cbfpy": "wine P -",
         "oink": "grey < :",
+        "oink-limited": "grey p --",
         "tsid": "grey > :",
         "visp": "grey X :",
+        "machinevision-toolbox": "grey D :",
     },
     "laws: velocities": {
         "velocity-qp": "blue o -",
@@ -101,11 +107,11 @@ PANELS: Mapping[str, Mapping[str, str]] = {
     },
 }
 #: Styles of entries that no panel names.
-FURTHER_STYLES = ("vermillion * -", "brown h -", "teal * --", "black h --")
-#: What entries with a constraint on the image command, and know of the arm; in the words of the
-#: answer.
+FURTHER_STYLES = ("vermillion s -", "brown h -", "teal * --", "black h --")
+#: What entries with a constraint on the image command; of velocities, also if the limit of
+#: accelerations is known. In the words of the answer.
 GROUPS: Mapping[str, Sequence[str]] = {
-    "entries that command velocities without knowing the limit": (
+    "velocities (limit unknown)": (
         "pink",
         "mink",
         "placo",
@@ -116,21 +122,27 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "velocity-damper",
         "resolved-rate-avoidance",
     ),
-    "entries that command velocities within it": (
+    "velocities (limit known)": (
         "pink-limited",
         "velocity-qp-limited",
         "velocity-hierarchical-qp-limited",
     ),
-    "laws that command accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
+    "accelerations": ("hierarchical-qp", "sliding-mode", "predictive"),
 }
-WITHOUT_IMAGE = "entries without a constraint on the image"
-BLIND = ("resolved-rate", "oink", "tsid", "visp", "machinevision-toolbox")
+WITHOUT_IMAGE = "no constraint on the image"
+BLIND = ("resolved-rate", "oink", "oink-limited", "tsid", "visp", "machinevision-toolbox")
+NO_BREAK = "\N{NO-BREAK SPACE}"  #: Before units in narrow cells.
 FAR_OUTSIDE = 1000  #: Distance outside the image beyond which no number is written [px].
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
-HEIGHT, PANEL = 1.9, 1.26  #: Of a panel [in].
-GAP, ABOVE = 0.2, 0.5  #: Between the panels of an arm, and above them [in].
-BESIDE = (1.05, 1.55, 1.1)  #: Space for names right of the panels [in].
-LABEL_GAP = 0.125  #: Least distance of labels beside lines [in].
+HEIGHT, WIDEST = 1.45, 3.6  #: Of a panel, and its greatest width [in].
+GAP, ABOVE, BESIDE = 0.14, 0.3, 0.16  #: Between the panels of an arm, above them, beside one [in].
+#: How to read the figure.
+READING = (
+    "grey: no constraint on the image · dashed: “-limited”, the limit is known · bars: 95 % "
+    "intervals · times: median of three or more successes"
+)
+LEGEND_LINE = 0.148  #: Height of an entry in a legend [in].
+APART = 1.03  #: Ratio of the limits at which entries beside each other are drawn.
 
 
 def keep(folder: Path, add: bool = False) -> list[str]:
@@ -289,119 +301,108 @@ def settling(own: Any) -> float:
 # --- Figure ---
 
 
-def draw(runs: Any) -> Sheet:
-    """Draw success and settling time over the limit of accelerations, for each arm by pose.
+def draw(own: Any) -> Sheet:
+    """Draw success and settling time over the limit of accelerations, for the arms of a feature.
 
-    Without runs by pose, those by image points are drawn.
+    ``own`` are the runs in held-out scenes by that feature. Each column of panels has entries of
+    one kind, with a legend above.
     """
-    sheet = Sheet(left=0.5)
-    feature, own = next(iter(features(runs).items()))
+    sheet = Sheet(left=0.52, right=0.1)
     limits = sorted(own["limit"].unique())
     cells = [cell for _, cell in own.groupby(["family", "controller", "limit"])]
-    times = [settling(cell) for cell in cells if cell["success"].any()]
+    times = times_of(cells)
     longest = 1.1 * max(times, default=TIME_LIMIT)
-    styles_by_panel = panels(own)
-    arms = [family for family in FEATURES[feature] if (own["family"] == family).any()]
-    for family in arms:
+    columns = shown_panels(own)
+    room = WIDTH - sheet.left - sheet.right - BESIDE * (len(columns) - 1)
+    width = min(room / len(columns), WIDEST)
+    lefts = [sheet.left + k * (width + BESIDE) for k in range(len(columns))]
+    entries_of = max(len(styles) for styles in columns.values())
+    for left, (title, styles) in zip(lefts, columns.items(), strict=True):
+        sheet.text(left, 0.2, title, fontsize=9.0, fontweight="bold", va="center")
+        shown = [{"label": name, **style} for name, style in styles.items()]
+        sheet.legend(shown, 1, (left, 0.34), labelspacing=0.3)
+    for text in [text for legend in sheet.figure.legends for text in legend.get_texts()]:
+        text.set_fontsize(8.0)
+    sheet.bottom = 0.34 + LEGEND_LINE * entries_of
+    arms = list(dict.fromkeys(own["family"]))
+    for family in [name for name in TITLES if name in arms]:
         top = sheet.bottom + ABOVE
-        left = sheet.left
-        for column, (title, styles) in enumerate(styles_by_panel.items()):
-            upper = sheet.axes(left, top, PANEL, HEIGHT)
-            lower = sheet.axes(left, top + HEIGHT + GAP, PANEL, HEIGHT)
-            upper.set(ylim=(-3.0, 103.0))
+        arm = TITLES[family].partition(",")[0]
+        for left, styles in zip(lefts, columns.values(), strict=True):
+            upper = sheet.axes(left, top, width, HEIGHT)
+            lower = sheet.axes(left, top + HEIGHT + GAP, width, HEIGHT)
+            upper.set(ylim=(-4.0, 104.0))
             lower.set(ylim=(0.0, longest))
             _curves(upper, lower, own[own["family"] == family], styles, limits)
-            upper.tick_params(labelbottom=False, labelleft=column == 0)
-            lower.tick_params(labelleft=column == 0)
-            arm = f"{TITLES[family].partition(',')[0]}, {title}"
-            upper.set_title(arm, loc="left", fontsize=8.5, pad=4)
-            if column == 0:
-                upper.set_ylabel("success [% of scenes]")
-                lower.set_ylabel("settling time [s]")
-            elif column == 1 and family == arms[-1]:
-                lower.set_xlabel("acceleration limit of the arm [rad/s²]")
-            left += PANEL + BESIDE[column]
-    sheet.bottom += 0.5
+            upper.tick_params(labelbottom=False, labelleft=left == lefts[0])
+            lower.tick_params(labelleft=left == lefts[0])
+            if left == lefts[0]:
+                upper.set_ylabel(f"{arm}: success [%]")
+                lower.set_ylabel(f"{arm}: settling time [s]")
+    middle = 0.5 * (lefts[0] + lefts[-1] + width)
+    axis = sheet.bottom + 0.34
+    sheet.text(middle, axis, "acceleration limit of the arm [rad/s²]", fontsize=8.5, ha="center")
+    if width < WIDEST:
+        sheet.text(middle, axis + 0.2, READING, fontsize=7.5, ha="center")
+    sheet.bottom = axis + 0.26
     return sheet
 
 
+def shown_panels(own: Any) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the style of lines of the entries that have runs, by panel that has any."""
+    there = set(own["controller"])
+    shown: dict[str, dict[str, dict[str, Any]]] = {}
+    for title, styles in panels(own).items():
+        for name, text in styles.items():
+            if name in there:
+                colour, marker, dash = text.split()
+                mark = mark_of(Look(COLOURS[colour], marker, dash)) | {"markersize": 4.5}
+                style = {"color": COLOURS[colour], "linestyle": dash, "linewidth": 1.3, **mark}
+                shown.setdefault(title, {})[name] = style
+    return shown
+
+
 def _curves(
-    upper: Any, lower: Any, own: Any, styles: Mapping[str, str], limits: Sequence[float]
+    upper: Any,
+    lower: Any,
+    own: Any,
+    styles: Mapping[str, Mapping[str, Any]],
+    limits: Sequence[float],
 ) -> None:
     """Draw the success of entries with intervals above, and their settling time below."""
-    shown = [name for name in styles if name in set(own["controller"])]
-    success, times = {}, {}
-    for k, name in enumerate(shown):
-        colour, marker, dash = styles[name].split()
-        look = Look(COLOURS[colour], marker, dash)
-        style = {"color": look.colour, "linestyle": dash, "linewidth": 1.3, **mark_of(look)}
+    for k, (name, style) in enumerate(styles.items()):
         mine = own[own["controller"] == name]
         there = sorted(mine["limit"].unique())
         cells = [mine[mine["limit"] == limit] for limit in there]
-        x = np.array(there) * 1.035 ** (k - 0.5 * (len(shown) - 1))
+        x = np.array(there) * APART ** (k - 0.5 * (len(styles) - 1))
         rates = [rate(cell["success"].to_numpy(dtype=bool)) for cell in cells]
         shares = 100.0 * np.array([each.share for each in rates])
         low = 100.0 * np.array([each.low for each in rates])
         high = 100.0 * np.array([each.high for each in rates])
-        upper.vlines(x, low, high, color=look.colour, linewidth=0.7, alpha=0.45)
+        upper.vlines(x, low, high, color=style["color"], linewidth=0.8, alpha=0.5)
         upper.plot(x, shares, **style)
         enough = [cell["success"].sum() >= SHORTEST_SAMPLE for cell in cells]
         median = np.array([settling(cell) for cell in cells])
-        median = np.where(enough, median, np.nan)
-        lower.plot(x, median, **style)
-        success[name] = shares[-1], look.colour
-        if np.isfinite(median).any():
-            times[name] = float(median[np.isfinite(median)][-1]), look.colour
-    for ax, ends in ((upper, success), (lower, times)):
+        lower.plot(x, np.where(enough, median, np.nan), **style)
+    for ax in (upper, lower):
         logarithmic(ax.xaxis, limits)
-        ax.set_xlim(limits[0] / 1.25, limits[-1] * 1.25)
-        _labels(ax, ends)
-
-
-def _labels(ax: Any, ends: Mapping[str, tuple[float, str]]) -> None:
-    """Write the names of lines beside their ends, moved apart where they would overlap."""
-    low, high = ax.get_ylim()
-    names = sorted(ends, key=lambda name: ends[name][0])
-    places = [(ends[name][0] - low) / (high - low) for name in names]
-    heights = apart(places, LABEL_GAP / HEIGHT)
-    for name, place, height in zip(names, places, heights, strict=True):
-        colour = ends[name][1]
-        ax.plot(
-            (1.0, 1.05), (place, height), color=colour, linewidth=0.6, clip_on=False,
-            transform=ax.transAxes, marker="",
-        )  # fmt: skip
-        ax.annotate(
-            name.removeprefix("velocity-"), (1.06, height), xycoords="axes fraction",
-            fontsize=7.5, color=colour, va="center", annotation_clip=False,
-        )  # fmt: skip
-
-
-def apart(places: Sequence[float], gap: float) -> list[float]:
-    """Return sorted places from 0 to 1, moved as little as needed for a least gap."""
-    heights = list(places)
-    for _ in range(500):
-        for k in range(len(heights) - 1):
-            lack = gap - (heights[k + 1] - heights[k])
-            if lack > 0.0:
-                heights[k] -= 0.5 * lack
-                heights[k + 1] += 0.5 * lack
-        heights = [min(max(height, 0.0), 1.0) for height in heights]
-    return heights
-
-
-SHOWN = Figure("stacks-in-view", "success and settling time over the arm's agility", "", draw)
+        ax.set_xlim(limits[0] / 1.3, limits[-1] * 1.3)
 
 
 # --- Tables ---
 
 
 def cell_of(own: Any) -> str:
-    """Return successes of scenes with their settling time, ``7/8, 2.1 s``."""
+    """Return successes of scenes, their settling time and interval, ``7/8, 2.1 s<br>47–100 %``."""
     if own.empty:
         return "–"
+    success = rate(own["success"].to_numpy(dtype=bool))
     time = settling(own)
-    count = f"{int(own['success'].sum())}/{len(own)}"
-    return count if np.isnan(time) else f"{count}, {time:.1f} s"
+    count = f"{success.count}/{success.of}"
+    if not np.isnan(time):
+        count += f", {time:.1f} s"
+    text = f"{count}<br>{100.0 * success.low:.0f}–{100.0 * success.high:.0f} %"
+    return text.replace(" ", NO_BREAK)
 
 
 def table_of(runs: Any, family: str) -> Iterator[str]:
@@ -409,15 +410,27 @@ def table_of(runs: Any, family: str) -> Iterator[str]:
     own = tested(runs, [family])
     limits = sorted(own["limit"].unique())
     heads = [f"{limit:g} rad/s²" for limit in limits]
-    yield f"| entry | {' | '.join(heads)} | worst margin [px] | periods without answer |"
-    yield f"|---|{'---:|' * (len(limits) + 2)}"
+    yield f"| entry | {' | '.join(heads)} | worst margin [px] |"
+    yield f"|---|{'---:|' * (len(limits) + 1)}"
     for entry in entries(own):
         mine = own[own["controller"] == entry]
         cells = [cell_of(mine[mine["limit"] == limit]) for limit in limits]
-        silent = 100.0 * mine["unanswered"].mean()
         worst = margin_text(float(mine["margin_px"].min()))
-        share = "0" if silent == 0.0 else f"{silent:.1f} %"
-        yield f"| `{entry}` | {' | '.join(cells)} | {worst} | {share} |"
+        yield f"| `{entry}` | {' | '.join(cells)} | {worst} |"
+
+
+def unanswered(runs: Any, family: str) -> str:
+    """Return the shares of periods without an answer of the entries in a family's table."""
+    own = tested(runs, [family])
+    shares = []
+    for entry in entries(own):
+        silent = 100.0 * own[own["controller"] == entry]["unanswered"].mean()
+        if silent > 0.0:
+            text = "less than 0.1" if silent < 0.1 else f"{silent:.1f}"
+            shares.append(f"`{entry}` {text} %")
+    if not shares:
+        return "No period was without an answer."
+    return f"Periods without an answer: {listed(shares)}; none of the others."
 
 
 def margin_text(margin: float) -> str:
@@ -431,7 +444,7 @@ def margin_text(margin: float) -> str:
 
 
 def without(family: str) -> Iterator[str]:
-    """Yield the lines that name the entries that cannot servo by the feature of a family."""
+    """Yield the sentence that names the entries that cannot servo by the feature of a family."""
     names = [
         f"`{each.name}`"
         for each in Campaign.load(SUITE).controllers
@@ -439,7 +452,7 @@ def without(family: str) -> Iterator[str]:
     ]
     feature = {"camera-pose": "the pose", "image-points": "image points"}[feature_of(family)]
     if names:
-        yield f"Without a task by {feature}, and therefore not in this table: {listed(names)}.\n"
+        yield f"Without a task by {feature}, and therefore not in this table: {listed(names)}."
 
 
 def gains_of(runs: Any) -> Iterator[str]:
@@ -472,11 +485,22 @@ def tables(runs: Any) -> str:
     lines = [scenes_text(runs), ""]
     for family, title in TITLES.items():
         if len(tested(runs, [family])):
-            lines += [f"**{title}**\n", *table_of(runs, family), "", *without(family)]
+            lines += [f"**{title}**\n", *table_of(runs, family), ""]
+            lines += [" ".join([unanswered(runs, family), *without(family)]), ""]
     tried = "{" + ", ".join(f"{gain:g}" for gain in GAINS) + "}"
     views = "{" + ", ".join(f"{gain:g}" for gain in VIEW_GAINS) + "}"
     lines += [f"Chosen gains λ / α [1/s], of λ in {tried} and α in {views}:", *gains_of(runs)]
     return "\n".join(lines)
+
+
+def figures(runs: Any) -> str:
+    """Return the figures of the page, one for each feature that has runs."""
+    shown = [
+        f"![Success and settling time {feature} over the arm's limit of accelerations]({file})"
+        for feature, file in FIGURES.items()
+        if feature in features(runs)
+    ]
+    return "\n\n".join(shown)
 
 
 # --- Sentences ---
@@ -498,66 +522,111 @@ def listed(texts: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))
 
 
-def with_groups(texts: Mapping[str, str]) -> str:
-    """Return texts by group as an enumeration, ``80 % with the first and 90 % with the second``."""
-    return listed([f"{text} with {group}" for group, text in texts.items()])
+def slowest_and_fastest(own: Any) -> list[float]:
+    """Return the least and the greatest limit [rad/s²] that all arms have; one if they are equal.
 
-
-def groups_at(own: Any, limit: float) -> dict[str, str]:
-    """Return the range of successes of each group's entries in held-out runs at a limit."""
-    at_limit = own[own["limit"] == limit]
-    texts = {}
-    for group, names in groups_of(at_limit).items():
-        cells = [at_limit[at_limit["controller"] == name] for name in names]
-        rates = [share(cell) for cell in cells if len(cell)]
-        if rates:
-            texts[group] = between(rates, "%")
-    return texts
-
-
-def times_at(own: Any, limit: float) -> dict[str, str]:
-    """Return the range of median settling times of each group's entries at a limit.
-
-    Entries without a constraint on the image are left out.
+    Arms without a common limit give those of any.
     """
+    by_arm = [set(arm["limit"]) for _, arm in own.groupby("family")]
+    limits = set.intersection(*by_arm) or set.union(*by_arm)
+    return list(dict.fromkeys((min(limits), max(limits))))
+
+
+def cells_of(own: Any, names: Sequence[str], limit: float) -> list[Any]:
+    """Return the runs of each of these entries at a limit, of those that have any."""
     at_limit = own[own["limit"] == limit]
-    texts = {}
-    for group, names in groups_of(at_limit).items():
-        cells = [at_limit[at_limit["controller"] == name] for name in names]
-        times = [settling(cell) for cell in cells if cell["success"].sum() >= SHORTEST_SAMPLE]
-        if times and group != WITHOUT_IMAGE:
-            texts[group] = between(times, "s", 1)
-    return texts
+    return [cell for name, cell in at_limit.groupby("controller", sort=False) if name in names]
+
+
+def times_of(cells: Sequence[Any]) -> list[float]:
+    """Return the median settling times of entries with enough successes [s]."""
+    return [settling(cell) for cell in cells if cell["success"].sum() >= SHORTEST_SAMPLE]
+
+
+def success_sentence(feature: str, own: Any) -> str:
+    """Return the success of the median entry of each group, at the least and greatest limit."""
+    limits = slowest_and_fastest(own)
+    texts = []
+    for group, names in groups_of(own).items():
+        shares = []
+        for limit in limits:
+            cells = cells_of(own, names, limit)
+            middle = f"{np.median([share(cell) for cell in cells]):.0f}" if cells else "–"
+            shares.append(middle)
+        if any(text != "–" for text in shares):
+            texts.append(f"{listed(shares)} % with {group}")
+    families = [family for family in FEATURES[feature] if (own["family"] == family).any()]
+    arms = listed([TITLES[family].partition(",")[0] for family in families])
+    both = listed([f"{limit:g}" for limit in limits])
+    return (
+        f"**{feature.capitalize()}**, on {arms} arms with {both} rad/s², the median entry succeeds "
+        f"in these shares of the scenes: {listed(texts)}."
+    )
+
+
+def times_sentence(own_by_feature: Mapping[str, Any]) -> str:
+    """Return the ranges of settling times for each feature; empty without any."""
+    texts = []
+    for feature, own in own_by_feature.items():
+        ranges = {}
+        for limit in slowest_and_fastest(own):
+            times = times_of(cells_of(own, entries(own), limit))
+            if times:
+                ranges[f"{limit:g}"] = between(times, "s", 1)
+        if ranges:
+            texts.append(f"{listed([*ranges.values()])} {feature} ({listed([*ranges])} rad/s²)")
+    if not texts:
+        return ""
+    return (
+        f"Successes settle after median times of {', and '.join(texts)}; a slow gain keeps "
+        "anything inside, so read success and time together."
+    )
+
+
+def ranges_of(runs: Any) -> Iterator[str]:
+    """Yield the lines of the table of groups: ranges of the success and time of their entries."""
+    columns = [
+        (feature, own, limit)
+        for feature, own in features(runs).items()
+        for limit in slowest_and_fastest(own)
+    ]
+    heads = [f"{feature}, {limit:g} rad/s²" for feature, _, limit in columns]
+    yield f"| entries | {' | '.join(heads)} |"
+    yield f"|---|{'---:|' * len(columns)}"
+    there = entries(tested(runs, [*TITLES]))
+    for group, names in groups_of(runs).items():
+        cells = [range_text(cells_of(own, names, limit)) for _, own, limit in columns]
+        members = [f"`{name}`" for name in there if name in names]
+        if members:
+            title = group if names == further(runs) else f"{group}: {', '.join(members)}"
+            yield f"| {title} | {' | '.join(cells)} |"
+
+
+def range_text(cells: Sequence[Any]) -> str:
+    """Return the ranges of success and settling times, ``42–72 %<br>4.2–8.1 s``."""
+    if not cells:
+        return "–"
+    times = times_of(cells)
+    lines = [between([share(cell) for cell in cells], "%")]
+    if times:
+        lines.append(between(times, "s", 1))
+    return "<br>".join(lines).replace(" to ", "–").replace(" ", NO_BREAK)
 
 
 def answer(runs: Any) -> str:
-    """Return the answer of the page: for goals by each feature, at the least and highest limit."""
-    sentences = []
-    for feature, own in features(runs).items():
-        limits = list(dict.fromkeys((own["limit"].min(), own["limit"].max())))
-        times = []
-        for limit in limits:
-            sentences.append(
-                f"With goals {feature}, on arms with {limit:g} rad/s², every marker stays in the "
-                f"image and the goal is reached in these shares of the scenes, from the least to "
-                f"the most successful entry: {with_groups(groups_at(own, limit))}."
-            )
-            own_times = times_at(own, limit)
-            if own_times:
-                times.append(f"with {limit:g} rad/s² {with_groups(own_times)}")
-        if times:
-            sentences.append(
-                f"With goals {feature}, successes settle within these median times: "
-                f"{'; '.join(times)}."
-            )
-    return "\n".join(f"{k}. {sentence}" for k, sentence in enumerate(sentences, 1))
+    """Return the answer of the page: success by each feature, settling times, and the ranges."""
+    own_by_feature = features(runs)
+    sentences = [success_sentence(feature, own) for feature, own in own_by_feature.items()]
+    sentences.append(times_sentence(own_by_feature))
+    numbered = [f"{k}. {sentence}" for k, sentence in enumerate(filter(None, sentences), 1)]
+    return "\n".join([*numbered, "", *ranges_of(runs)])
 
 
 def scenes_text(runs: Any) -> str:
     """Return what the kept runs are, and what of the comparison is not among them."""
     tests = runs[runs["half"] == "held-out"]
     campaign = Campaign.load(SUITE)
-    counts, missing = [], []
+    made, missing = [], []
     for family in campaign.families:
         title = TITLES[family.name]
         own = tests[tests["family"] == family.name]
@@ -566,9 +635,7 @@ def scenes_text(runs: Any) -> str:
         if own.empty:
             missing.append(title)
             continue
-        scenes = own.groupby("condition")["scene"].nunique().to_numpy(dtype=float)
-        number = between(list(scenes), "held-out scenes")
-        counts.append(f"{title}, at {listed(there)} rad/s²: {number} each")
+        made.append(f"{title}, at {listed(there)} rad/s²")
         rest = [text for text in limits.values() if text not in there]
         if rest:
             missing.append(f"{title}, at {listed(rest)} rad/s²")
@@ -578,26 +645,21 @@ def scenes_text(runs: Any) -> str:
         if each.name != BASELINE and each.name not in set(tests["controller"])
     ]
     rest_text = f" Not run yet: {'; '.join(missing + absent)}." if missing + absent else ""
-    return f"{len(runs)} runs. {'; '.join(counts)}.{rest_text}"
+    groups = tests.groupby(["family", "condition"], observed=True)
+    number = between(list(groups["scene"].nunique()), "held-out scenes")
+    return f"{len(runs)} runs, with {number} in each of: {'; '.join(made)}.{rest_text}"
 
 
 def headline(runs: Any) -> str:
     """Return the sentence of the README, on goals by pose if there are such runs."""
     feature, own = next(iter(features(runs).items()))
-    slow = own["limit"].min()
-    scenes = len(own[own["limit"] == slow][["family", "scene"]].drop_duplicates())
-    families = [family for family in FEATURES[feature] if (own["family"] == family).any()]
-    arms = [TITLES[family].partition(",")[0] for family in families]
-    return (
-        f"On {listed(arms)} arms that accelerate by at most {slow:g} rad/s², with goals {feature}, "
-        f"tuned entries keep all markers in the image and reach the goal in these shares of "
-        f"{scenes} drawn scenes: {with_groups(groups_at(own, slow))}."
-    )
+    return success_sentence(feature, own)
 
 
 def parts(runs: Any) -> Iterator[tuple[Path, str, str]]:
     """Yield the parts that are made from the table: page, name of the marks around it, text."""
     yield PAGE, "answer", answer(runs)
+    yield PAGE, "figures", figures(runs)
     yield PAGE, "tables", tables(runs)
     yield README, "stacks", headline(runs)
 
@@ -612,7 +674,9 @@ def part_of(page: Path, name: str) -> tuple[str, str, str]:
 
 def write_page(runs: Any) -> None:
     """Write the figure, and the parts of the pages between their marks."""
-    SHOWN.write(FIGURE, runs)
+    for feature, own in features(runs).items():
+        figure = Figure(feature, "success and settling time over the arm's agility", "", draw)
+        figure.write(PAGE.with_name(FIGURES[feature]), own)
     for page, name, made in parts(runs):
         before, _, after = part_of(page, name)
         page.write_text(f"{before}\n\n{made}\n\n{after}", encoding="utf-8")

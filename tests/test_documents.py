@@ -53,7 +53,7 @@ NOT_RUN: dict[tuple[str, str], str] = {
     ("stacks-in-view.md", "[controllers.mine]"): "lines of comparisons/stacks.toml",
     (
         "stacks-in-view.md",
-        "python -m checks.stacks run envs --entry mine --family ur5 --condition limit-8 "
+        "python -m checks.stacks run envs --entry mine --family ur5 --condition limit-2 "
         "--out my-runs",
     ): "commands that make hundreds of runs and write into the repository",
 }

@@ -29,6 +29,7 @@ from vsconstraints.bench.reports.report import write_report_of
 from vsconstraints.bench.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.page import html_page, page_of
+from vsconstraints.simulation.programs import declaration
 from vsconstraints.view.replay.campaigns import replayed
 from vsconstraints.view.replay.runs import name_of
 
@@ -174,6 +175,29 @@ def test_the_answer_says_what_another_choice_loses(tmp_path: Path) -> None:
     (data,) = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["answers"]
     assert (data["law"], data["ties"], data["second"], data["median"]) == ("a", ["b"], "b", "c")
     assert data["loss[worst]"] == pytest.approx(0.9)
+
+
+def test_tables_say_what_a_stack_declared(tmp_path: Path) -> None:
+    """Its URDF is a model, so that no finding says that it works without one."""
+    good = {"mine": 60, "sliding-mode": 40, "predictive": 20}
+    said = {"mine": declaration("mine 2.0", ("urdf", "q"), "velocity")}
+    lines = [
+        run(controller=law, scene=scene, reason=said.get(law, ""))
+        | {"status": "converged" if scene < n else "trapped"}
+        for law, n in good.items()
+        for scene in range(60)
+    ]
+    text = written(frame(lines), tmp_path)
+    found = [
+        line[head.index("required information")]
+        for head, *others in tables(text)
+        if "required information" in head
+        for line in others
+        if "mine" in line[0] + line[1]
+    ]
+    assert found == ["urdf, q"] * 3  # the answer, the headline and all controllers
+    assert "of a stack, all that it declared" in text
+    assert "Best without a model: **sliding-mode**" in text
 
 
 def heat_map_of(page: str) -> Any:

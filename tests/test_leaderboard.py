@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from test_evidence import here
 from test_testset import quiet
-from vsconstraints.bench.evidence import Campaign, Plan, collect
+from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect
 from vsconstraints.bench.families import Family
 from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.bench.repetition import (
@@ -29,6 +29,7 @@ from vsconstraints.bench.study import SHIPPED, Study
 from vsconstraints.cli import app
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.simulation.programs import declaration
 
 ROOT = Path(__file__).parents[1]
 KEPT = [
@@ -107,6 +108,24 @@ def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others
     failing = study.runs.assign(success=False, status="slow", tolerant_success=False)
     runs = study.runs.where(study.runs["controller"] == "sliding-mode", failing)
     assert "| sliding-mode" in leaderboard({"a": replace(study, runs=runs)}, frozen).splitlines()[2]
+
+
+def test_the_leaderboard_says_what_a_stack_declared(
+    folder: Path, frozen: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also from a table that was kept; the reason of a run has the declaration."""
+    evidence = Evidence.load(folder, True)
+    runs = evidence.runs.copy()
+    said = declaration("mine 2.0", ("q", "limits"), "velocity")
+    runs.loc[runs["controller"] == "mine", "reason"] = said
+    vars(evidence)["runs"] = runs
+    monkeypatch.setattr(Evidence, "load", lambda *_: evidence)
+    Study.load(folder, custom_laws=True).keep(tmp_path / "table.parquet")
+    kept = Study.load(tmp_path / "table.parquet", custom_laws=True)
+    (line,) = [
+        line for line in leaderboard({"a": kept}, frozen).splitlines() if line.startswith("| mine")
+    ]
+    assert line.split("|")[3].strip() == "q, limits"
 
 
 def test_the_code_of_own_laws_is_not_imported_to_read_their_runs(

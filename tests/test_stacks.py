@@ -23,7 +23,7 @@ from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
-from vsconstraints.simulation.programs import Observation, declaration, declared_uses
+from vsconstraints.simulation.programs import Observation, declaration, declared_in, declared_uses
 from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
 from vsconstraints.stacks.child import StackProcess
@@ -360,6 +360,8 @@ def test_results_name_what_a_class_declares_as_they_do_for_a_program(setup):
     named = declaration("one that uses q and commands positions", ("pixels",), "velocity")
     assert declared_uses(f"{named}; no answer") == ("pixels",)
     assert declared_uses("a law uses the limits and commands velocities") is None
+    assert declared_in(["failed", of_class.reason, named]) == (*Posed.uses, "pixels")
+    assert declared_in(["failed", ""]) is None
 
 
 class Sparing(Stack):

@@ -15,6 +15,7 @@ from ..errors import ConfigurationError, VsconstraintsError, format_value
 from ..plugins.provenance import Files
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, checked
+from ..simulation.programs import declared_in
 from .evidence import Evidence, parquet
 from .evidence.parquet import KEYS, Column, Kind
 from .statistics import OUTCOMES
@@ -120,10 +121,10 @@ COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 class Study:
     """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by controller name.
 
-    ``requires`` holds the required information of each law beyond rows and task; None for a custom
-    law, whose code is not imported. ``frozen`` holds, for each family of a test set and by half,
-    the seed and the hash of its scenes. ``files`` are hashes of the files that custom laws have
-    loaded or read, see :mod:`.own_files`.
+    ``requires`` holds the required information of each law beyond rows and task, and all that a
+    stack declared in its runs; it is None for a custom law, whose code is not imported. ``frozen``
+    holds, for each family of a test set and by half, the seed and the hash of its scenes. ``files``
+    are hashes of the files that custom laws have loaded or read, see :mod:`.own_files`.
     """
 
     runs: Any
@@ -293,5 +294,11 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             properties["constraints"] = "; ".join(properties["constraints"])
             for line in each.to_dict("records"):
                 lines.append({**line, **properties})
+    requires = {}
+    for name, law in laws.items():
+        if ":" in law.law:
+            requires[name] = declared_in(runs.loc[runs["controller"] == name, "reason"].dropna())
+        else:
+            requires[name] = law.make().uses
     table = parquet.table(COLUMNS, lines).to_pandas()
     return Study(table, laws, requires, frozen, evidence.own_files)

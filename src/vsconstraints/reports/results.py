@@ -7,14 +7,13 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from itertools import chain
 from typing import Any, Literal, NamedTuple
 
 from ..comparisons import StoredComparison
 from ..comparisons.metrics import Metric
 from ..comparisons.runs.spec import stack_law
 from ..comparisons.suite import BASELINE
-from ..simulation.programs import declared_uses
+from ..simulation.programs import declared_in
 from .groups import grouped
 from .markdown import Table, bold
 from .numbers import Format, median, number, over_trials
@@ -125,13 +124,9 @@ class Results:
         """Data that each stack declared as used in its runs, by controller."""
         declared = {}
         for name in self.competitors:
-            declarations = []
-            for line in self.all_runs(name):
-                uses = declared_uses(str(line.get("reason") or ""))
-                if uses is not None:
-                    declarations.append(uses)
-            if declarations:
-                declared[name] = tuple(dict.fromkeys(chain.from_iterable(declarations)))
+            uses = declared_in(str(line.get("reason") or "") for line in self.all_runs(name))
+            if uses is not None:
+                declared[name] = uses
         return declared
 
     @property

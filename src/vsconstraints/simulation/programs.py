@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from os.path import isfile  # unlike Path.is_file, it takes a text that is too long for a path
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
@@ -52,6 +53,12 @@ def declared_uses(reason: str) -> tuple[str, ...] | None:
     if found is None:
         return None
     return () if found[1] == NO_DATA else tuple(found[1].split(", "))
+
+
+def declared_in(reasons: Iterable[str]) -> tuple[str, ...] | None:
+    """Return the data that any of these reasons of a stack's runs declares; None if none does."""
+    declared = [uses for uses in map(declared_uses, reasons) if uses is not None]
+    return tuple(dict.fromkeys(chain.from_iterable(declared))) if declared else None
 
 
 def program_name(command: Sequence[str]) -> str:

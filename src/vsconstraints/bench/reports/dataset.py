@@ -20,6 +20,7 @@ from ...reports.groups import required_information
 from ...reports.plots import PNG, Figure, Formats
 from ...reports.plots.style import TUNED
 from ...simulation import Setup, simulate, until_settled
+from ...simulation.programs import declared_in
 from ..evidence import Evidence
 from ..families.family import NOMINAL, TOGETHER
 from ..statistics.judged import OUTCOMES, endings
@@ -208,13 +209,27 @@ class Dataset:
     def required(self) -> dict[str, tuple[str, ...] | None]:
         """Information that each controller requires beyond rows and task.
 
-        It is None for a custom controller, whose code defines it.
+        It is None for a custom controller, whose code defines it, and for a stack.
         """
         entries = self.configuration["controllers"]
         required = {}
         for name in self.laws:
             required[name] = required_information(name, entries.get(name, {}))
         return required
+
+    @cached_property
+    def declared(self) -> dict[str, tuple[str, ...]]:
+        """Data that each stack declared as used in its runs, by controller."""
+        declared = {}
+        for name in self.laws:
+            uses = declared_in(self.of_law(name)["reason"].dropna().unique())
+            if uses is not None:
+                declared[name] = uses
+        return declared
+
+    def information(self, law: str) -> tuple[str, ...] | None:
+        """Return what a controller requires, or all that a stack declared; None if unknown."""
+        return self.declared.get(law, self.required[law])
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""
