@@ -245,18 +245,101 @@ def refusal_of(command, setup, state=None):
     return done.stderr.decode()
 
 
-@pytest.fixture(scope="module")
-def visp(tmp_path_factory):
+def with_visp(source, folder):
+    """A program of ViSP, compiled into a folder; skips the test where that is not possible."""
     compiler = shutil.which("c++")
-    program = tmp_path_factory.mktemp("visp") / "visp_stack"
-    libraries = ["-lvisp_core", "-lvisp_visual_features", "-lvisp_vs"]
+    program = folder / source.stem
+    libraries = ["-lvisp_core", "-lvisp_visual_features", "-lvisp_vs", "-lvisp_robot"]
     if compiler is None:
         pytest.skip("there is no C++ compiler")
     probe = [compiler, "-x", "c++", "-fsyntax-only", "-include", "visp3/vs/vpServo.h", os.devnull]
     if subprocess.run(probe, capture_output=True, check=False).returncode:
         pytest.skip("ViSP is not installed: Debian's libvisp-vs-dev")
-    subprocess.run([compiler, "-O2", "-std=c++17", VISP, "-o", program, *libraries], check=True)
+    subprocess.run([compiler, "-O2", "-std=c++17", source, "-o", program, *libraries], check=True)
     return program
+
+
+@pytest.fixture(scope="module")
+def visp(tmp_path_factory):
+    return with_visp(VISP, tmp_path_factory.mktemp("visp"))
+
+
+@pytest.fixture(scope="module")
+def visp_direct(tmp_path_factory):
+    return with_visp(ROOT / "tests" / "data" / "visp_direct.cpp", tmp_path_factory.mktemp("direct"))
+
+
+#: Defaults of controllers/visp; those of the avoidance are ViSP's own.
+VISP_DEFAULTS = {
+    "gain": 1.0,
+    "gain_at_zero": 0.0,
+    "slope": 30.0,
+    "avoidance": 0.0,
+    "rho": 0.1,
+    "rho1": 0.3,
+    "lambda_tune": 0.7,
+    "saturation": 1.0,
+    "desired": 0.0,
+}
+
+
+def numbers_for_visp(setup, states):
+    """The numbers that tests/data/visp_direct.cpp reads, with the tip's Jacobian by Pinocchio."""
+    own = VISP_DEFAULTS | setup["settings"]
+    model = pin.buildModelFromXML(setup["urdf"])
+    tip = model.getFrameId(setup["tip"])
+    camera = setup["camera"]
+    (goal,) = setup["goals"]
+    markers = setup["target"]["markers"]
+    limits = setup["limits"]
+    yield setup["feature"] == "image-points", own["desired"]
+    yield own["gain_at_zero"] or own["gain"], own["gain"], own["slope"]
+    yield own["avoidance"], own["rho"], own["rho1"], own["lambda_tune"], own["saturation"]
+    yield model.nv, *limits["lower"], *limits["upper"], *limits["velocity"]
+    yield from (camera["intrinsics"], camera["camera_in_tip"])
+    yield from (len(markers), markers, np.linalg.inv(goal["camera_in_target"]), goal["pixels"])
+    yield len(states)
+    for state in states:
+        q = np.array(state["q"])
+        yield q
+        yield pin.computeFrameJacobian(model, model.createData(), q, tip, pin.LOCAL)
+        yield from (np.linalg.inv(state["camera_in_target"]), state["pixels"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["ur5", "panda"])
+@pytest.mark.parametrize("feature", ["image-points", "camera-pose"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"gain": 0.3, "saturation": 0.0, "desired": 1.0},
+        {"gain": 0.4, "gain_at_zero": 4.0, "slope": 20.0, "saturation": 0.0},
+        {"gain": 0.2, "avoidance": 1.0},
+        {"gain": 0.2, "avoidance": 1.0, "rho": 0.2, "rho1": 0.4, "lambda_tune": 0.5},
+    ],
+    ids=["default", "desired", "adaptive", "avoidance", "own-avoidance"],
+)
+def test_visp_answers_what_a_direct_call_gives(visp, visp_direct, robot, feature, settings):
+    setup, states = recorded(feature, scenario=narrow(robot))
+    setup["settings"] = settings
+    random = np.random.default_rng(6)
+    for state in states:  # measured pixels, which are not quite those of the pose
+        noise = random.normal(size=np.shape(state["pixels"]))
+        state["pixels"] = (np.array(state["pixels"]) + noise).tolist()
+    answers = answers_of([visp], setup, states)
+    numbers = np.concatenate([np.ravel(part) for part in numbers_for_visp(setup, states)])
+    done = subprocess.run(
+        [visp_direct],
+        input=" ".join(map(str, numbers.tolist())).encode(),
+        capture_output=True,
+        check=True,
+        timeout=300,
+    )
+    direct = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    largest = np.abs(direct).max()
+    assert largest > 0.1
+    np.testing.assert_allclose(answers, direct, rtol=0.0, atol=EXACT * largest)
 
 
 @pytest.mark.slow
