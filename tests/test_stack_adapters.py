@@ -32,20 +32,21 @@ ENVIRONMENTS = os.environ.get("VSCONSTRAINTS_STACKS")
 ROOT = Path(__file__).parents[1]
 SUITE = ROOT / "comparisons" / "stacks.toml"
 VISP = ROOT / "controllers" / "visp" / "visp_stack.cpp"
-#: Greatest difference from a direct call, relative to the answer. The solvers of OInK and cbfpy
-#: iterate up to a tolerance, so that rounding of their input changes when they stop.
-TOLERANCE = {"oink": 1e-6, "cbfpy": 1e-6}
+#: Greatest difference from a direct call, relative to the largest answer. The solvers of OInK and
+#: cbfpy stop their iteration at a tolerance of their own, which magnifies rounding of their input.
+#: TSID's QP is regularised by 1e-8 alone in the direction that the task leaves free on the Panda.
+TOLERANCE = {"oink": 1e-8, "cbfpy": 1e-11, "tsid-panda": 1e-7}
 EXACT = 1e-12
 #: Settings of the adapters other than their defaults, and the acceleration limit of those that have
 #: one, which entries of the suite switch on.
 SETTINGS = {
-    "pink": {"gain": 1.5, "barrier_gain": 8.0, "damping": 1e-2, "acceleration_limit": False},
-    "mink": {"gain": 1.5, "view_gain": 8.0, "damping": 1e-2},
-    "placo": {"gain": 1.5, "view_gain": 8.0, "regularization": 1e-4},
-    "rtb": {"gain": 1.5, "view_gain": 8.0},
+    "pink": {"gain": 1.5, "barrier_gain": 3.0, "damping": 1e-2, "acceleration_limit": False},
+    "mink": {"gain": 1.5, "view_gain": 3.0, "damping": 1e-2},
+    "placo": {"gain": 1.5, "view_gain": 3.0, "regularization": 1e-4},
+    "rtb": {"gain": 1.5, "view_gain": 3.0},
     "oink": {"gain": 1.5, "acceleration_limit": False},
     "tsid": {"stiffness": 20.0, "damping": 12.0},
-    "cbfpy": {"gain": 1.5, "barrier_gain": 8.0},
+    "cbfpy": {"gain": 1.5, "barrier_gain": 3.0},
     "mvt": {"gain": 1.5},
 }
 
@@ -67,11 +68,14 @@ def narrow(robot):
     ranges = {**ranges, "lower": (q0 - 0.16).tolist(), "upper": (q0 + 0.16).tolist()}
     speeds = {**speeds, "upper": [0.6] * len(q0)}
     scenario = scenario.with_override("constraints", [view, ranges, speeds])
-    return scenario.with_override("limits", {"acceleration": 20.0})
+    return scenario.with_override("limits", {"acceleration": 40.0})
 
 
-def recorded(feature="camera-pose", count=12, scenario=None):
-    """A setup message and states around the start of a scene, with what direct calls need."""
+def recorded(feature="camera-pose", count=12, scenario=None, spread=0.15):
+    """A setup message and states around the start of a scene, with what direct calls need.
+
+    Joints are at most 0.156 rad away from the start; with a larger ``spread``, many are just there.
+    """
     scenario = Scenario.load("ur5-fov") if scenario is None else scenario
     setup = scenario.with_override("task.feature", feature).setup()
     scene = setup.scene
@@ -81,17 +85,18 @@ def recorded(feature="camera-pose", count=12, scenario=None):
     half = setup.constraints.constraints[0].half_size
     states = []
     while len(states) < count:
-        q = setup.q0 + random.uniform(-0.15, 0.15, len(setup.q0))
-        qd = random.uniform(-0.3, 0.3, len(q))
+        away = random.uniform(-spread, spread, len(setup.q0))
+        q = setup.q0 + away.clip(-0.156, 0.156)
+        qd = 2.0 * random.uniform(-spread, spread, len(q))
         state = scene.evaluate(0.0, q, qd)
         pixels = state.pixels.position
         if (np.abs(pixels) > half).any():
             continue
         now = measured(Observation(0.0, 0, q, qd, pixels, 0.0, state.camera, True))
-        away = state.camera.inverse @ goal
+        to_goal = state.camera.inverse @ goal
         J = state.pixels.J.reshape(-1, len(q))
         beyond = np.concatenate((pixels - half, -pixels - half)).ravel()
-        twist = np.concatenate((away.t, pin.log3(away.R)))
+        twist = np.concatenate((to_goal.t, pin.log3(to_goal.R)))
         focal = np.array(scene.camera.focal)
         error = (pixels - setup.task.goals[0].pixels) / focal
         states.append(
@@ -153,7 +158,7 @@ def entries():
 @pytest.mark.parametrize(("adapter", "settings", "robot", "feature"), entries())
 def test_an_adapter_answers_what_a_direct_call_gives(adapter, settings, robot, feature, tmp_path):
     python = python_of(adapter)
-    setup, states = recorded(feature, scenario=narrow(robot))
+    setup, states = recorded(feature, scenario=narrow(robot), spread=0.25)
     setup["settings"] = settings
     file = tmp_path / "recorded.json"
     file.write_bytes(encode({"setup": setup, "states": states}))
@@ -165,8 +170,8 @@ def test_an_adapter_answers_what_a_direct_call_gives(adapter, settings, robot, f
     assert np.isfinite(direct).all(axis=1).sum() > len(states) // 2
     largest = np.nanmax(np.abs(direct))
     assert largest > 0.1
-    tolerance = TOLERANCE.get(adapter, EXACT) * largest
-    np.testing.assert_allclose(answers, direct, rtol=0.0, atol=tolerance)
+    share = TOLERANCE.get(adapter, TOLERANCE.get(f"{adapter}-{robot}", EXACT))
+    np.testing.assert_allclose(answers, direct, rtol=0.0, atol=share * largest)
 
 
 @pytest.mark.parametrize("adapter", adapters())
@@ -282,6 +287,8 @@ VISP_DEFAULTS = {
     "desired": 0.0,
 }
 
+OWN_AVOIDANCE = {"rho": 0.2, "rho1": 0.4, "lambda_tune": 0.5}
+
 
 def numbers_for_visp(setup, states):
     """The numbers that tests/data/visp_direct.cpp reads, with the tip's Jacobian by Pinocchio."""
@@ -312,16 +319,16 @@ def numbers_for_visp(setup, states):
 @pytest.mark.parametrize(
     "settings",
     [
-        {},
-        {"gain": 0.3, "saturation": 0.0, "desired": 1.0},
-        {"gain": 0.4, "gain_at_zero": 4.0, "slope": 20.0, "saturation": 0.0},
+        {"saturation": 0.0},
+        {"gain": 0.3, "desired": 1.0},
+        {"gain": 0.4, "gain_at_zero": 4.0, "saturation": 0.0},
         {"gain": 0.2, "avoidance": 1.0},
-        {"gain": 0.2, "avoidance": 1.0, "rho": 0.2, "rho1": 0.4, "lambda_tune": 0.5},
+        {"gain": 0.2, "gain_at_zero": 0.3, "slope": 20.0, "avoidance": 1.0, **OWN_AVOIDANCE},
     ],
-    ids=["default", "desired", "adaptive", "avoidance", "own-avoidance"],
+    ids=["current", "desired", "adaptive", "avoidance", "own-avoidance"],
 )
 def test_visp_answers_what_a_direct_call_gives(visp, visp_direct, robot, feature, settings):
-    setup, states = recorded(feature, scenario=narrow(robot))
+    setup, states = recorded(feature, scenario=narrow(robot), spread=0.25)
     setup["settings"] = settings
     random = np.random.default_rng(6)
     for state in states:  # measured pixels, which are not quite those of the pose
