@@ -195,18 +195,24 @@ def oink(setup, states):
     if own["acceleration_limit"]:
         most = np.array(setup["limits"]["acceleration"])
         acceleration = ik.AccelerationLimit(solver, dt, most)
-        acceleration.setLastVelocity(np.array(states[0]["qd"]))
         limits.append(acceleration)
+    last = None
     for state in states:
         robot.setJointPositions(np.array(state["q"]))
         goal = np.asfortranarray(state["tip_goal"])
         target = core.CartesianConfiguration("base", "tip", goal)
         task = ik.FrameTask(solver, robot, target, options)
-        step = np.zeros(len(state["q"]))
-        solver.solveIk(robot, [task], limits, step)
         if own["acceleration_limit"]:
-            acceleration.setLastVelocity(step / dt)
-        yield step / dt
+            acceleration.setLastVelocity(np.array(state["qd"]) if last is None else last)
+        step = np.zeros(len(state["q"]))
+        try:
+            solver.solveIk(robot, [task], limits, step)
+        except RuntimeError:
+            last = None
+            yield np.full(len(step), np.nan)
+        else:
+            last = step / dt
+            yield last
 
 
 def tsid(setup, states):

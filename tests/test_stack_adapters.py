@@ -37,6 +37,7 @@ VISP = ROOT / "controllers" / "visp" / "visp_stack.cpp"
 #: TSID's QP is regularised by 1e-8 alone in the direction that the task leaves free on the Panda.
 TOLERANCE = {"oink": 1e-8, "cbfpy": 1e-11, "tsid-panda": 1e-7}
 EXACT = 1e-12
+ACCELERATION = 40.0  #: Limit of accelerations in the recorded states [rad/s²].
 #: Settings of the adapters other than their defaults, and the acceleration limit of those that have
 #: one, which entries of the suite switch on.
 SETTINGS = {
@@ -68,7 +69,7 @@ def narrow(robot):
     ranges = {**ranges, "lower": (q0 - 0.16).tolist(), "upper": (q0 + 0.16).tolist()}
     speeds = {**speeds, "upper": [0.6] * len(q0)}
     scenario = scenario.with_override("constraints", [view, ranges, speeds])
-    return scenario.with_override("limits", {"acceleration": 40.0})
+    return scenario.with_override("limits", {"acceleration": ACCELERATION})
 
 
 def recorded(feature="camera-pose", count=12, scenario=None, spread=0.15):
@@ -172,6 +173,12 @@ def test_an_adapter_answers_what_a_direct_call_gives(adapter, settings, robot, f
     assert largest > 0.1
     share = TOLERANCE.get(adapter, TOLERANCE.get(f"{adapter}-{robot}", EXACT))
     np.testing.assert_allclose(answers, direct, rtol=0.0, atol=share * largest)
+    if settings.get("acceleration_limit"):
+        # from each answer to the next; the first one starts from the measured speeds
+        change = np.diff(answers, axis=0, prepend=[states[0]["qd"]]) / setup["period"]
+        assert np.isclose(np.abs(change), ACCELERATION, rtol=1e-6).sum() > 5
+        # OInK gives way a little where its limits of range and acceleration exclude each other
+        assert np.nanmax(np.abs(change)) < 1.05 * ACCELERATION
 
 
 @pytest.mark.parametrize("adapter", adapters())
