@@ -152,9 +152,7 @@ def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
     A frame ``slide k`` lies along each prismatic joint k.
     """
     poses, axes = joint_poses(robot, q)
-    frames = {}
-    for number, pose in enumerate(poses):
-        frames[f"joint {number}"] = Placement(pose)
+    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)}
     frames["tip"] = Placement(robot.pose(q))
     z = np.array([0.0, 0.0, 1.0])
     for i in np.flatnonzero(robot.prismatic):
