@@ -27,6 +27,7 @@ from vsconstraints.bench.reports.figures import draw_levels
 from vsconstraints.bench.reports.ranking import Share, ranking
 from vsconstraints.bench.reports.report import write_report_of
 from vsconstraints.bench.statistics.judged import UNSUCCESSFUL
+from vsconstraints.comparisons.runs.spec import stack_law
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.page import html_page, page_of
 from vsconstraints.simulation.programs import declaration
@@ -187,7 +188,8 @@ def test_tables_say_what_a_stack_declared(tmp_path: Path) -> None:
         for law, n in good.items()
         for scene in range(60)
     ]
-    text = written(frame(lines), tmp_path)
+    entries = {law: {"type": law} for law in good} | {"mine": {"type": stack_law()}}
+    text = written(frame(lines), tmp_path, controllers=entries)
     found = [
         line[head.index("required information")]
         for head, *others in tables(text)
@@ -197,6 +199,12 @@ def test_tables_say_what_a_stack_declared(tmp_path: Path) -> None:
     ]
     assert found == ["urdf, q"] * 3  # the answer, the headline and all controllers
     assert "of a stack, all that it declared" in text
+    (implementations,) = [
+        {line[0]: line[head.index("implementation")] for line in others}
+        for head, *others in tables(text)
+        if "implementation" in head
+    ]
+    assert implementations["mine"] == "external" != implementations["sliding-mode"]
     assert "Best without a model: **sliding-mode**" in text
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ...comparisons import RunRecord
-from ...comparisons.runs.spec import BASELINE, ControllerSpec
+from ...comparisons.runs.spec import BASELINE, ControllerSpec, stack_law
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
 from ...reports.drawing import picture
@@ -230,6 +230,18 @@ class Dataset:
     def information(self, law: str) -> tuple[str, ...] | None:
         """Return what a controller requires, or all that a stack declared; None if unknown."""
         return self.declared.get(law, self.required[law])
+
+    def implementation(self, law: str) -> str:
+        """Return how a controller runs: compiled, in NumPy, or external (in its own process)."""
+        entry = self.configuration["controllers"].get(law, {})
+        if entry.get("type") == stack_law():
+            return "external"
+        compiled = self.of_law(law)["compiled"].astype(bool).mean()
+        if compiled == 0.0:
+            return "NumPy"
+        if compiled == 1.0:
+            return "compiled"
+        return f"compiled in {100.0 * compiled:.0f} %, else NumPy"
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""
