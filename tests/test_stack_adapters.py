@@ -75,7 +75,8 @@ def narrow(robot):
 def recorded(feature="camera-pose", count=12, scenario=None, spread=0.15):
     """A setup message and states around the start of a scene, with what direct calls need.
 
-    Joints are at most 0.156 rad away from the start; with a larger ``spread``, many are just there.
+    Joints are at most 0.156 rad away from the start, within the ranges of :func:`narrow`. With a
+    larger ``spread``, many joints are exactly that far away.
     """
     scenario = Scenario.load("ur5-fov") if scenario is None else scenario
     setup = scenario.with_override("task.feature", feature).setup()
@@ -128,7 +129,7 @@ def answers_of(command, setup, states):
 
 
 def literal_of(adapter, name):
-    """The tuple or dict that an adapter calls by a name; its package need not be there."""
+    """The tuple or dict that an adapter assigns to a name; its package need not be installed."""
     tree = ast.parse((ADAPTERS / f"{adapter}_stack.py").read_text(encoding="utf-8"))
     (value,) = (
         node.value

@@ -207,9 +207,9 @@ def look_back(step: Step) -> None:
     taken = measurement.time
     for i in range(1, min(step.last[0].views, len(views))):
         before = (newest - i) % len(views)
-        time_before = abs(views[before].time - taken)
-        time_to_nearest = abs(views[nearest].time - taken)
-        if time_before >= time_to_nearest:
+        gap_before = abs(views[before].time - taken)
+        gap_of_nearest = abs(views[nearest].time - taken)
+        if gap_before >= gap_of_nearest:
             break
         nearest = before
     view = views[nearest]

@@ -131,8 +131,8 @@ def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
             by_acceleration = 0.5 * h * (speed - qd_c)
         else:
             by_acceleration = 0.5 * h * h * command[j]
-        by_speed = memory.q_c[j] + h * qd_c
-        memory.q_c[j] = by_speed + by_acceleration
+        at_constant_speed = memory.q_c[j] + h * qd_c
+        memory.q_c[j] = at_constant_speed + by_acceleration
         memory.qd_c[j] = speed
 
 
@@ -163,8 +163,8 @@ def balance_friction(arm: Arm, qd: Array, v_free: Array, v: Array) -> float:
         momentum = inertia * v_free[j]
         for k in range(n):
             if k != j:
-                lost_speed = v[k] - v_free[k]
-                momentum -= symmetric_entry(M, j, k) * lost_speed
+                change = v[k] - v_free[k]
+                momentum -= symmetric_entry(M, j, k) * change
         left = abs(momentum) - h * dry_friction(drive, j, qd[j])
         size = max(left, 0.0) / (inertia + h * drive.viscous[j])
         speed = np.copysign(size, momentum)

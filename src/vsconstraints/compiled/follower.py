@@ -108,11 +108,11 @@ def first_root(a: float, b: float, c: float) -> float:
 @in_place
 def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
     """Move joint j for t [s] with constant ȧ = ``jerk``, and q̈ = a + ``push``."""
-    # q + q̇ t + q̈ t²/2 + j t³/6
+    # q ← q + q̇ t + q̈ t²/2 + ȧ t³/6 and q̇ ← q̇ + q̈ t + ȧ t²/2
     a = x[A, j]
     qdd = a + push
-    half_change = 0.5 * qdd + t * jerk / 6.0
-    mean_speed = x[QD, j] + t * half_change
+    mean_speed_rate = 0.5 * qdd + t * jerk / 6.0
+    mean_speed = x[QD, j] + t * mean_speed_rate
     mean_acceleration = qdd + 0.5 * t * jerk
     x[Q, j] += t * mean_speed
     x[QD, j] += t * mean_acceleration

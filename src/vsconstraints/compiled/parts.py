@@ -195,8 +195,7 @@ def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Excepti
     reason = reasons[0] if reasons else message
     warnings.warn(
         f"the compiler refuses a formula, so that rows of {' and '.join(names)} are made in NumPy"
-        f"{remedy}: "
-        f"{reason.strip()}",
+        f"{remedy}: {reason.strip()}",
         RuntimeWarning,
         stacklevel=3,
     )

@@ -26,8 +26,8 @@ VECTORS = 7
 WORK = f"{VECTORS} p"  #: Axes of these vectors.
 #: Parts of a motion: q and q̇ at every instant.
 Q, QD = range(2)
-#: Rows of an adjoint: gradients with respect to the acceleration of a block, and to q and q̇ of the
-#: state before it.
+#: Rows of an adjoint: gradients of a row with respect to the acceleration of a block, and to q and
+#: q̇ of the state before it.
 BY_QDD, BY_Q, BY_QD = range(3)
 
 
@@ -90,8 +90,8 @@ class Space(NamedTuple):
     ``u`` is the plan, and ``x`` (q, q̇) between its blocks and at its ends. ``moved`` are q and q̇
     at every instant. ``normals`` are those of the ``active`` rows, and ``qr`` is their QR. ``held``
     is their number in the previous sample. ``slack`` contains the slacks, in the units of the rows,
-    and ``slack_unit`` the excess that a slack z = 1 allows. ``adjoint`` has
-    the rows ``BY_QDD`` to ``BY_QD``.
+    and ``slack_unit`` the excess that a slack z = 1 allows. ``adjoint`` has the rows ``BY_QDD`` to
+    ``BY_QD``.
     """
 
     p: int

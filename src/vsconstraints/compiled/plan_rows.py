@@ -59,10 +59,10 @@ def constraint_of(limits: Limits, row: int) -> tuple[int, int]:
 def bound_of(limits: Limits, row: int) -> tuple[int, int, bool]:
     """Return block and joint of a bound of the box, and True if it is the upper bound."""
     n = limits.gradient.shape[2]
-    upper_bounds = limits.low.size
+    bounds_per_side = limits.low.size
     bound = row - limits.left.size
-    is_upper = bound < upper_bounds
-    entry = bound % upper_bounds
+    is_upper = bound < bounds_per_side
+    entry = bound % bounds_per_side
     return entry // n, entry % n, is_upper
 
 
@@ -244,7 +244,7 @@ def begin_at_constraint(limits: Limits, row: int, adjoint: Array) -> int:
 def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, inside: bool) -> None:
     """Add the gradient of a row at an instant to the adjoint.
 
-    Unless ``inside`` the row's block, the instant is the end of the previous one.
+    Unless the instant is ``inside`` the row's block, it is the end of the previous block.
     """
     tau = limits.since[t] if inside else 0.0
     for j in range(adjoint.shape[1]):

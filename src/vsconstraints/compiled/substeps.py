@@ -70,8 +70,8 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
             stage_qd[j] = qd[j] + span * a[stage, j]
         evaluate(arm.true, stage_q, stage_qd, arm.motion)
         accelerate(arm.motion, arm.memory.torque, arm.friction, a[stage + 1])
-    weight = h / 6.0
-    squared_weight = h * h / 6.0
+    weight_of_qd = h / 6.0
+    weight_of_q = h * h / 6.0
     for j in range(n):
         first = a[0, j]
         second = a[1, j]
@@ -79,8 +79,8 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
         last = a[3, j]
         first_three = first + second + third
         all_four = first + 2.0 * second + 2.0 * third + last
-        q[j] += h * qd[j] + squared_weight * first_three
-        qd[j] += weight * all_four
+        q[j] += h * qd[j] + weight_of_q * first_three
+        qd[j] += weight_of_qd * all_four
     update_motion(arm, q, qd)
 
 

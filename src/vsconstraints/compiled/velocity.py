@@ -223,8 +223,9 @@ def avoidance_factor(
 ) -> float:
     """Return the multiple of the avoiding motion that is subtracted for row i.
 
-    ``speed`` is that of the row by the task alone, and ``effect`` that of the avoiding motion. The
-    multiple grows with the depth in the zone, from 0 to (1 + tune) |speed / effect|.
+    ``speed`` is the rate of the row due to the task alone, and ``effect`` that due to the avoiding
+    motion. The multiple grows with the depth in the zone, by :func:`.opening`, up to
+    (1 + tune) |speed / effect|.
     """
     width = zone_width(own, rows, i)
     full_width = own.full * width

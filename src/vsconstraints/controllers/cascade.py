@@ -409,8 +409,8 @@ def _split(A: Array) -> tuple[Array, Array]:
         return A, np.eye(A.shape[1])
     row_norms = np.linalg.norm(A, axis=1)
     _, s, Vt = svd(A / row_norms[:, None])
-    counts = s > limit.DEPENDENT * s[0]
-    rank = int(np.count_nonzero(counts))
+    is_independent = s > limit.DEPENDENT * s[0]
+    rank = int(np.count_nonzero(is_independent))
     return Vt[:rank], Vt[rank:].T
 
 

@@ -47,8 +47,8 @@ def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN)
     if k == 0:
         return LeastNorm(np.zeros(n), np.eye(n), gains)
     U, s, Vt = svd(J, full_matrices=k < n)
-    counts = s > rank_tolerance * s[0]
-    rank = int(np.count_nonzero(counts))
+    is_used = s > rank_tolerance * s[0]
+    rank = int(np.count_nonzero(is_used))
     used = s[:rank]
     gains[:rank] = used
     along_directions = (U[:, :rank].T @ b) / used

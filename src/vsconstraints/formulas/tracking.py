@@ -32,8 +32,8 @@ def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> 
 
     It applies where task and rows leave the joint free.
     """
-    away = posture - q
-    return stiffness * away - damping * qd
+    to_posture = posture - q
+    return stiffness * to_posture - damping * qd
 
 
 @formula
