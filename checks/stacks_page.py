@@ -316,14 +316,15 @@ def draw(own: Any) -> Sheet:
     room = WIDTH - sheet.left - sheet.right - BESIDE * (len(columns) - 1)
     width = min(room / len(columns), WIDEST)
     lefts = [sheet.left + k * (width + BESIDE) for k in range(len(columns))]
-    entries_of = max(len(styles) for styles in columns.values())
+    most_entries = max(len(styles) for styles in columns.values())
     for left, (title, styles) in zip(lefts, columns.items(), strict=True):
         sheet.text(left, 0.2, title, fontsize=9.0, fontweight="bold", va="center")
         shown = [{"label": name, **style} for name, style in styles.items()]
         sheet.legend(shown, 1, (left, 0.34), labelspacing=0.3)
-    for text in [text for legend in sheet.figure.legends for text in legend.get_texts()]:
-        text.set_fontsize(8.0)
-    sheet.bottom = 0.34 + LEGEND_LINE * entries_of
+    for legend in sheet.figure.legends:
+        for text in legend.get_texts():
+            text.set_fontsize(8.0)
+    sheet.bottom = 0.34 + LEGEND_LINE * most_entries
     arms = list(dict.fromkeys(own["family"]))
     for family in [name for name in TITLES if name in arms]:
         top = sheet.bottom + ABOVE
@@ -559,8 +560,8 @@ def success_sentence(feature: str, own: Any) -> str:
     arms = listed([TITLES[family].partition(",")[0] for family in families])
     both = listed([f"{limit:g}" for limit in limits])
     return (
-        f"**{feature.capitalize()}**, on {arms} arms with {both} rad/s², the median entry succeeds "
-        f"in these shares of the scenes: {listed(texts)}."
+        f"**{feature.capitalize()}**, on {arms} arms, the median entry succeeds in these shares of "
+        f"the scenes at {both} rad/s²: {'; '.join(texts)}."
     )
 
 
@@ -578,8 +579,8 @@ def times_sentence(own_by_feature: Mapping[str, Any]) -> str:
     if not texts:
         return ""
     return (
-        f"Successes settle after median times of {', and '.join(texts)}; a slow gain keeps "
-        "anything inside, so read success and time together."
+        f"Successes settle after median times of {', and '.join(texts)}; slower gains "
+        "can raise success, so read success and time together."
     )
 
 
@@ -673,7 +674,7 @@ def part_of(page: Path, name: str) -> tuple[str, str, str]:
 
 
 def write_page(runs: Any) -> None:
-    """Write the figure, and the parts of the pages between their marks."""
+    """Write the figures, and the parts of the pages between their marks."""
     for feature, own in features(runs).items():
         figure = Figure(feature, "success and settling time over the arm's agility", "", draw)
         figure.write(PAGE.with_name(FIGURES[feature]), own)

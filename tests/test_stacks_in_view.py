@@ -408,13 +408,13 @@ def test_the_answer_has_three_sentences_on_limits_that_both_arms_have() -> None:
     *sentences, empty, heads, _, velocities, accelerations, blind = answer.splitlines()
     assert not empty
     assert sentences == [
-        "1. **By pose**, on UR5 and Panda arms with 2 and 8 rad/s², the median entry succeeds in "
-        "these shares of the scenes: 12 and 38 % with velocities (limit unknown) and – and 100 % "
+        "1. **By pose**, on UR5 and Panda arms, the median entry succeeds in these shares of the "
+        "scenes at 2 and 8 rad/s²: 12 and 38 % with velocities (limit unknown); – and 100 % "
         "with accelerations.",
-        "2. **By image points**, on UR5 arms with 2 rad/s², the median entry succeeds in these "
-        "shares of the scenes: 75 % with no constraint on the image.",
+        "2. **By image points**, on UR5 arms, the median entry succeeds in these shares of the "
+        "scenes at 2 rad/s²: 75 % with no constraint on the image.",
         "3. Successes settle after median times of 2.0 s by pose (8 rad/s²), and 2.0 s by image "
-        "points (2 rad/s²); a slow gain keeps anything inside, so read success and time together.",
+        "points (2 rad/s²); slower gains can raise success, so read success and time together.",
     ]
     assert (
         heads == "| entries | by pose, 2 rad/s² | by pose, 8 rad/s² | by image points, 2 rad/s² |"

@@ -121,10 +121,11 @@ COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 class Study:
     """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by controller name.
 
-    ``requires`` holds the required information of each law beyond rows and task, and all that a
-    stack declared in its runs; it is None for a custom law, whose code is not imported. ``frozen``
-    holds, for each family of a test set and by half, the seed and the hash of its scenes. ``files``
-    are hashes of the files that custom laws have loaded or read, see :mod:`.own_files`.
+    ``requires`` holds the required information of each law beyond rows and task. Of a stack, it is
+    all that it declared in its runs; of another custom law, whose code is not imported, it is None.
+    ``frozen`` holds, for each family of a test set and by half, the seed and the hash of its
+    scenes. ``files`` are hashes of the files that custom laws have loaded or read, see
+    :mod:`.own_files`.
     """
 
     runs: Any
@@ -271,9 +272,6 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         )
     configuration = evidence.manifest["configuration"]
     laws = _laws(configuration["controllers"])
-    requires = {}
-    for name, law in laws.items():
-        requires[name] = None if ":" in law.law else law.make().uses
     frozen = {}
     for name, family in configuration["families"].items():
         if "frozen" in family["tables"]:
@@ -284,6 +282,12 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         tolerant_success=OUTCOMES["tolerant success"].flag(runs),
         call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
     )
+    requires = {}
+    for name, law in laws.items():
+        if ":" in law.law:
+            requires[name] = declared_in(runs.loc[runs["controller"] == name, "reason"].dropna())
+        else:
+            requires[name] = law.make().uses
     lines = []
     scenes = runs.groupby(SCENE, observed=True)
     for done, ((family, number), scene_runs) in enumerate(scenes):
@@ -294,11 +298,5 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             properties["constraints"] = "; ".join(properties["constraints"])
             for line in each.to_dict("records"):
                 lines.append({**line, **properties})
-    requires = {}
-    for name, law in laws.items():
-        if ":" in law.law:
-            requires[name] = declared_in(runs.loc[runs["controller"] == name, "reason"].dropna())
-        else:
-            requires[name] = law.make().uses
     table = parquet.table(COLUMNS, lines).to_pandas()
     return Study(table, laws, requires, frozen, evidence.own_files)

@@ -11,7 +11,7 @@ from ..rows import Array
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return several meshes as one."""
+    """Return one or more meshes as one."""
     points = []
     triangles = []
     point_count = 0

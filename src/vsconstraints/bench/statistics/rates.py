@@ -154,12 +154,11 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
     def excess(delta: float) -> float:
         # p is the positive root of 2 n p² + linear p − only_b δ (1 − δ) = 0
-        spread = delta * (1.0 - delta)
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b
         discriminant = linear**2 + 8 * n * only_b * delta * (1.0 - delta)
         root = math.sqrt(max(discriminant, 0.0))
         p = (root - linear) / (4 * n)
-        variance = n * (2.0 * p + spread)
+        variance = n * (2.0 * p + delta * (1.0 - delta))
         deviation = math.sqrt(max(variance, 0.0))
         return apart - n * delta - z * deviation
 

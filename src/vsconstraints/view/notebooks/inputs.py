@@ -193,10 +193,10 @@ def _options(law: Controller) -> dict[str, Any] | None:
                 options[key] = value
     try:
         json.dumps(options)
-        made = make_controller(kind.name, options)
+        is_same = repr(make_controller(kind.name, options)) == repr(law)
     except (TypeError, ValueError, VsconstraintsError):
         return None
-    return options if repr(made) == repr(law) else None
+    return options if is_same else None
 
 
 def _chosen_fields(part: Demand | Resolver) -> dict[str, Any]:
