@@ -343,7 +343,7 @@ def draw(own: Any) -> Sheet:
     middle = 0.5 * (lefts[0] + lefts[-1] + width)
     axis = sheet.bottom + 0.34
     sheet.text(middle, axis, "acceleration limit of the arm [rad/s²]", fontsize=8.5, ha="center")
-    if width < WIDEST:
+    if width < WIDEST:  # one wide panel alone is too narrow for the sentence
         sheet.text(middle, axis + 0.2, READING, fontsize=7.5, ha="center")
     sheet.bottom = axis + 0.26
     return sheet

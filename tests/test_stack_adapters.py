@@ -38,6 +38,8 @@ VISP = ROOT / "controllers" / "visp" / "visp_stack.cpp"
 TOLERANCE = {"oink": 1e-8, "cbfpy": 1e-11, "tsid-panda": 1e-7}
 EXACT = 1e-12
 ACCELERATION = 40.0  #: Limit of accelerations in the recorded states [rad/s²].
+TO_RANGE_LIMIT = 0.16  #: From the start to the ends of narrow ranges [rad].
+MOST_AWAY = 0.156  #: From the start to the recorded states [rad]: near the ends of narrow ranges.
 #: Settings of the adapters other than their defaults, and the acceleration limit of those that have
 #: one, which entries of the suite switch on.
 SETTINGS = {
@@ -66,7 +68,9 @@ def narrow(robot):
     scenario = Scenario.load(f"{robot}-fov").with_override("sampling_time", 0.008)
     view, ranges, speeds = scenario.tables["constraints"]
     q0 = np.array(scenario.tables["q0"])
-    ranges = {**ranges, "lower": (q0 - 0.16).tolist(), "upper": (q0 + 0.16).tolist()}
+    lower = q0 - TO_RANGE_LIMIT
+    upper = q0 + TO_RANGE_LIMIT
+    ranges = {**ranges, "lower": lower.tolist(), "upper": upper.tolist()}
     speeds = {**speeds, "upper": [0.6] * len(q0)}
     scenario = scenario.with_override("constraints", [view, ranges, speeds])
     return scenario.with_override("limits", {"acceleration": ACCELERATION})
@@ -75,8 +79,8 @@ def narrow(robot):
 def recorded(feature="camera-pose", count=12, scenario=None, spread=0.15):
     """A setup message and states around the start of a scene, with what direct calls need.
 
-    Joints are at most 0.156 rad away from the start, within the ranges of :func:`narrow`. With a
-    larger ``spread``, many joints are exactly that far away.
+    Joints are at most MOST_AWAY from the start, within the ranges of :func:`narrow`. With a larger
+    ``spread``, many joints are exactly that far away.
     """
     scenario = Scenario.load("ur5-fov") if scenario is None else scenario
     setup = scenario.with_override("task.feature", feature).setup()
@@ -88,7 +92,7 @@ def recorded(feature="camera-pose", count=12, scenario=None, spread=0.15):
     states = []
     while len(states) < count:
         away = random.uniform(-spread, spread, len(setup.q0))
-        q = setup.q0 + away.clip(-0.156, 0.156)
+        q = setup.q0 + away.clip(-MOST_AWAY, MOST_AWAY)
         qd = 2.0 * random.uniform(-spread, spread, len(q))
         state = scene.evaluate(0.0, q, qd)
         pixels = state.pixels.position

@@ -128,7 +128,7 @@ class MetricInputs:
     @cached_property
     def outside(self) -> BoolArray:
         """(N, m) True in periods in which a row is violated under the strict standard."""
-        return is_outside(self.record)
+        return violated_in_periods(self.record)
 
     @cached_property
     def outside_alone(self) -> BoolArray:
@@ -137,7 +137,7 @@ class MetricInputs:
         labels = self.run.labels
         if alone is None or alone.trajectory.labels != labels:
             return np.zeros((0, len(labels)), dtype=np.bool_)
-        return _is_outside_at(alone, self.Ts)
+        return _violated_in_periods_of(alone, self.Ts)
 
     # --- use of the allowed space ---
 
@@ -307,17 +307,17 @@ def _least_in_period(record: RunRecord) -> Array:
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
 
 
-def is_outside(record: RunRecord) -> BoolArray:
+def violated_in_periods(record: RunRecord) -> BoolArray:
     """Flag the periods in which each row is violated under the strict standard (N, m)."""
     return _least_in_period(record) < -NEGLIGIBLE * record.length
 
 
-def _is_outside_at(record: RunRecord, Ts: float) -> BoolArray:
+def _violated_in_periods_of(record: RunRecord, Ts: float) -> BoolArray:
     """Flag the periods in which each row is violated under the strict standard (T, m).
 
     The periods have the sampling time Ts [s]; any part of a period counts.
     """
-    outside = is_outside(record)
+    outside = violated_in_periods(record)
     if not len(outside):
         return outside
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING

@@ -23,7 +23,7 @@ from ..plugins.registry import load, registered
 from ..scenarios import Scenario
 from .figures import FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
-from .figures.view import is_violated
+from .figures.view import violated_in_samples
 from .groups import Group
 from .numbers import largest
 from .plots import FORMATS, PNG, Figure, Formats
@@ -252,7 +252,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
         else:
             runs[name] = record
             trajectory = record.trajectory
-            outside = is_violated(record)
+            outside = violated_in_samples(record)
             for i in np.flatnonzero(outside.any(axis=0)):
                 first = outside[:, i].argmax()
                 label = trajectory.labels[i]

@@ -47,23 +47,22 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     level = 1.0 - checked_confidence(confidence)
     known = _checked(costs)
     n, k = known.shape
-    p = 1.0
-    p_values = np.ones((k, k))
-    means = np.full(k, (k + 1) / 2)
-    critical_difference = math.inf
-    if n > 0:
-        scene_ranks = rankdata(known, axis=1)
-        means = scene_ranks.mean(axis=0)
-        if k == 1:
-            return Ranks(means, 0.0, p, p_values, groups=(), n=n)
-        p = _friedman(scene_ranks)
-        # The studentized range is that of normal variables; their difference has √2 times the
-        # standard deviation.
-        unit = math.sqrt(k * (k + 1) / (6.0 * n))
-        quantile = float(studentized_range.isf(level, k, math.inf))
-        critical_difference = unit * quantile / math.sqrt(2.0)
-        distances = np.abs(means[:, None] - means) / unit
-        p_values = studentized_range.sf(distances * math.sqrt(2.0), k, math.inf)
+    no_difference = np.ones((k, k))  # p-values
+    if n == 0:
+        means = np.full(k, (k + 1) / 2)
+        return Ranks(means, math.inf, 1.0, no_difference, _groups(means, math.inf), n)
+    scene_ranks = rankdata(known, axis=1)
+    means = scene_ranks.mean(axis=0)
+    if k == 1:
+        return Ranks(means, 0.0, 1.0, no_difference, groups=(), n=n)
+    p = _friedman(scene_ranks)
+    # The studentized range is that of normal variables; their difference has √2 times the standard
+    # deviation.
+    unit = math.sqrt(k * (k + 1) / (6.0 * n))
+    quantile = float(studentized_range.isf(level, k, math.inf))
+    critical_difference = unit * quantile / math.sqrt(2.0)
+    distances = np.abs(means[:, None] - means) / unit
+    p_values = studentized_range.sf(distances * math.sqrt(2.0), k, math.inf)
     groups = _groups(means, critical_difference if p < level else math.inf)
     return Ranks(means, critical_difference, p, p_values, groups, n)
 

@@ -18,7 +18,7 @@ from ...rows import Array
 from ..plots.image import OUTSIDE, START, Plane, numbered, passes_through, rectangle, tracks
 from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK, line, patch, symbol
-from .view import View, is_violated
+from .view import View, violated_in_samples
 
 #: Half the side of the close-up, larger for a deeper violation, and the depth beyond which
 #: violations need no close-up, relative to the larger side of the image.
@@ -184,7 +184,7 @@ def _entries(
 
 def _violations(run: RunRecord) -> Iterator[Array]:
     """Yield pixels (N, 2) of a marker while it violates a row in the image, NaN otherwise."""
-    outside = is_violated(run)
+    outside = violated_in_samples(run)
     for i, pixels in _rows_in_image(run):
         if outside[:, i].any():
             yield np.where(outside[:, i, None], pixels, np.nan)
@@ -218,7 +218,7 @@ def _candidates(
     """Yield the close-up of a row where its marker (N, 2) [px] comes nearest to the boundary.
 
     Yield it with the clearance there relative to L; none if the row does not matter, or if the
-    violation is deep enough to be seen in the whole image.
+    violation is deep enough to be seen in the whole image, or unknown.
     """
     trajectory = run.trajectory
     size = max(plane.size)
@@ -226,7 +226,7 @@ def _candidates(
     clearance = np.where(is_shown, trajectory.clearance[:, i], np.inf)
     nearest = int(np.argmin(clearance))
     least = float(clearance[nearest])
-    if least <= -MAX_DEPTH * size:
+    if not least > -MAX_DEPTH * size:  # also if it is NaN
         return
     length = run.length[i]
     is_outside = least < -NEGLIGIBLE * length

@@ -85,7 +85,7 @@ class View:
         last = 0.0
         for name in self.shown:
             trajectory = self.runs[name].trajectory
-            is_relevant = is_violated(self.runs[name])
+            is_relevant = violated_in_samples(self.runs[name])
             if name != BASELINE:
                 is_relevant |= trajectory.active
             for i, label in enumerate(trajectory.labels):
@@ -189,7 +189,7 @@ def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
     return float(np.max(trajectory.t[is_moving], initial=0.0))
 
 
-def is_violated(run: RunRecord) -> BoolArray:
+def violated_in_samples(run: RunRecord) -> BoolArray:
     """Return True (N, m) where a run violates a row in a sample."""
     violated: BoolArray = run.trajectory.clearance < -NEGLIGIBLE * run.length
     return violated

@@ -126,18 +126,19 @@ def _draw_images(sheet: Sheet, preview: Preview, columns: int, width: float) -> 
         same_y=True,
     )
     entries = [START | {"label": "marker 1, 2, …"}]
-    beyond = START | {"label": "marker beyond", "markeredgecolor": OUTSIDE}
+    any_beyond = False
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
         _draw_markers(ax, moment.pixels, plane.half)
-        is_beyond = np.abs(moment.pixels) > plane.half
-        if is_beyond.any() and beyond not in entries:
-            entries.append(beyond)
+        if (np.abs(moment.pixels) > plane.half).any():
+            any_beyond = True
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
         if moment.problems:
             text = counted(len(moment.problems), "warning")
             ax.set_title(text, loc="right", color=OUTSIDE, fontsize=8, pad=4)
+    if any_beyond:
+        entries.append(START | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
     entries += plane.entries(forbidden="forbidden to markers")
     sheet.legend(entries, 4)
 

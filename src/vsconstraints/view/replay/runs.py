@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
-from ...comparisons.metric_inputs import is_outside
+from ...comparisons.metric_inputs import violated_in_periods
 from ...comparisons.record import run_file
 from ...comparisons.run import perform
 from ...controllers import CONTROLLERS
@@ -164,7 +164,7 @@ def states(run: ReplayRun) -> States:
     record = RunRecord.of(run.setup, trajectory, "")
     states = np.full(trajectory.active.shape, INACTIVE, dtype=np.uint8)
     states[trajectory.active] = ACTIVE
-    states[is_outside(record)] = VIOLATED
+    states[violated_in_periods(record)] = VIOLATED
     return states
 
 
