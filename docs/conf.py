@@ -99,6 +99,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.reports.markdown.Value"),
     ("py:class", "Random"),  # aliases of types
     ("py:class", "Lens"),
+    ("py:class", "Vector"),
     ("py:class", "Formula"),
     ("py:class", "MarkdownIt"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
@@ -108,4 +109,5 @@ nitpick_ignore = [
     ),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers
     ("py:class", "LawArrays"),  # of vsconstraints.compiled, named for type checkers only
+    ("py:class", "RowTemplate"),
 ]

@@ -37,7 +37,7 @@ class FieldOfView(ImageConstraint):
       ``parameters`` below;
     - ``superellipse_on_sensor`` in :mod:`vsconstraints.formulas.lenses`, the formula through each
       lens, which calls that one;
-    - :meth:`_can_invert_lens`, which finds the boundary from the value on a rectangle;
+    - ``_can_invert_lens``, which finds the boundary from the value on a rectangle;
     - :mod:`vsconstraints.simulation.start`, for which a field of view is convex and inside the
       image.
     """

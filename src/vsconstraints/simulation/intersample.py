@@ -44,7 +44,7 @@ def intersample_clearance(
     period is inspected if a row may be violated in it or may have its smallest clearance of the run
     there. This is the case if the clearance might reach zero at its rate of change there
     (:data:`DIP_FACTOR`), however far the samples are from the boundary, or if a joint reverses
-    within the period (:data:`BACK_ANYWHERE`). Parts of a period are halved as long as a row may be
+    within the period (``BACK_ANYWHERE``). Parts of a period are halved as long as a row may be
     violated more deeply within a part, at the rate observed in it. Samples have states (N, s, n)
     and clearances (N, m).
     """
