@@ -578,7 +578,16 @@ def test_controllers_are_made_by_name() -> None:
 
 
 #: Modules that compile in less than a second.
-SMALL = {"compiler", "parts", "observer", "delay", "from_state", "follower"}
+SMALL = {
+    "compiler",
+    "parts",
+    "observer",
+    "delay",
+    "from_state",
+    "follower",
+    "plan_arrays",
+    "predictive_arrays",
+}
 
 
 @pytest.mark.parametrize(
