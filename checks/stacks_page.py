@@ -38,6 +38,7 @@ from vsconstraints.bench.statistics import rate
 from vsconstraints.comparisons.runs.folder import locked, manifest_of
 from vsconstraints.comparisons.runs.spec import BASELINE
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
+from vsconstraints.reports.markdown import enumeration
 from vsconstraints.reports.plots import WIDTH, Figure, Sheet, logarithmic
 from vsconstraints.reports.plots.style import COLOURS, Look, mark_of
 
@@ -263,7 +264,7 @@ def groups_of(runs: Any) -> dict[str, Sequence[str]]:
     groups = {**GROUPS, WITHOUT_IMAGE: BLIND}
     names = further(runs)
     if names:
-        groups[f"further entries ({listed([f'`{name}`' for name in names])})"] = names
+        groups[f"further entries ({enumeration([f'`{name}`' for name in names])})"] = names
     return groups
 
 
@@ -343,7 +344,7 @@ def draw(own: Any) -> Sheet:
     middle = 0.5 * (lefts[0] + lefts[-1] + width)
     axis = sheet.bottom + 0.34
     sheet.text(middle, axis, "acceleration limit of the arm [rad/s²]", fontsize=8.5, ha="center")
-    if width < WIDEST:  # one wide panel alone is too narrow for the sentence
+    if len(columns) > 1:  # below one panel there is no room for the sentence
         sheet.text(middle, axis + 0.2, READING, fontsize=7.5, ha="center")
     sheet.bottom = axis + 0.26
     return sheet
@@ -431,7 +432,7 @@ def unanswered(runs: Any, family: str) -> str:
             shares.append(f"`{entry}` {text} %")
     if not shares:
         return "No period was without an answer."
-    return f"Periods without an answer: {listed(shares)}; none of the others."
+    return f"Periods without an answer: {enumeration(shares)}; none of the others."
 
 
 def margin_text(margin: float) -> str:
@@ -453,7 +454,7 @@ def without(family: str) -> Iterator[str]:
     ]
     feature = {"camera-pose": "the pose", "image-points": "image points"}[feature_of(family)]
     if names:
-        yield f"Without a task by {feature}, and therefore not in this table: {listed(names)}."
+        yield f"Without a task by {feature}, and therefore not in this table: {enumeration(names)}."
 
 
 def gains_of(runs: Any) -> Iterator[str]:
@@ -518,12 +519,7 @@ def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
-def listed(texts: Sequence[str]) -> str:
-    """Return texts as an enumeration, ``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))
-
-
-def slowest_and_fastest(own: Any) -> list[float]:
+def extreme_limits(own: Any) -> list[float]:
     """Return the least and the greatest limit [rad/s²] that all arms have; one if they are equal.
 
     Arms without a common limit give those of any.
@@ -546,7 +542,7 @@ def times_of(cells: Sequence[Any]) -> list[float]:
 
 def success_sentence(feature: str, own: Any) -> str:
     """Return the success of the median entry of each group, at the least and greatest limit."""
-    limits = slowest_and_fastest(own)
+    limits = extreme_limits(own)
     texts = []
     for group, names in groups_of(own).items():
         shares = []
@@ -555,10 +551,10 @@ def success_sentence(feature: str, own: Any) -> str:
             middle = f"{np.median([share(cell) for cell in cells]):.0f}" if cells else "–"
             shares.append(middle)
         if any(text != "–" for text in shares):
-            texts.append(f"{listed(shares)} % with {group}")
+            texts.append(f"{enumeration(shares)} % with {group}")
     families = [family for family in FEATURES[feature] if (own["family"] == family).any()]
-    arms = listed([TITLES[family].partition(",")[0] for family in families])
-    both = listed([f"{limit:g}" for limit in limits])
+    arms = enumeration([TITLES[family].partition(",")[0] for family in families])
+    both = enumeration([f"{limit:g}" for limit in limits])
     return (
         f"**{feature.capitalize()}**, on {arms} arms, the median entry succeeds in these shares of "
         f"the scenes at {both} rad/s²: {'; '.join(texts)}."
@@ -570,12 +566,14 @@ def times_sentence(own_by_feature: Mapping[str, Any]) -> str:
     texts = []
     for feature, own in own_by_feature.items():
         ranges = {}
-        for limit in slowest_and_fastest(own):
+        for limit in extreme_limits(own):
             times = times_of(cells_of(own, entries(own), limit))
             if times:
                 ranges[f"{limit:g}"] = between(times, "s", 1)
         if ranges:
-            texts.append(f"{listed([*ranges.values()])} {feature} ({listed([*ranges])} rad/s²)")
+            texts.append(
+                f"{enumeration([*ranges.values()])} {feature} ({enumeration([*ranges])} rad/s²)"
+            )
     if not texts:
         return ""
     return (
@@ -589,7 +587,7 @@ def ranges_of(runs: Any) -> Iterator[str]:
     columns = [
         (feature, own, limit)
         for feature, own in features(runs).items()
-        for limit in slowest_and_fastest(own)
+        for limit in extreme_limits(own)
     ]
     heads = [f"{feature}, {limit:g} rad/s²" for feature, _, limit in columns]
     yield f"| entries | {' | '.join(heads)} |"
@@ -636,10 +634,10 @@ def scenes_text(runs: Any) -> str:
         if own.empty:
             missing.append(title)
             continue
-        made.append(f"{title}, at {listed(there)} rad/s²")
+        made.append(f"{title}, at {enumeration(there)} rad/s²")
         rest = [text for text in limits.values() if text not in there]
         if rest:
-            missing.append(f"{title}, at {listed(rest)} rad/s²")
+            missing.append(f"{title}, at {enumeration(rest)} rad/s²")
     absent = [
         f"`{each.name}`"
         for each in campaign.controllers

@@ -137,7 +137,7 @@ class MetricInputs:
         labels = self.run.labels
         if alone is None or alone.trajectory.labels != labels:
             return np.zeros((0, len(labels)), dtype=np.bool_)
-        return _violated_in_periods_of(alone, self.Ts)
+        return _violated_in_other_periods(alone, self.Ts)
 
     # --- use of the allowed space ---
 
@@ -312,7 +312,7 @@ def violated_in_periods(record: RunRecord) -> BoolArray:
     return _least_in_period(record) < -NEGLIGIBLE * record.length
 
 
-def _violated_in_periods_of(record: RunRecord, Ts: float) -> BoolArray:
+def _violated_in_other_periods(record: RunRecord, Ts: float) -> BoolArray:
     """Flag the periods in which each row is violated under the strict standard (T, m).
 
     The periods have the sampling time Ts [s]; any part of a period counts.

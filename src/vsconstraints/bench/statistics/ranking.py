@@ -47,14 +47,14 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     level = 1.0 - checked_confidence(confidence)
     known = _checked(costs)
     n, k = known.shape
-    no_difference = np.ones((k, k))  # p-values
+    p_values_if_equal = np.ones((k, k))
     if n == 0:
         means = np.full(k, (k + 1) / 2)
-        return Ranks(means, math.inf, 1.0, no_difference, _groups(means, math.inf), n)
+        return Ranks(means, math.inf, 1.0, p_values_if_equal, _groups(means, math.inf), n)
     scene_ranks = rankdata(known, axis=1)
     means = scene_ranks.mean(axis=0)
     if k == 1:
-        return Ranks(means, 0.0, 1.0, no_difference, groups=(), n=n)
+        return Ranks(means, 0.0, 1.0, p_values_if_equal, groups=(), n=n)
     p = _friedman(scene_ranks)
     # The studentized range is that of normal variables; their difference has √2 times the standard
     # deviation.

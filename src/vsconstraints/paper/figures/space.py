@@ -34,7 +34,7 @@ def scene_of(run: Run, view: Viewpoint) -> Scene3D:
 
 def space(sheet: Sheet, left: float, top: float, side: float) -> Any:
     """Create square axes for bodies in space."""
-    return sheet.axes(left, top, side, side, projection="3d", computed_zorder=False)
+    return sheet.axes_3d(left, top, side, side)
 
 
 def draw_system(run: Run, view: Viewpoint) -> Sheet:

@@ -5,6 +5,7 @@ The close-up shows the place where controllers differ most.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -133,10 +134,11 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     end = symbol("o", look.colour, "white", 5.5, zorder=6)
     ax.plot(*pixels[-1].T, **end)
     if view.setup is not None:
-        *earlier, last = view.setup.task.goals
-        for goal in earlier:
+        goals = view.setup.task.goals
+        for goal in goals[:-1]:
             ax.plot(*goal.pixels.T, **EARLIER)
-        ax.plot(*last.pixels.T, **LAST)
+        for goal in goals[-1:]:
+            ax.plot(*goal.pixels.T, **LAST)
     numbered(ax, pixels[0])
 
 
@@ -170,10 +172,9 @@ def _entries(
     if view.baseline is not None and view.competitors:
         colour = view.looks[BASELINE].colour
         entries.append(line("tracking alone", colour, linewidth=0.9))
-    for name in names:
-        if any(True for _ in _violations(view.runs[name])):
-            entries.append(line("row in the image violated", **VIOLATED))
-            break
+    violations = [track for name in names for track in _violations(view.runs[name])]
+    if violations:
+        entries.append(line("row in the image violated", **VIOLATED))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
         side = round(2.0 * detail.half)
@@ -226,7 +227,7 @@ def _candidates(
     clearance = np.where(is_shown, trajectory.clearance[:, i], np.inf)
     nearest = int(np.argmin(clearance))
     least = float(clearance[nearest])
-    if not least > -MAX_DEPTH * size:  # also if it is NaN
+    if math.isnan(least) or least <= -MAX_DEPTH * size:
         return
     length = run.length[i]
     is_outside = least < -NEGLIGIBLE * length
