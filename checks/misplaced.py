@@ -26,8 +26,8 @@ from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.control.control_step import Model
 from vsconstraints.control.evaluator import Evaluator
 from vsconstraints.controllers.base import Controller
-from vsconstraints.controllers.predictive import PredictiveControl
-from vsconstraints.controllers.robust_predictive import RobustPredictive
+from vsconstraints.prediction.predictive import PredictiveControl
+from vsconstraints.prediction.robust_predictive import RobustPredictive
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
 from vsconstraints.simulation import Setup, simulate, until_settled

@@ -43,6 +43,8 @@ CORE = [
 """Rooms of the core: each imports only those before it, and none imports an optional part."""
 
 PARTS = {
+    "prediction": set[str](),
+    "velocity": set[str](),
     "dynamics": set[str](),
     "images": set[str](),
     "arms": set[str](),
@@ -57,10 +59,10 @@ rendered images; a study of ``paper`` is a campaign, and its figures show scenes
 
 NAMED = {
     "vsconstraints": {"view"},
-    "vsconstraints.plugins.earlier_names": {*PARTS},
+    "vsconstraints.plugins.earlier_names": {*PARTS, "controllers"},
 }
-"""Modules outside the parts that may name modules of these: what the package exports for notebooks,
-and the names under which modules were found earlier. Both are imported at their first use."""
+"""Modules that may name modules of further rooms: what the package exports for notebooks, and the
+names under which modules were found earlier. Both are imported at their first use."""
 
 MAX_FLOORS = 15
 """Twelve of the core, and three of parts that import one another: bench, view and paper."""
@@ -230,8 +232,9 @@ def crossings(modules: dict[str, Module], graph: dict[str, set[str]]) -> list[st
         targets = graph[name] | named(module, {*modules})
         for target in sorted(targets):
             other = room_of(target)
-            to_part = other in PARTS and other not in allowed | {room}
-            if to_part or order.get(other, -1) > order.get(room, len(CORE)):
+            if other in allowed | {room}:
+                continue
+            if other in PARTS or order.get(other, -1) > order.get(room, len(CORE)):
                 sentences.append(f"{name} imports {target}")
     return sentences
 

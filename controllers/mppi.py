@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.controllers import PredictiveControl, Range
-from vsconstraints.controllers.planner import Plan
-from vsconstraints.controllers.predictive import whole_number
-from vsconstraints.controllers.ranges import option, positive_number
+from vsconstraints.controllers.ranges import Range, option, positive_number
 from vsconstraints.controllers.resolver import row_weights
+from vsconstraints.prediction import PredictiveControl
+from vsconstraints.prediction.planner import Plan
+from vsconstraints.prediction.predictive import whole_number
 from vsconstraints.rows import Array, BoolArray, Command, Rows, Task
 
 MOST = 100_000  #: Upper limit of samples and of seeds.

@@ -585,8 +585,8 @@ SMALL = {
     "delay",
     "from_state",
     "follower",
-    "plan_arrays",
-    "predictive_arrays",
+    "vsconstraints.prediction.compiled.plan_arrays",
+    "vsconstraints.prediction.compiled.predictive_arrays",
 }
 
 

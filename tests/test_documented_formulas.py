@@ -20,9 +20,9 @@ import pytest
 
 from documents import DOCS, blocks
 from vsconstraints import Camera
-from vsconstraints.compiled.drives import dry_friction
 from vsconstraints.constraints import FieldOfView, JointRange, JointSpeed, Manipulability
 from vsconstraints.controllers import make_controller
+from vsconstraints.dynamics.compiled.drives import dry_friction
 from vsconstraints.formulas.tracking import funnel
 from vsconstraints.robots import ready_made
 from vsconstraints.vision.motion import Motion

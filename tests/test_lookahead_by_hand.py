@@ -17,16 +17,22 @@ import pytest
 
 from folder_laws import BarrierGovernor, GoalGovernor
 from scenes import Straight
-from vsconstraints.compiled import last_plan, plan_cost, plan_rows, predicted_program, predictive
 from vsconstraints.compiled.codes import FAILED
 from vsconstraints.compiled.least_distance import FORCE, NEW
-from vsconstraints.compiled.plan_arrays import Cost
 from vsconstraints.compiled.workspace import Answer, RowArrays, TaskArrays
 from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.controllers import PredictiveControl, Range
-from vsconstraints.controllers.planner import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.prediction.compiled import (
+    last_plan,
+    plan_cost,
+    plan_rows,
+    predicted_program,
+    predictive,
+)
+from vsconstraints.prediction.compiled.plan_arrays import Cost
+from vsconstraints.prediction.planner import Planner
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.rows.tolerances import PULLING
 from vsconstraints.vision.tracking import FREE, Rest, TrackingGains

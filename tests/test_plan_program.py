@@ -7,10 +7,10 @@ import pytest
 from qpsolvers import solve_qp
 from scipy.optimize import linprog
 
-from vsconstraints.compiled import plan_program
 from vsconstraints.compiled.codes import RELAXED_ROWS, SOLVED
 from vsconstraints.compiled.memory import zeros
-from vsconstraints.compiled.plan_arrays import Cost, Factor, Limits, Space, lengths_of
+from vsconstraints.prediction.compiled import plan_program
+from vsconstraints.prediction.compiled.plan_arrays import Cost, Factor, Limits, Space, lengths_of
 from vsconstraints.rows import Array
 
 T = 0.05

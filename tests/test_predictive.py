@@ -15,11 +15,11 @@ import pytest
 
 from scenes import Straight
 from vsconstraints.bench.families.frozen import TestSet
-from vsconstraints.compiled import last_plan
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking
-from vsconstraints.controllers.planner import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.prediction.compiled import last_plan
+from vsconstraints.prediction.planner import Planner
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate

@@ -170,6 +170,7 @@ def test_everything_that_own_parts_name_exists() -> None:
         names = [each.function for each in (*part.commands.values(), *part.listings.values())]
         names += [name for types in part.scenario_tables.values() for name in types.values()]
         names += [*part.figures, *part.report_sections.values(), *part.results.values()]
+        names += part.laws.values()
         for name in names:
             assert registry.load(name) is not None
     assert {*registry.scenario_types("plant")} == {"dynamics", "mujoco"}

@@ -29,12 +29,12 @@ from vsconstraints.controllers import (
     VelocityQP,
     make_controller,
 )
-from vsconstraints.controllers.velocity import adaptive_gain, commands_velocity
-from vsconstraints.controllers.velocity.avoidance import large_projection
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.velocity import adaptive_gain, commands_velocity
+from vsconstraints.velocity.avoidance import large_projection
 
 NAMES = [law.name for law in VELOCITY_LAWS]
 T_S = 0.01

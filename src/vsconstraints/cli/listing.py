@@ -11,7 +11,7 @@ from rich.table import Table
 
 from ..comparisons.metrics import Metric, run_metrics
 from ..constraints.curves import SHAPES
-from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
+from ..controllers import DEMANDS, RESOLVERS, registered_laws
 from ..controllers.demand import USES as USED_BY_DEMANDS
 from ..controllers.resolver import USES as USED_BY_RESOLVERS
 from ..errors import ConfigurationError, unknown_name
@@ -76,7 +76,7 @@ def scenarios() -> Iterator[Entry]:
 
 def laws() -> Iterator[Entry]:
     """Return the registered laws."""
-    for name, law in CONTROLLERS.items():
+    for name, law in registered_laws().items():
         yield part_entry(name, law, law().uses)
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from ..controllers import CONTROLLERS, controller_class, unknown_controller
+from ..controllers import controller_class, registered_laws, unknown_controller
 from ..errors import ConfigurationError, format_value, unknown_name
 from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
@@ -157,13 +157,13 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     """
     by_name = {entry.name: entry for entry in entries}
     for name in names:
-        if name not in by_name and name not in CONTROLLERS and ":" not in name:
+        if name not in by_name and name not in registered_laws() and ":" not in name:
             others = (
                 "a suite can name others, as comparisons/laws.toml does, and module:Class or "
                 "FILE.py:Class names a custom one"
             )
             raise ConfigurationError(
-                f"{unknown_controller(name, {*by_name, *CONTROLLERS})}; {others}"
+                f"{unknown_controller(name, {*by_name, *registered_laws()})}; {others}"
             )
     chosen = tuple(
         by_name.get(name) or ControllerSpec.called(name, folder=Path())

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..controllers import CONTROLLERS
+from ..controllers import registered_laws
 from ..errors import ConfigurationError, FolderTaken, StorageError, VsconstraintsError, format_value
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked
@@ -258,7 +258,7 @@ class StoredComparison(StoredResults):
             checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
         for name, controller in configuration["controllers"].items():
             entry = ControllerSpec.from_table(name, controller, f"{where}.controllers")
-            if entry.law in CONTROLLERS:  # custom laws may not exist on this machine
+            if entry.law in registered_laws():  # custom laws may not exist on this machine
                 try:
                     entry.make()
                 except VsconstraintsError as error:

@@ -12,7 +12,7 @@ compiler.
   are resolvers.
 - ``closed_loop`` runs step, law and robot together. ``samples`` scores and records each sample.
 - ``sensing`` computes the measurements of the controller.
-- ``arm``, ``inertia``, ``drives`` and ``substeps`` are an arm with mass.
+- Parts of the package have further folders ``compiled``, with the functions that they alone need.
 - ``compiler`` compiles these functions, or leaves them to Python for debugging.
   ``numba_interface`` contains what it asks of numba, and ``accelerator`` private parts of numba
   that it can do without.
@@ -51,7 +51,9 @@ loaded: dict[str, Any] = {}
 
 
 def load(name: str) -> Any:
-    """Return the module ``vsconstraints.compiled.<name>``, compiled or read from the cache.
+    """Return a module of compiled functions, compiled or read from the cache.
+
+    ``name`` is that of a module of this package, or the full name of a module of a part.
 
     If numba is missing, broken or incompatible with NumPy, or if its cache cannot be written, the
     same functions run in Python, number by number, about 200 times slower. A RuntimeWarning then
@@ -64,7 +66,8 @@ def load(name: str) -> Any:
     try:
         return loaded[name]
     except KeyError:
-        return loaded.setdefault(name, import_module(f"{__name__}.{name}"))
+        full_name = name if "." in name else f"{__name__}.{name}"
+        return loaded.setdefault(name, import_module(full_name))
 
 
 @cache

@@ -1,16 +1,22 @@
-"""Controllers: interchangeable functions of rows and a task, importable one by one."""
+"""Controllers: interchangeable functions of rows and a task, importable one by one.
+
+Parts of the package and other packages register further laws. Their classes, :data:`CONTROLLERS`
+and :data:`VELOCITY_LAWS` are imported at the first use of any of them.
+"""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Mapping
 from contextlib import chdir
+from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
 from ..plugins.classes import beside, folder_of_neighbours, imported_class
+from ..plugins.registry import load, registered
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller, Wrapper, innermost
@@ -20,7 +26,6 @@ from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsio
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import Observed
-from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
 from .resolvers import (
@@ -32,16 +37,7 @@ from .resolvers import (
     SaturationExact,
     Scaling,
 )
-from .robust_predictive import RobustPredictive
-from .velocity import (
-    VELOCITY_LAWS,
-    ResolvedRate,
-    ResolvedRateAvoidance,
-    VelocityController,
-    VelocityDamper,
-    VelocityHierarchicalQP,
-    VelocityQP,
-)
+from .velocity_controller import VelocityController
 
 __all__ = [
     "CONTROLLERS",
@@ -90,6 +86,13 @@ __all__ = [
     "make_controller",
 ]
 
+if TYPE_CHECKING:
+    #: Controllers by their name in files and on the command line.
+    CONTROLLERS: dict[str, type[Controller]]
+    #: Those that command joint speeds.
+    VELOCITY_LAWS: tuple[type[VelocityController], ...]
+
+#: Laws of the core.
 LAWS: tuple[type[Controller], ...] = (
     SlidingMode,
     PotentialField,
@@ -97,13 +100,8 @@ LAWS: tuple[type[Controller], ...] = (
     Tracking,
     *NAMED,
     Pair,
-    PredictiveControl,
-    RobustPredictive,
-    *VELOCITY_LAWS,
 )
 
-#: Controllers by their name in files and on the command line.
-CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
 #: Laws that were part of the package, by their former name: the file and class in the repository.
 MOVED: dict[str, str] = {
     "goal-governor": "controllers/goal_governor.py:GoalGovernor",
@@ -117,6 +115,43 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 }
 
 
+@cache
+def registered_laws() -> dict[str, type[Controller]]:
+    """Return all laws by name: those of the core, then those of parts.
+
+    Raises ConfigurationError if a part registers a name twice, or anything but a controller of the
+    registered name.
+    """
+    laws = {law.name: law for law in LAWS}
+    for name, reference in registered("laws").items():
+        law = load(reference)
+        if name in laws:
+            raise ConfigurationError(f"a part registers the law {name!r}, which is in the core")
+        if not (isinstance(law, type) and issubclass(law, Controller) and law.name == name):
+            raise ConfigurationError(
+                f"{reference} is registered as the law {name!r}: it must be a Controller of this "
+                f"name, not {format_value(law)}"
+            )
+        laws[name] = law
+    return laws
+
+
+def __getattr__(name: str) -> Any:
+    """Return an exported object that depends on the laws of parts."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    laws = registered_laws()
+    if name == "CONTROLLERS":
+        return laws
+    if name == "VELOCITY_LAWS":
+        return tuple(law for law in laws.values() if issubclass(law, VelocityController))
+    return {law.__name__: law for law in laws.values()}[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
     """Return the controller of a registered name, or a custom one.
 
@@ -126,9 +161,10 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
     """
     if ":" in name:
         return imported_class(name, Controller, folder)
-    if name not in CONTROLLERS:
-        raise unknown_controller(name, [*CONTROLLERS, "module:Class", "FILE.py:Class"])
-    return CONTROLLERS[name]
+    laws = registered_laws()
+    if name not in laws:
+        raise unknown_controller(name, [*laws, "module:Class", "FILE.py:Class"])
+    return laws[name]
 
 
 def unknown_controller(name: str, candidates: Collection[str]) -> ConfigurationError:

@@ -13,7 +13,7 @@ from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .base import Controller, Wrapper, require_known, require_model
 from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import positive_number
-from .velocity.base import commands_velocity
+from .velocity_controller import commands_velocity
 
 MAX_PENDING = 100  #: Largest number of pending commands.
 ROUNDING = 1e-9  #: Largest part of a period that counts as rounding of a whole number of periods.

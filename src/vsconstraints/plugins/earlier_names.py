@@ -15,13 +15,20 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, cast
 
-#: Modules and packages by their earlier names. Those within a package are found, too.
+#: Modules and packages by their earlier names. Those within a package are found, too; one that has
+#: another place stands before its package.
 MOVED = {
     "vsconstraints.comparisons.difference": "vsconstraints.bench.difference",
     "vsconstraints.comparisons.evidence": "vsconstraints.bench.evidence",
     "vsconstraints.comparisons.statistics": "vsconstraints.bench.statistics",
     "vsconstraints.comparisons.study": "vsconstraints.bench.study",
     "vsconstraints.comparisons.tuning": "vsconstraints.bench.tuning",
+    "vsconstraints.controllers.planner": "vsconstraints.prediction.planner",
+    "vsconstraints.controllers.predictive": "vsconstraints.prediction.predictive",
+    "vsconstraints.controllers.robust_predictive": "vsconstraints.prediction.robust_predictive",
+    "vsconstraints.controllers.velocity.base": "vsconstraints.controllers.velocity_controller",
+    "vsconstraints.controllers.velocity.compiled": "vsconstraints.velocity.compiled_speeds",
+    "vsconstraints.controllers.velocity": "vsconstraints.velocity",
     "vsconstraints.learning": "vsconstraints.bench.learning",
     "vsconstraints.reports.evidence": "vsconstraints.bench.reports",
     "vsconstraints.reports.notebooks": "vsconstraints.view.notebooks",

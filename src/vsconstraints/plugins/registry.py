@@ -25,7 +25,19 @@ from .metric import Metric
 Value = TypeVar("Value")
 
 #: Folders that register something, in the order in which ``vsconstraints --help`` shows them.
-OWN = ("cli", "view", "arms", "score", "paper", "bench", "dynamics", "images", "stacks")
+OWN = (
+    "cli",
+    "view",
+    "arms",
+    "score",
+    "paper",
+    "bench",
+    "prediction",
+    "velocity",
+    "dynamics",
+    "images",
+    "stacks",
+)
 GROUP = "vsconstraints.parts"  #: Group of the entry points of other packages.
 
 
@@ -73,6 +85,8 @@ class Part:
     #: Types of the scenario tables ``plant`` and ``sensor``: by table and by type the class whose
     #: fields are the table's keys, see :mod:`vsconstraints.simulation.settings`.
     scenario_tables: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    #: Laws by name: classes of :class:`vsconstraints.controllers.Controller`.
+    laws: Mapping[str, str] = field(default_factory=dict)
     #: Controllers of special tables, by the name of their kind: ``stack`` is that of tables with a
     #: command or an adapter, which run a program in a process of its own.
     controllers: Mapping[str, str] = field(default_factory=dict)

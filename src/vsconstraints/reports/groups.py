@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
-from ..controllers import CONTROLLERS
+from ..controllers import registered_laws
 from ..scenarios.toml import toml_text
 from .markdown import evenly_split, plain
 from .numbers import number
@@ -30,7 +30,7 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
     Return None for a custom controller: its code defines its requirements.
     """
     kind = str(entry.get("type", name))
-    if kind not in CONTROLLERS:
+    if kind not in registered_laws():
         return None
     return ControllerSpec.from_table(name, entry).make().uses
 

@@ -17,7 +17,7 @@ from ..controllers import Controller
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
-from ..controllers.velocity import commands_velocity
+from ..controllers.velocity_controller import commands_velocity
 from ..errors import SceneError, VsconstraintsError, described
 from ..robots.geometry import Pose
 from ..rows import Command, Rows, Task

@@ -13,7 +13,7 @@ from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
 from ..controllers import Controller
 from ..controllers.delay import split_delay
-from ..controllers.velocity import commands_velocity
+from ..controllers.velocity_controller import commands_velocity
 from ..errors import (
     ConfigurationError,
     InvalidInput,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...compiled import prepare
-from ...controllers import CONTROLLERS, controller_class, make_controller
+from ...controllers import controller_class, make_controller, registered_laws
 from ...controllers.base import Controller
 from ...controllers.ranges import positive
 from ...errors import ConfigurationError, VsconstraintsError, format_value
@@ -154,7 +154,7 @@ class ControllerSpec:
             own = getattr(kind, "name", "")
             if not (isinstance(own, str) and own):
                 raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
-            if not name and CONTROLLERS.get(own, kind) is not kind:
+            if not name and registered_laws().get(own, kind) is not kind:
                 raise ConfigurationError(
                     f"{law} has the name of a law of the package, {own!r}: write another name = "
                     f'"…" in the class'

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ...comparisons.runs.spec import ControllerSpec
-from ...controllers import CONTROLLERS, WRAPPERS, Controller, Demand, Resolver, make_controller
+from ...controllers import WRAPPERS, Controller, Demand, Resolver, make_controller, registered_laws
 from ...controllers.base import Wrapper, innermost
 from ...errors import ConfigurationError, VsconstraintsError, described, format_value
 from ...plugins.provenance import noted_import
@@ -148,7 +148,7 @@ def _no_law(value: object) -> ConfigurationError:
 def _wrappers(law: Controller) -> list[Wrapper]:
     """Return the wrappers around the law of a registered class, outermost first."""
     found = []
-    while isinstance(law, Wrapper) and type(law) not in CONTROLLERS.values():
+    while isinstance(law, Wrapper) and type(law) not in registered_laws().values():
         found.append(law)
         law = law.law
     return found
@@ -166,7 +166,7 @@ def _options(law: Controller) -> dict[str, Any] | None:
     named = _named(law)
     wrappers = _wrappers(law)
     kind = type(named)
-    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind:
+    if registered_laws().get(getattr(kind, "name", "")) is not kind:
         return None
     if any(type(wrapper) not in WRAPPERS for wrapper in wrappers):
         return None

@@ -16,7 +16,7 @@ from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
 from ...comparisons.metric_inputs import violated_in_periods
 from ...comparisons.record import run_file
 from ...comparisons.run import perform
-from ...controllers import CONTROLLERS
+from ...controllers import registered_laws
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import looks
 from ...rows import Array
@@ -288,7 +288,7 @@ def _simulated(run: str, seed: int) -> ReplayRun:
     if not (scenario and law):
         raise ConfigurationError(f"{run!r} is not a run: give {HOW}")
     shipped, colon, _ = law.partition(":")
-    if colon and shipped in CONTROLLERS:
+    if colon and shipped in registered_laws():
         raise ConfigurationError(
             f"{run!r} is not a run: a trial is a number from 0 on, not {last!r}"
         )

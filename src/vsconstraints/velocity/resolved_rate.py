@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ...rows import Array, Rows, Task
-from ..demand import Demand
-from ..demands import Nothing
-from ..least_norm import RANK_TOLERANCE, least_norm
-from ..ranges import rank_tolerance as checked_tolerance
-from ..resolver import Priority, Resolver
+from ..controllers.demand import Demand
+from ..controllers.demands import Nothing
+from ..controllers.least_norm import RANK_TOLERANCE, least_norm
+from ..controllers.ranges import rank_tolerance as checked_tolerance
+from ..controllers.resolver import Priority, Resolver
+from ..rows import Array, Rows, Task
 from .gain import VelocityLaw
 
 

@@ -6,13 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from ...compiled import load
-from ...compiled.memory import zeros
-from ...compiled.workspace import Scratch
-from ...rows import Array, Command, Rows, Task, at_end
-from ..compiled import BOOL, COUNT, EMPTY, NO_SLACK, SCRATCH, CompiledAnswer, CompiledLaw, Wrapped
-from ..demand import Demand
-from ..resolver import Resolver
+from ..compiled import load
+from ..compiled.memory import zeros
+from ..compiled.workspace import Scratch
+from ..controllers.compiled import (
+    BOOL,
+    COUNT,
+    EMPTY,
+    NO_SLACK,
+    SCRATCH,
+    CompiledAnswer,
+    CompiledLaw,
+    Wrapped,
+)
+from ..controllers.demand import Demand
+from ..controllers.resolver import Resolver
+from ..rows import Array, Command, Rows, Task, at_end
+
+#: Module of the compiled functions of these laws.
+KERNELS = "vsconstraints.velocity.compiled.speed_laws"
 
 
 def reason_of(answer: Command, unit: str) -> str:
@@ -24,10 +36,10 @@ def reason_of(answer: Command, unit: str) -> str:
 
 
 class CompiledSpeeds(Wrapped):
-    """Compiled law of joint speeds: a function of :mod:`vsconstraints.compiled.velocity`.
+    """Compiled law of joint speeds: a function of :mod:`.speed_laws`.
 
     It is called with the ``program``, a demand and a resolver, and ``options``, fields of
-    :class:`vsconstraints.compiled.velocity.SpeedArrays`; those that are left out have no effect.
+    :class:`.SpeedArrays`; those that are left out have no effect.
     Every call writes ``speeds`` (n,), the last commanded q̇. ``unit_of_excess`` is that of violated
     rows in reasons.
     """
@@ -52,9 +64,9 @@ class CompiledSpeeds(Wrapped):
             "scratch": Scratch(room, np.zeros(1, COUNT)),
             **options,
         }
-        velocity = load("velocity")
-        own = zeros(velocity.SpeedArrays, {"k": 0, "m": 0, "n": 0}, known)
-        super().__init__(solves, own, getattr(velocity, kernel), speeds=speeds)
+        speed_laws = load(KERNELS)
+        own = zeros(speed_laws.SpeedArrays, {"k": 0, "m": 0, "n": 0}, known)
+        super().__init__(solves, own, getattr(speed_laws, kernel), speeds=speeds)
         self._follow = load("laws").follow_whole.bind(self.workspace, typed=True)
 
     @property

@@ -6,10 +6,10 @@ an adjoint recursion.
 
 from __future__ import annotations
 
-from ..rows import Array
-from .compiler import in_place
-from .least_distance import NEW, NONE
-from .linear import START, dot
+from ...compiled.compiler import in_place
+from ...compiled.least_distance import NEW, NONE
+from ...compiled.linear import START, dot
+from ...rows import Array
 from .plan_arrays import BY_Q, BY_QD, BY_QDD, QD, Cost, Factor, Limits, Q, Space
 from .plan_cost import roll_out
 

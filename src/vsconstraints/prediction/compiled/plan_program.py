@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rows import Array
-from ..rows.tolerances import ZERO_GRADIENT
-from .codes import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
-from .compiler import in_place
-from .least_distance import NEW, POINT, clip_forces
-from .linear import QR, length
+from ...compiled.codes import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
+from ...compiled.compiler import in_place
+from ...compiled.least_distance import NEW, POINT, clip_forces
+from ...compiled.linear import QR, length
+from ...rows import Array
+from ...rows.tolerances import ZERO_GRADIENT
 from .plan_arrays import Cost, Factor, Limits, Space
 from .plan_cost import factorise
 from .plan_rows import constraint_of, differentiate, excess, first_slack_row, predict

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ...formulas.velocity import adaptive_gain
+from ..controllers.velocity_controller import VelocityController, commands_velocity
+from ..formulas.velocity import adaptive_gain
 from .avoidance import ResolvedRateAvoidance
-from .base import VelocityController, commands_velocity
 from .damper import VelocityDamper
 from .gain import VelocityLaw
 from .quadratic import VelocityHierarchicalQP, VelocityQP

@@ -5,7 +5,7 @@ from __future__ import annotations
 from inspect import Parameter, Signature, signature
 from typing import Any
 
-from .observer import Observed
+from ..controllers.observer import Observed
 from .predictive import PredictiveControl
 
 DEFAULTS = {"margin": 0.03, "observer": 0.1, "dead_time": 0.0}

@@ -7,11 +7,11 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from ...errors import ConfigurationError
-from ...formulas.projection import CLOSED, OPENED, opening
-from ...rows import Array, Command, Rows, Task
-from ..least_norm import RANK_TOLERANCE, least_norm
-from ..ranges import Declared, Range, one_of, positive_number
+from ..controllers.least_norm import RANK_TOLERANCE, least_norm
+from ..controllers.ranges import Declared, Range, one_of, positive_number
+from ..errors import ConfigurationError
+from ..formulas.projection import CLOSED, OPENED, opening
+from ..rows import Array, Command, Rows, Task
 from .resolved_rate import ResolvedRate
 
 #: Beginning of the labels of the rows that are avoided, by the option ``avoids``.

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..rows import Array, IntArray
-from .linear import QR, constant
+from ...compiled.linear import QR, constant
+from ...rows import Array, IntArray
 
 #: Rows of the workspace behind those of :mod:`.least_distance`, and the total number of rows.
 TURNED = constant(5)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..rows import Array, BoolArray, IntArray
-from .memory import zeros
-from .records import V3, Records, record
+from ...compiled.memory import zeros
+from ...compiled.records import V3, Records, record
+from ...rows import Array, BoolArray, IntArray
 
 #: Joint controllers: computed torque; a speed loop inside a position loop; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)

@@ -13,13 +13,21 @@ from __future__ import annotations
 
 import math
 
-from ..rows import Array
-from ..rows.tolerances import ZERO_GRADIENT
-from . import least_distance
-from .codes import FAILED, INCOMPATIBLE, SOLVED
-from .compiler import in_place
-from .least_distance import FORCE, NEW, NO_POINT, NONE, POINT, advance, clip_forces
-from .linear import START, apply_transposed, copy, dot, length, make_reflection, squared_length
+from ...compiled import least_distance
+from ...compiled.codes import FAILED, INCOMPATIBLE, SOLVED
+from ...compiled.compiler import in_place
+from ...compiled.least_distance import FORCE, NEW, NO_POINT, NONE, POINT, advance, clip_forces
+from ...compiled.linear import (
+    START,
+    apply_transposed,
+    copy,
+    dot,
+    length,
+    make_reflection,
+    squared_length,
+)
+from ...rows import Array
+from ...rows.tolerances import ZERO_GRADIENT
 from .plan_arrays import SIDE, TURNED, Cost, Factor, Limits, Space
 from .plan_rows import (
     constraint_of,

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rows import Array
-from .compiler import in_place
-from .least_distance import POINT
-from .linear import START, add, dot
+from ...compiled.compiler import in_place
+from ...compiled.least_distance import POINT
+from ...compiled.linear import START, add, dot
+from ...rows import Array
 from .plan_arrays import Cost, Factor, Space
 
 

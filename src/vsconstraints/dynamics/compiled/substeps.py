@@ -6,14 +6,14 @@ takes 120 µs.
 
 from __future__ import annotations
 
-from ..rows import Array
+from ...compiled.compiler import IN_PLACE, compiled, in_place
+from ...compiled.memory import zeros
+from ...compiled.parts import address, call_int_pointer, checked, struct_loader
+from ...compiled.signatures import FLAG, INT, MATRIX, VOID, signature
+from ...rows import Array
 from .arm import Arm
-from .compiler import IN_PLACE, compiled, in_place
 from .drives import command_torque, drive, limited, transmit_torque
 from .inertia import accelerate, evaluate, update_gravity, update_motion
-from .memory import zeros
-from .parts import address, call_int_pointer, checked, struct_loader
-from .signatures import FLAG, INT, MATRIX, VOID, signature
 
 BOUND = 1e4  #: Joint speed beyond which the motion counts as unbounded [rad/s or m/s].
 #: Stages of the Runge–Kutta method after the first: share of the substep h, and factor of h² times

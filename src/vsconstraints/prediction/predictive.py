@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..controllers.base import Controller, fault_of, require_known, require_model
+from ..controllers.compiled import BoundLaw
+from ..controllers.ranges import GAINS, ROWS, Range, option, positive_number, share_number
+from ..controllers.resolvers import Hierarchy
 from ..errors import InvalidInput, format_value
 from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
-from .base import Controller, fault_of, require_known, require_model
-from .compiled import BoundLaw
-from .planner import Plan, Planner
-from .ranges import GAINS, ROWS, Range, option, positive_number, share_number
-from .resolvers import Hierarchy
+from .planner import KERNELS, Plan, Planner
 
 MAX_BLOCKS = 100  #: Largest horizon, in blocks.
 MAX_PERIODS = 10_000
@@ -44,7 +44,7 @@ class PredictiveControl(Controller):
 
     name = "predictive"
     ignores = ("K", *GAINS)
-    kernels: ClassVar[tuple[str, ...]] = ("predictive",)
+    kernels: ClassVar[tuple[str, ...]] = (f"{KERNELS}.predictive",)
     #: Time constant [s] with which the difference between σ̇ and its model fades along the plan;
     #: set by an observer.
     fading = 0.0

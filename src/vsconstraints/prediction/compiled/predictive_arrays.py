@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..rows import Array, IntArray
-from .codes import PARTS
-from .compiler import in_place
-from .memory import zeros
-from .parts import struct_loader
+from ...compiled.codes import PARTS
+from ...compiled.compiler import in_place
+from ...compiled.memory import zeros
+from ...compiled.parts import struct_loader
+from ...rows import Array, IntArray
 from .plan_arrays import Factor, Limits, Space
 
 #: Reported numbers: instants at which rows and task were predicted, instants requested, active rows

@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..formulas.vectors import (
+from ...compiled.compiler import in_place
+from ...compiled.kinematics import put, turned_by_joint
+from ...formulas.vectors import (
     Matrix,
     Vector,
     add_scaled,
@@ -28,10 +30,8 @@ from ..formulas.vectors import (
     times,
     vector,
 )
-from ..rows import Array
+from ...rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Motion
-from .compiler import in_place
-from .kinematics import put, turned_by_joint
 
 #: Entries of a symmetric matrix (6,).
 XX, XY, XZ, YY, YZ, ZZ = range(6)

@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import ConfigurationError
-from ...formulas.velocity import adaptive_gain
-from ...rows import Array, Rows, Task
-from ..demand import Demand
-from ..ranges import Declared, Range, positive_number
-from ..resolver import Resolver
-from .base import VelocityController
-from .compiled import CompiledSpeeds
+from ..controllers.demand import Demand
+from ..controllers.ranges import Declared, Range, positive_number
+from ..controllers.resolver import Resolver
+from ..controllers.velocity_controller import VelocityController
+from ..errors import ConfigurationError
+from ..formulas.velocity import adaptive_gain
+from ..rows import Array, Rows, Task
+from .compiled_speeds import KERNELS, CompiledSpeeds
 
 
 class VelocityLaw(VelocityController):
@@ -35,7 +35,7 @@ class VelocityLaw(VelocityController):
     #: The drift of rows is a matter of accelerations; only with a dead time does it change φ.
     ignores = (*VelocityController.ignores, "observer")
     ranges: ClassVar[Mapping[str, Declared]] = {"gain": Range(0.2, 20.0), "K": Range(0.3, 10.0)}
-    #: Function of :mod:`vsconstraints.compiled.velocity` for exactly this class; subclasses may
+    #: Function of :mod:`.speed_laws` for exactly this class; subclasses may
     #: override any method, and have none unless they declare it.
     kernel: ClassVar[str] = ""
     #: Unit in which violations of rows that contradict each other are measured and reported.
@@ -71,7 +71,7 @@ class VelocityLaw(VelocityController):
         raise NotImplementedError
 
     def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
-        """Return the law's fields of :class:`vsconstraints.compiled.velocity.SpeedArrays`."""
+        """Return the law's fields of :class:`.SpeedArrays`."""
         at_zero = self.gain if self.gain_at_zero is None else self.gain_at_zero
         return {
             "period": self.period,
@@ -96,7 +96,7 @@ class VelocityLaw(VelocityController):
     def kernels(self) -> tuple[str, ...]:
         """See :class:`.Controller`."""
         program = self.program()[1].kernel[0]
-        return (program, "velocity") if vars(type(self)).get("kernel", "") else (program,)
+        return (program, KERNELS) if vars(type(self)).get("kernel", "") else (program,)
 
     def task_of(self, task: Task) -> tuple[Array, Array]:
         """Return J (k, n) and v (k,) of the task J q̇ = v, with the law's gain."""

@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 
-from ..formulas.tracking import gains
-from ..rows import Array
-from .codes import (
+from ...compiled.codes import (
     ERROR,
     GRADIENT,
     JACOBIAN,
@@ -22,10 +20,12 @@ from .codes import (
     SIGMA,
     B,
 )
-from .compiler import in_place
+from ...compiled.compiler import in_place
+from ...compiled.workspace import RowArrays, TaskArrays
+from ...formulas.tracking import gains
+from ...rows import Array
 from .plan_arrays import QD, Q
 from .predictive_arrays import PlanArrays
-from .workspace import RowArrays, TaskArrays
 
 #: Rows that change by more than their scale over this distance [rad or m] are divided by the same
 #: factor. Far outside the image a row may be 10¹² times its scale: rounding then exceeds any

@@ -1,4 +1,4 @@
-"""Laws that command joint speeds, compiled: see :mod:`vsconstraints.controllers.velocity`.
+"""Laws that command joint speeds, compiled: see :mod:`vsconstraints.velocity`.
 
 They are called like any law. The joint speeds q̇ are written to ``speeds`` of :class:`.LawArrays`,
 and q̈, the change from the speeds commanded before, to the answer.
@@ -11,18 +11,25 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..formulas.projection import CLOSED, OPENED, opening
-from ..formulas.velocity import adaptive_gain, damped_bound, rate_factor
-from ..rows import Array, BoolArray
-from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
-from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, answer_without_baseline, apply_law, bounds, is_answer, load_law
-from .linear import finite
-from .memory import zeros
-from .parts import call_int_pointer, set_fields, struct_loader
-from .resolving import checkable, valid
-from .scratch import emptied, matrix, vector
-from .workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from ...compiled.codes import NEEDS_PYTHON, SOLVED, TOLERANCE
+from ...compiled.compiler import compiled, in_place, inner
+from ...compiled.laws import (
+    RESOLVER,
+    answer_without_baseline,
+    apply_law,
+    bounds,
+    is_answer,
+    load_law,
+)
+from ...compiled.linear import finite
+from ...compiled.memory import zeros
+from ...compiled.parts import call_int_pointer, set_fields, struct_loader
+from ...compiled.resolving import checkable, valid
+from ...compiled.scratch import emptied, matrix, vector
+from ...compiled.workspace import Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from ...formulas.projection import CLOSED, OPENED, opening
+from ...formulas.velocity import adaptive_gain, damped_bound, rate_factor
+from ...rows import Array, BoolArray
 
 
 class SpeedArrays(NamedTuple):
@@ -156,7 +163,7 @@ def resolved_rate(address: int, rows: RowArrays, task: TaskArrays, answer: Answe
 def project(
     own: SpeedArrays, law: LawArrays, task: TaskArrays, norm_share: float, x: Array, out: Array
 ) -> None:
-    """Write P x (n,) of :func:`vsconstraints.controllers.velocity.avoidance.large_projection`.
+    """Write P x (n,) of :func:`vsconstraints.velocity.avoidance.large_projection`.
 
     ``norm_share`` is λ̄: 1 keeps the norm of the error alone, 0 each of its components.
     """
@@ -366,7 +373,7 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     """Write rows and task of the quadratic program, with q̇ in place of q̈.
 
     G q̇ ≤ h becomes rows with φ = −h; see
-    :meth:`vsconstraints.controllers.velocity.quadratic.QuadraticVelocity.solve`. Velocity dampers
+    :meth:`vsconstraints.velocity.quadratic.QuadraticVelocity.solve`. Velocity dampers
     have their own G and h, which do not depend on K.
     """
     k, n = task.J.shape
@@ -390,7 +397,7 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
 
 @compiled(RESOLVER, from_python=False)
 def quadratic(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """Compute the command of :class:`vsconstraints.controllers.velocity.QuadraticVelocity`."""
+    """Compute the command of :class:`vsconstraints.velocity.QuadraticVelocity`."""
     law = load_law(address)
     own = load_speeds(law.demand)
     if not complete(own, law, rows, task, answer):

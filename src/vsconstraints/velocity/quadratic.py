@@ -8,18 +8,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import ConfigurationError, InvalidInput, SolverError, format_value
-from ...formulas import where
-from ...formulas.row import Row
-from ...formulas.velocity import UNBOUNDED
-from ...rows import UNKNOWN, Array, Command, Rows, Task
-from ..demand import Demand
-from ..law import Law
-from ..least_norm import RANK_TOLERANCE
-from ..ranges import positive_number
-from ..resolver import Resolver
-from ..resolvers import AUTO, Filter, Hierarchy
-from .compiled import reason_of
+from ..controllers.demand import Demand
+from ..controllers.law import Law
+from ..controllers.least_norm import RANK_TOLERANCE
+from ..controllers.ranges import positive_number
+from ..controllers.resolver import Resolver
+from ..controllers.resolvers import AUTO, Filter, Hierarchy
+from ..errors import ConfigurationError, InvalidInput, SolverError, format_value
+from ..formulas import where
+from ..formulas.row import Row
+from ..formulas.velocity import UNBOUNDED
+from ..rows import UNKNOWN, Array, Command, Rows, Task
+from .compiled_speeds import reason_of
 from .gain import VelocityLaw
 
 #: Damping of the inner program, of no effect: its task contains the damping of the law already.

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rows import Array
+from ...compiled.compiler import in_place
+from ...compiled.linear import clip
+from ...rows import Array
 from .arm import TORQUE, Arm, Drive
-from .compiler import in_place
 from .inertia import accelerate, update_gravity
-from .linear import clip
 
 #: Maximum number of sweeps that balance friction among the joints, and the change at which they
 #: end, relative to the greatest speed.

@@ -20,13 +20,14 @@ from ..compiled.codes import (
     STAGE,
 )
 from ..compiled.memory import zeros
+from ..controllers.compiled import COUNT, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
+from ..controllers.demands import Nothing
+from ..controllers.least_norm import RANK_TOLERANCE
+from ..controllers.resolver import Priority, row_weights
 from ..errors import SolverError
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
-from .compiled import COUNT, CompiledAnswer, CompiledLaw, Wrapped, tracking_of
-from .demands import Nothing
-from .least_norm import RANK_TOLERANCE
-from .resolver import Priority, row_weights
 
+KERNELS = "vsconstraints.prediction.compiled"  #: Package of the compiled functions.
 ABSENT = -1  #: First entry of a quantity that is not predicted.
 
 
@@ -55,7 +56,7 @@ class PlanningLaw(Protocol):
 
 
 class Planner(Wrapped):
-    """The compiled law for the rows of a model, see :mod:`vsconstraints.compiled.predictive`.
+    """The compiled law for the rows of a model, see :mod:`.compiled.predictive`.
 
     ``compiled`` is true if the model is compiled too. Otherwise Python predicts, between two calls
     of the compiled law.
@@ -64,8 +65,8 @@ class Planner(Wrapped):
     answers = SOLVED, RELAXED_ROWS
 
     def __init__(self, law: PlanningLaw, model: Any, period: float, shape: tuple[int, int]) -> None:
-        kernels = load("predictive")
-        arrays = load("predictive_arrays")
+        kernels = load(f"{KERNELS}.predictive")
+        arrays = load(f"{KERNELS}.predictive_arrays")
         k, n = shape
         m = len(model.labels)
         H = law.horizon
@@ -82,7 +83,7 @@ class Planner(Wrapped):
         self.model = model
         self.shape = shape
         self._begins = begins
-        lengths = load("plan_arrays").lengths_of(H, len(times), n, m)
+        lengths = load(f"{KERNELS}.plan_arrays").lengths_of(H, len(times), n, m)
         known = {
             "loop": loop.packed.workspace.address if self.compiled else 0,
             "step": step.packed.workspace.address if self.compiled else 0,
@@ -186,7 +187,7 @@ class Planner(Wrapped):
 
         If the model is not compiled, the law is called in stages, and Python predicts in between.
         """
-        stages = load("predictive_arrays")
+        stages = load(f"{KERNELS}.predictive_arrays")
         solve, *arguments = self.call(rows, task)
 
         def run(stage: int) -> int:
@@ -208,7 +209,7 @@ class Planner(Wrapped):
 
     def _predict(self) -> int:
         """Predict along the plan; return the number of instants that the model can predict."""
-        arrays = load("predictive_arrays")
+        arrays = load(f"{KERNELS}.predictive_arrays")
         plans = self.plans
         now = self.model.present
         requested = int(plans.outcome[arrays.ASKED])

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 
-from ..rows.tolerances import PULLING
-from .codes import FAILED, FEWEST_INSTANTS, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, STAGE
-from .compiler import IN_PLACE, compiled, in_place
-from .from_state import start_from
+from ...compiled.codes import FAILED, FEWEST_INSTANTS, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, STAGE
+from ...compiled.compiler import IN_PLACE, compiled, in_place
+from ...compiled.from_state import start_from
+from ...compiled.laws import RESOLVER, load_law
+from ...compiled.least_distance import FORCE
+from ...compiled.linear import copy_vector
+from ...compiled.parts import call_int_pointer, load_step
+from ...compiled.resolving import finished, follow_alone, measurable
+from ...compiled.workspace import Answer, LawArrays, RowArrays, TaskArrays
+from ...rows.tolerances import PULLING
 from .last_plan import brake, carry_on, in_box, set_box, store_end, walk
-from .laws import RESOLVER, load_law
-from .least_distance import FORCE
-from .linear import copy_vector
-from .parts import call_int_pointer, load_step
 from .plan_arrays import QD, Cost, Q
 from .plan_program import plan_best
 from .predicted_program import limit, linearise, write_cost
@@ -31,8 +33,6 @@ from .predictive_arrays import (
     limits_of,
     load_plans,
 )
-from .resolving import finished, follow_alone, measurable
-from .workspace import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from .compiler import in_place
-from .laws import within
-from .linear import clip
+from ...compiled.compiler import in_place
+from ...compiled.laws import within
+from ...compiled.linear import clip
+from ...compiled.workspace import RowArrays
 from .plan_arrays import QD, Q
 from .plan_cost import follow_block
 from .plan_rows import move
 from .predictive_arrays import ASKED, PlanArrays, limits_of
-from .workspace import RowArrays
 
 
 @in_place

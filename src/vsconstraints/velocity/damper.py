@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-from ...errors import ConfigurationError
-from ...formulas.velocity import damped_bound, rate_factor
-from ...rows import Array, Rows, Task
-from ..ranges import Declared, Range, positive_number, share_number
-from .base import VelocityController
+from ..controllers.ranges import Declared, Range, positive_number, share_number
+from ..controllers.velocity_controller import VelocityController
+from ..errors import ConfigurationError
+from ..formulas.velocity import damped_bound, rate_factor
+from ..rows import Array, Rows, Task
 from .quadratic import VelocityQP
 
 
