@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from vsconstraints import controllers
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import registry
 from vsconstraints.plugins.earlier_names import MOVED
@@ -125,6 +126,11 @@ except ConfigurationError as error:
         ("PART = 3", "theirs:PART", "must be a Part, not 3"),
         ("", "theirs:PART", "has no attribute 'PART'"),
         (THEIRS.replace('"greet": ', '"compare": '), "theirs:PART", "two parts register compare"),
+        (
+            THEIRS.replace("commands=", 'laws={"soft": "theirs:Soft"}, commands='),
+            "theirs:PART",
+            "registers the laws soft: remove them",
+        ),
     ],
 )
 def test_a_broken_part_is_an_error_that_names_it(
@@ -175,6 +181,19 @@ def test_everything_that_own_parts_name_exists() -> None:
             assert registry.load(name) is not None
     assert {*registry.scenario_types("plant")} == {"dynamics", "mujoco"}
     assert {*registry.scenario_types("sensor")} == {"images"}
+
+
+def test_registered_laws_have_their_own_names() -> None:
+    """A law's name in files is that under which results are stored."""
+    core = [law.name for law in controllers.LAWS]
+    added = registered("laws")
+    assert [*controllers.CONTROLLERS] == [*core, *added]
+    assert len({*core, *added}) == len(core) + len(added)
+    for name, law in controllers.CONTROLLERS.items():
+        assert issubclass(law, controllers.Controller)
+        assert law.name == name
+    with pytest.raises(AttributeError, match="has no attribute 'Nothing'"):
+        controllers.Nothing  # noqa: B018
 
 
 def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -> None:

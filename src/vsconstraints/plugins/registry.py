@@ -85,7 +85,9 @@ class Part:
     #: Types of the scenario tables ``plant`` and ``sensor``: by table and by type the class whose
     #: fields are the table's keys, see :mod:`vsconstraints.simulation.settings`.
     scenario_tables: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    #: Laws by name: classes of :class:`vsconstraints.controllers.Controller`.
+    #: Laws by name: classes of :class:`vsconstraints.controllers.Controller`. Only this package
+    #: registers them. Those of other packages are named as ``module:Class``, so that results depend
+    #: on their files.
     laws: Mapping[str, str] = field(default_factory=dict)
     #: Controllers of special tables, by the name of their kind: ``stack`` is that of tables with a
     #: command or an adapter, which run a program in a process of its own.
@@ -147,6 +149,12 @@ def parts_of_other_packages() -> tuple[InstalledPart, ...]:
             ) from error
         if not isinstance(part, Part):
             raise ConfigurationError(f"{where}, must be a Part, not {format_value(part)}")
+        if part.laws:
+            raise ConfigurationError(
+                f"{where}, registers the laws {', '.join(part.laws)}: remove them from the part, "
+                f"and name them as module:Class where they are used, so that results depend on "
+                f"their files"
+            )
         found.append(InstalledPart(part, package, version))
     return tuple(found)
 
