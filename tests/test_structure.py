@@ -289,7 +289,11 @@ def test_no_test_needs_private_names():
 
 @pytest.mark.parametrize(
     ("imported", "others"),
-    [("vsconstraints.controllers", {"typer", "rich"}), ("vsconstraints.cli", set())],
+    [
+        ("vsconstraints.controllers", {"typer", "rich"}),
+        ("vsconstraints.cli", set()),
+        ("vsconstraints.cli.application", set()),
+    ],
 )
 def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, others: set[str]):
     """In little time beside that of NumPy, and without what takes as long to import."""

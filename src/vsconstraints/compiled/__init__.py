@@ -55,10 +55,11 @@ def load(name: str) -> Any:
 
     ``name`` is that of a module of this package, or the full name of a module of a part.
 
-    If numba is missing, broken or incompatible with NumPy, or if its cache cannot be written, the
-    same functions run in Python, number by number, about 200 times slower. A RuntimeWarning then
-    gives the reason; processes that this one starts do not repeat it. With
-    ``VSCONSTRAINTS_COMPILE=0`` in the environment, the functions run in Python without a warning.
+    If numba is missing, broken or incompatible with NumPy, if it fails for a function of the
+    package, or if its cache cannot be written, the same functions run in Python, number by number,
+    about 200 times slower. A RuntimeWarning then gives the reason; processes that this one starts
+    do not repeat it. With ``VSCONSTRAINTS_COMPILE=0`` in the environment, the functions run in
+    Python without a warning.
 
     A run is also called uncompiled if only its law is in NumPy, such as a custom one. Then Python
     calls rows, law and robot one by one, and the run takes some ten times as long.

@@ -109,12 +109,12 @@ def _compiled_files(folder: Path, beginning: str) -> list[Path]:
 def is_compiled(folder: Path, state: str) -> bool:
     """True if a function without formulas is compiled in this state of the code.
 
-    Numba writes to a folder for each folder of sources, like this one: a ``__pycache__`` in it, or
-    a folder in ``NUMBA_CACHE_DIR``.
+    Numba writes to a folder for each folder of sources: a ``__pycache__`` in it, or a folder in
+    ``NUMBA_CACHE_DIR``.
     """
     name = f"*_{state}-*.nbi"
     if folder.name == "__pycache__":
-        found = folder.parent.parent.glob(f"*/__pycache__/{name}")
+        found = Path(__file__).parents[1].glob(f"**/__pycache__/{name}")
     else:
         found = folder.parent.glob(f"*/{name}")
     return any(found)

@@ -31,7 +31,8 @@ class FieldOfView(ImageConstraint):
     Raises ConfigurationError if the margin leaves no image, or leaves a part in which the lens
     cannot be inverted.
 
-    Whoever changes the formula changes these with it:
+    Whoever changes the formula gives this class another one, and leaves ``superellipse`` as it is:
+    the obstacle ``hyperellipse`` is made of it. These change with it:
 
     - ``formula`` and ``curvature_formula``, in :mod:`vsconstraints.formulas.curves`, and
       ``parameters`` below;
@@ -39,7 +40,9 @@ class FieldOfView(ImageConstraint):
       lens, which calls that one;
     - ``_can_invert_lens``, which finds the boundary from the value on a rectangle;
     - :mod:`vsconstraints.simulation.start`, for which a field of view is convex and inside the
-      image.
+      image; curves are searched for in the area ``AROUND`` of :mod:`.image_constraint`;
+    - adapters of stacks, which keep markers in the rectangle ``half_size``
+      (:mod:`vsconstraints.stacks.description`).
     """
 
     kind = "fov"

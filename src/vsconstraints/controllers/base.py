@@ -97,7 +97,7 @@ class Controller(Part, ABC):
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Modules of :mod:`vsconstraints.compiled` that this law needs and that compile slowly."""
+        """Modules that this law needs and that compile slowly, see :func:`.compiled.load`."""
         return ()
 
     def unused(self) -> str:

@@ -170,7 +170,7 @@ class Hierarchy(Resolver):
         command = Command(qdd, "ok", acted, labels, "", slack, solver, iterations)
         if code:
             command.status = "relaxed" if code in RELAXED else "suboptimal"
-            # an unmet row that is not active has no influence of q̈
+            # q̈ has no influence on an unmet row that is not active
             fixed = np.flatnonzero(~acted & (slack > 0.0))
             reasons = unmet(labels, slack, fixed), UNPROVED if code in SHORT else ""
             command.reason = "; ".join(filter(None, reasons))

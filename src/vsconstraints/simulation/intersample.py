@@ -44,9 +44,12 @@ def intersample_clearance(
     period is inspected if a row may be violated in it or may have its smallest clearance of the run
     there. This is the case if the clearance might reach zero at its rate of change there
     (:data:`DIP_FACTOR`), however far the samples are from the boundary, or if a joint reverses
-    within the period (``BACK_ANYWHERE``). Parts of a period are halved as long as a row may be
-    violated more deeply within a part, at the rate observed in it. Samples have states (N, s, n)
-    and clearances (N, m).
+    within the period (``BACK_ANYWHERE``). Samples have states (N, s, n) and clearances (N, m).
+
+    An inspected period is evaluated at its quarters. A part is halved further only if a row may be
+    violated in it more deeply than anywhere else in the run: the run's greatest depth is searched
+    for, and a short violation of smaller depth may lie between the quarters. By then the changes
+    within the period are known, and a part is taken to dip by no more than the largest of them.
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)

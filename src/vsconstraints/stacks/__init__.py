@@ -8,8 +8,23 @@ for Pink, mink, placo and others.
 
 from __future__ import annotations
 
-from .external import ExternalStack
-from .protocol import USES, StackFailedError
-from .stack import NoAnswer, Stack
+from typing import TYPE_CHECKING
+
+from ..plugins.lazy import exported
+
+if TYPE_CHECKING:
+    from .external import ExternalStack
+    from .protocol import USES, StackFailedError
+    from .stack import NoAnswer, Stack
 
 __all__ = ["USES", "ExternalStack", "NoAnswer", "Stack", "StackFailedError"]
+__getattr__ = exported(
+    __name__,
+    {
+        "USES": "protocol",
+        "ExternalStack": "external",
+        "NoAnswer": "stack",
+        "Stack": "stack",
+        "StackFailedError": "protocol",
+    },
+)

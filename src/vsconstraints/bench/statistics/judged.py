@@ -149,7 +149,8 @@ OUTCOMES: Mapping[str, Outcome] = {
     "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
 
-#: Ending of a run without violation, by status; any other status is a failure.
+#: Ending of a run without violation, by status; any other status is a failure. The ending ``slow``
+#: is wider than the status of this name.
 ENDINGS: Mapping[str, str] = {
     "converged": "success",
     "trapped": "stuck",

@@ -1,7 +1,8 @@
 """Laws that command joint speeds, compiled: see :mod:`vsconstraints.velocity`.
 
 They are called like any law. The joint speeds q̇ are written to ``speeds`` of :class:`.LawArrays`,
-and q̈, the change from the speeds commanded before, to the answer.
+and q̈, the change from the speeds commanded before, to the answer. A closed loop replaces this q̈
+by the change from the speeds of the robot: ``go_to_speeds`` in :mod:`vsconstraints.compiled.samples`.
 """
 
 from __future__ import annotations
