@@ -288,14 +288,16 @@ def test_no_test_needs_private_names():
 
 
 @pytest.mark.parametrize(
-    ("imported", "others"),
+    ("imported", "others", "most_s"),
     [
-        ("vsconstraints.controllers", {"typer", "rich"}),
-        ("vsconstraints.cli", set()),
-        ("vsconstraints.cli.application", set()),
+        ("vsconstraints.controllers", {"typer", "rich"}, 0.3),
+        ("vsconstraints.cli", set(), 0.3),
+        ("vsconstraints.cli.application", set(), 0.5),
     ],
 )
-def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, others: set[str]):
+def test_a_law_and_the_help_load_nothing_that_they_do_not_need(
+    imported: str, others: set[str], most_s: float
+):
     """In little time beside that of NumPy, and without what takes as long to import."""
     heavy = {
         "pinocchio",
@@ -319,4 +321,4 @@ def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, ot
     ]
     loaded, seconds = zip(*(run.stdout.rsplit(maxsplit=1) for run in done), strict=True)
     assert set(loaded) == {"[]"}
-    assert min(map(float, seconds)) < 0.3  # 0.1 s on a machine that does nothing else
+    assert min(map(float, seconds)) < most_s  # a third of it on a machine that does nothing else
