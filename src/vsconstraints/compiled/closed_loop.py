@@ -15,27 +15,6 @@ from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
 from .workspace import Answer
 
-for name in (
-    "put",
-    "hold",
-    "go_to_speeds",
-    "actuator_limits",
-    "saturate",
-    "greatest_change",
-    "judge_contact",
-    "nearness",
-    "mark_acting",
-    "feature_error",
-    "fastest",
-    "score_command",
-    "score_row",
-    "score_activity",
-    "score",
-    "score_goal",
-    "keep",
-    "finish",
-):
-    in_place(getattr(samples, name))
 register_formulas()
 
 

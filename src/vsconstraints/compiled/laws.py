@@ -13,6 +13,7 @@ from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
 from .codes import NEEDS_PYTHON, RELAXED_ROWS, SOLVED
 from .compiler import IN_PLACE, compiled, in_place
+from .linear import clip
 from .memory import zeros
 from .parts import (
     call_int_pointer,
@@ -137,7 +138,9 @@ def is_answer(code: int) -> bool:
 @in_place
 def within(rows: RowArrays, j: int, x: float) -> float:
     """Return the acceleration of joint j nearest to x within the limits of the rows."""
-    return min(max(x, rows.qdd_min[j]), rows.qdd_max[j]) if rows.qdd_max.size else x
+    if rows.qdd_max.size == 0:
+        return x
+    return clip(x, rows.qdd_min[j], rows.qdd_max[j])
 
 
 @in_place

@@ -143,8 +143,7 @@ def shorten(
     # squares of very small numbers would underflow
     scale = 0.0
     for i in range(whole.shape[0]):
-        for j in range(n):
-            scale = max(scale, abs(whole[i, j]))
+        scale = max(scale, la.largest(whole[i]))
     if not scale > 0.0:
         scale = 1.0
     for i in range(rows):

@@ -38,16 +38,25 @@ def element_of(declared: Any) -> np.dtype[Any]:
     return record
 
 
-def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
+def shape_of(declared: Any, lengths: Mapping[str, int] | None) -> tuple[int, ...]:
     """Return the shape of an array with declared axes such as ``"N m 3"``.
 
-    An axis that ``lengths`` lacks has the length 1.
+    Without any ``lengths``, each axis has the length 1, for a structure that only shows its types.
+    Raise InvalidInput if they lack an axis.
     """
-    axes = declared.__metadata__[-1]
-    shape = []
-    for axis in str(axes).split():
-        shape.append(int(axis) if axis.isdecimal() else lengths.get(axis, 1))
-    return tuple(shape)
+    axes = str(declared.__metadata__[-1])
+    return tuple(_length_of(axis, lengths) for axis in axes.split())
+
+
+def _length_of(axis: str, lengths: Mapping[str, int] | None) -> int:
+    if axis.isdecimal():
+        return int(axis)
+    if lengths is None:
+        return 1
+    if axis not in lengths:
+        known = ", ".join(lengths) or "none"
+        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are: {known}")
+    return lengths[axis]
 
 
 def zeros(
@@ -57,10 +66,9 @@ def zeros(
 
     ``known`` contains fields that exist already, by name: those of the structure and those of the
     structures within it, at any depth. ``lengths`` are those of the axes in the
-    declarations; see :func:`shape_of`.
+    declarations, None for a structure that only shows its types; see :func:`shape_of`.
     """
     values = dict(known or {})
-    lengths = lengths or {}
     for name, declared in fields(kind).items():
         if name in values:
             continue
@@ -70,7 +78,7 @@ def zeros(
         elif declared in (int, float):
             values[name] = declared(0)
         elif declared is JointLimits:
-            values[name] = _zero_limits(lengths.get("limits", 1))
+            values[name] = _zero_limits(_length_of("limits", lengths))
         else:
             values[name] = zeros(declared, lengths, known)
     return kind(**{name: values[name] for name in kind._fields})
