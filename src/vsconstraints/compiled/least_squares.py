@@ -143,7 +143,8 @@ def shorten(
     # squares of very small numbers would underflow
     scale = 0.0
     for i in range(whole.shape[0]):
-        scale = max(scale, la.largest(whole[i]))
+        for j in range(n):
+            scale = max(scale, abs(whole[i, j]))
     if not scale > 0.0:
         scale = 1.0
     for i in range(rows):

@@ -38,11 +38,16 @@ def element_of(declared: Any) -> np.dtype[Any]:
     return record
 
 
+#: Lengths of axes that need not be given, since rows and task may have neither limits nor a rest
+#: acceleration: velocity laws set both arrays at each call.
+DEFAULT_LENGTHS = {"limits": 1, "rest": 1}
+
+
 def shape_of(declared: Any, lengths: Mapping[str, int] | None) -> tuple[int, ...]:
     """Return the shape of an array with declared axes such as ``"N m 3"``.
 
-    Without any ``lengths``, each axis has the length 1, for a structure that only shows its types.
-    Raise InvalidInput if they lack an axis.
+    Without any ``lengths``, each axis has the length 1, for a structure that only shows its types,
+    or whose arrays are set later. Raise InvalidInput if they lack an axis.
     """
     axes = str(declared.__metadata__[-1])
     return tuple(_length_of(axis, lengths) for axis in axes.split())
@@ -53,10 +58,10 @@ def _length_of(axis: str, lengths: Mapping[str, int] | None) -> int:
         return int(axis)
     if lengths is None:
         return 1
-    if axis not in lengths:
-        known = ", ".join(lengths) or "none"
-        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are: {known}")
-    return lengths[axis]
+    known = DEFAULT_LENGTHS | dict(lengths)
+    if axis not in known:
+        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are {', '.join(known)}")
+    return known[axis]
 
 
 def zeros(
@@ -66,7 +71,7 @@ def zeros(
 
     ``known`` contains fields that exist already, by name: those of the structure and those of the
     structures within it, at any depth. ``lengths`` are those of the axes in the
-    declarations, None for a structure that only shows its types; see :func:`shape_of`.
+    declarations; see :func:`shape_of`.
     """
     values = dict(known or {})
     for name, declared in fields(kind).items():

@@ -16,6 +16,7 @@ from ...reports.plots import (
     WIDTH,
     Figure,
     Sheet,
+    Style,
     line,
     logarithmic,
     looks,
@@ -71,7 +72,7 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
-def _line_styles(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     """Return colour, dashes and width of the curve of each law."""
     width = widths(laws, 2.4, 1.2)
     styles = {}

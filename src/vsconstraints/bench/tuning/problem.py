@@ -167,7 +167,8 @@ def choose(settings: Sequence[Judged]) -> int:
     ideal = points.min(axis=0)
     distance = np.linalg.norm(points - ideal, axis=1)
     greatest = distance.min() * (1.0 + ROUNDING)
-    nearest = [best[k] for k in np.flatnonzero(distance <= greatest)]
+    is_nearest = distance <= greatest
+    nearest = [best[k] for k in np.flatnonzero(is_nearest)]
     return min(nearest, key=lambda i: (settings[i].point, i))
 
 
