@@ -143,12 +143,9 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     start_from(own.loop, own.step, own.now)
     foresee(own)
     step = load_step(own.step)
-    if (
-        call_int_pointer(
-            step.evaluate, (own.step, own.now[0], own.now[1 : 1 + n], own.now[1 + n :])
-        )
-        != 0
-    ):
+    q = own.now[1 : 1 + n]
+    qd = own.now[1 + n :]
+    if call_int_pointer(step.evaluate, (own.step, own.now[0], q, qd)) != 0:
         return NEEDS_PYTHON
     then = step.rows
     set_fields(
@@ -170,5 +167,8 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     answer_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
     if is_answer(code):
-        send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)
+        command = answer.qdd
+        if own.speeds == 1:
+            command = load_law(own.law).speeds
+        send(own, rows, command)
     return code

@@ -220,7 +220,9 @@ class Dataset:
     @cached_property
     def declared_uses(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
-        reasons = {name: self.of_law(name)["reason"].dropna().unique() for name in self.laws}
+        reasons = {}
+        for name in self.laws:
+            reasons[name] = self.of_law(name)["reason"].dropna().unique()
         return uses_by_controller(reasons)
 
     def uses_of(self, law: str) -> tuple[str, ...] | None:

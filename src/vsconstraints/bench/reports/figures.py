@@ -288,7 +288,9 @@ def _name_rank(ax: Any, law: str, rank: float, y: float, colour: str, on_left: b
         text = f"{rank:.2f}  {name}"
         offset = 5
         alignment = "left"
-    ax.plot([rank, rank, end], [0.0, y, y], color=colour, linewidth=1.3, clip_on=False)
+    across = [rank, rank, end]
+    down = [0.0, y, y]
+    ax.plot(across, down, color=colour, linewidth=1.3, clip_on=False)
     ax.annotate(
         text,
         (end, y),

@@ -124,9 +124,13 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
     """
     point = []
     for i, worst in enumerate(REFERENCE):
-        values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
-        # exact sums do not depend on the order of the runs
-        point.append(math.fsum(values) / len(values) if values else worst)
+        every_value = [each.point[i] for each in outcomes]
+        values = [value for value in every_value if not math.isnan(value)]
+        mean = worst
+        if values:
+            # exact sums do not depend on the order of the runs
+            mean = math.fsum(values) / len(values)
+        point.append(mean)
     converged = [each for each in outcomes if each.status == "converged"]
     violated = sum(each.violated for each in outcomes)
     runs = len(outcomes)

@@ -225,7 +225,8 @@ def name_centres(
     for x, y in places.values():
         taken.append(_box(x, y, marker, marker))
     # Names are placed from the highest marker to the lowest.
-    for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
+    for name in sorted(places, key=lambda name: -places[name][1]):
+        x, y = places[name]
         text = shortened(name)
         text_width = LETTER * len(text)
         step_x = 0.5 * text_width + 0.7 * LARGE
@@ -234,8 +235,9 @@ def name_centres(
         for offset in (*NEAR, *FAR):
             across, up = offset
             box = _box(x + across * step_x, y + up * step_y, text_width, TEXT_HEIGHT)
-            is_inside = box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= width and box.y1 <= height
-            if is_inside and not box.count_overlaps(taken):
+            fits_across = box.x0 >= 0.0 and box.x1 <= width
+            fits_up = box.y0 >= 0.0 and box.y1 <= height
+            if fits_across and fits_up and not box.count_overlaps(taken):
                 chosen = offset
                 break
         shift_x = chosen[0] * step_x
