@@ -93,9 +93,9 @@ def repeat(
     Numbers differ if they deviate by more than :data:`TOLERANCE`. A run counts as decided by
     rounding if every result that differs also changes, by any amount, when the start is moved by
     :data:`NUDGE`. A fault of such a result is not told apart; therefore the sentences also show
-    the result from the moved start. A run that differs
-    from the study and from its own repetition here is not reproducible, which is a difference.
-    Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
+    the result from the moved start. A run that differs from the study and from its own repetition
+    here is not reproducible, which is a difference. Raises ConfigurationError for laws that do not
+    come with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:

@@ -76,6 +76,9 @@ class DelayArrays(NamedTuple):
             "delay": whole * period + rest,
             "first": first,
             "sent": np.full((under_way, n), math.nan if at_once else 0.0),
+            # their arrays are set in each sample
+            "ahead": zeros(RowArrays),
+            "answer": zeros(Answer),
         }
         arrays: DelayArrays = zeros(cls, {"2n+1": 2 * n + 1}, known)
         return arrays

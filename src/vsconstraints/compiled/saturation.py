@@ -48,7 +48,7 @@ def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
     W (w, n + 1) is [W | sides].
     """
     n = X.shape[1]
-    rest = W[i, n]
+    rest: float = W[i, n]
     for j in range(n):
         rest -= W[i, j] * X[row, j]
     rounding = MET * (size + abs(W[i, n]))

@@ -97,7 +97,7 @@ class PointConstraint(PositionConstraint):
         points = mesh.points
         if self.frame is not None:
             points = Pose(*self.frame).act(points)
-        moved = np.zeros(3)
+        moved: Array = np.zeros(3)
         if self.motion is not None:
             moved = self.motion.displacement(t)
         return [Mesh(points + moved, mesh.triangles)]
@@ -237,8 +237,8 @@ class ForbiddenBox(KnownRegion):
             raise ConfigurationError(f"size of a box must be three positive lengths, not {size}")
         half = 0.5 * size
         centre = vector(self.centre, 3, "centre of a box")
-        pose = Pose.from_xyz_rpy(centre, self.rpy)
-        self.place(pose.R, centre, float(half.min()), *half.tolist())
+        R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), self.rpy).R
+        self.place(R, centre, float(half.min()), *half.tolist())
 
     def solid(self) -> coal.CollisionGeometry:
         """Return the box."""

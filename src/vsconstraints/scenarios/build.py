@@ -80,7 +80,7 @@ def build(
     robot = bare.robot
     camera = bare.camera
     q0 = robot.configuration(file.q0, "q0")
-    qd0 = np.zeros(robot.n)
+    qd0: Array = np.zeros(robot.n)
     if file.qd0 is not None:
         qd0 = robot.configuration(file.qd0, "qd0")
     if deviation is not None:
