@@ -132,6 +132,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
 }
 WITHOUT_IMAGE = "no constraint on the image"
 BLIND = ("resolved-rate", "oink", "oink-limited", "tsid", "visp", "machinevision-toolbox")
+FURTHER = "further entries"
 NO_BREAK = "\N{NO-BREAK SPACE}"  #: Before units in narrow cells.
 FAR_OUTSIDE = 1000  #: Distance outside the image beyond which no number is written [px].
 SHORTEST_SAMPLE = 3  #: Successes below which no settling time is drawn.
@@ -139,8 +140,8 @@ HEIGHT, WIDEST = 1.45, 3.6  #: Of a panel, and its greatest width [in].
 GAP, ABOVE, BESIDE = 0.14, 0.3, 0.16  #: Between the panels of an arm, above them, beside one [in].
 #: How to read the figure.
 READING = (
-    "grey: no constraint on the image · dashed: “-limited”, the limit is known · bars: 95 % "
-    "intervals · times: median of three or more successes"
+    "grey: no constraint on the image · dashed: “-limited”, the limit is known\n"
+    "bars: 95 % intervals · times: median of three or more successes"
 )
 LEGEND_LINE = 0.148  #: Height of an entry in a legend [in].
 APART = 1.03  #: Ratio of the limits at which entries beside each other are drawn.
@@ -260,12 +261,8 @@ def further(runs: Any) -> list[str]:
 
 
 def groups_of(runs: Any) -> dict[str, Sequence[str]]:
-    """Return the entries of each group in the answer; those without a group are one by name."""
-    groups = {**GROUPS, WITHOUT_IMAGE: BLIND}
-    names = further(runs)
-    if names:
-        groups[f"further entries ({enumeration([f'`{name}`' for name in names])})"] = names
-    return groups
+    """Return the entries of each group in the answer; those without a group are the last one."""
+    return {**GROUPS, WITHOUT_IMAGE: BLIND, FURTHER: further(runs)}
 
 
 def panels(runs: Any) -> dict[str, dict[str, str]]:
@@ -345,8 +342,8 @@ def draw(own: Any) -> Sheet:
     axis = sheet.bottom + 0.34
     sheet.text(middle, axis, "acceleration limit of the arm [rad/s²]", fontsize=8.5, ha="center")
     if len(columns) > 1:  # below one panel there is no room for the sentence
-        sheet.text(middle, axis + 0.2, READING, fontsize=7.5, ha="center")
-    sheet.bottom = axis + 0.26
+        sheet.text(middle, axis + 0.1, READING, fontsize=8.0, ha="center", va="top")
+    sheet.bottom = axis + 0.42
     return sheet
 
 
@@ -550,8 +547,11 @@ def success_sentence(feature: str, own: Any) -> str:
             cells = cells_of(own, names, limit)
             middle = f"{np.median([share(cell) for cell in cells]):.0f}" if cells else "–"
             shares.append(middle)
+        entries_text = group
+        if group == FURTHER:
+            entries_text += f" ({enumeration([f'`{name}`' for name in names])})"
         if any(text != "–" for text in shares):
-            texts.append(f"{enumeration(shares)} % with {group}")
+            texts.append(f"{enumeration(shares)} % with {entries_text}")
     families = [family for family in FEATURES[feature] if (own["family"] == family).any()]
     arms = enumeration([TITLES[family].partition(",")[0] for family in families])
     both = enumeration([f"{limit:g}" for limit in limits])
@@ -597,8 +597,7 @@ def ranges_of(runs: Any) -> Iterator[str]:
         cells = [range_text(cells_of(own, names, limit)) for _, own, limit in columns]
         members = [f"`{name}`" for name in there if name in names]
         if members:
-            title = group if names == further(runs) else f"{group}: {', '.join(members)}"
-            yield f"| {title} | {' | '.join(cells)} |"
+            yield f"| {group}: {', '.join(members)} | {' | '.join(cells)} |"
 
 
 def range_text(cells: Sequence[Any]) -> str:

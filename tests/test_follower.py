@@ -60,7 +60,7 @@ def test_the_loop_moves_as_it_is_defined(
     x = loop.x
     x[-1] = push
     for wanted in (0.6, 0.62, -0.4, -0.4, 0.1):
-        before = x[[k.Q, k.QD, k.A], 0].copy()
+        before = x[[k.Q, k.QD, k.ACCELERATION], 0].copy()
         x[-2] = (wanted - x[k.COMMANDS + 1]) / T_S
         k.follow_period(loop.workspace, x)
         expected = integrated(before, wanted, arm, push)
@@ -75,11 +75,11 @@ def test_an_acceleration_just_beyond_its_limit_is_at_it() -> None:
     arm = ArmInput("velocity", lag=0.1, acceleration=most, jerk=60.0)
     loop = LowLevelLoop(arm, np.array([0.0]), np.array([-0.035]), T_S)
     k = loop.kernels
-    loop.x[k.A] = np.nextafter(most, 1.0)
+    loop.x[k.ACCELERATION] = np.nextafter(most, 1.0)
     loop.x[-1] = push
     loop.x[-2] = (wanted + 0.035) / T_S
     k.follow_period(loop.workspace, loop.x)
-    assert loop.x[k.A, 0] == most
+    assert loop.x[k.ACCELERATION, 0] == most
     assert loop.x[k.QD, 0] == pytest.approx(-0.035 + T_S * (most + push))
 
 

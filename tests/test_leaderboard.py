@@ -306,7 +306,13 @@ RESULT = {
 @pytest.mark.parametrize(
     ("forged", "again", "nudged", "found", "decided_by_rounding"),
     [
-        ("utilization", {}, {"utilization": 0.51}, "utilization is 0.9", True),
+        (
+            "utilization",
+            {},
+            {"utilization": 0.51},
+            "utilization is 0.9 and was made 0.5, and 0.51 from the moved start",
+            True,
+        ),
         ("utilization", {}, {"acceleration_variation": 1.01}, "utilization is 0.9", False),
         ("utilization", {"utilization": 0.51}, {"utilization": 0.52}, "not reproducible", False),
     ],
@@ -331,6 +337,31 @@ def test_rounding_excuses_only_numbers_that_it_changes_itself(
     (sentence,), by_rounding = repeat_run(line, family, ControllerSpec("sliding-mode"), 0)
     assert found in sentence
     assert by_rounding == decided_by_rounding
+
+
+def test_runs_decided_by_rounding_are_listed_with_the_rule_that_decides(
+    study: Study, frozen: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(TestSet, "load", lambda: frozen)
+    table = tmp_path / "mine.parquet"
+    only(study, "hierarchical-qp").keep(table)
+    command = ["testset", "leaderboard", str(table), "--rerun", "0.3"]
+    rule = "if every result that differs also changes, by any amount, when its start is moved by"
+    for by_rounding in (
+        (),
+        ("planar-arm 3, nominal, a: utilization is 0.9", "ur5 4, limited, a: x"),
+    ):
+        repetition = Repetition(5, (), by_rounding)
+        monkeypatch.setattr(
+            "vsconstraints.bench.repetition.repeat", lambda *a, of=repetition, **options: of
+        )
+        done = CliRunner().invoke(app, command)
+        assert done.exit_code == 0
+        said = " ".join(done.stderr.split())
+        for sentence in by_rounding:
+            assert f"warning: mine: decided by rounding: {sentence}" in said
+        assert f"{len(by_rounding)} count as decided by rounding" in said
+        assert (f"{rule} {NUDGE:g}." in said) == bool(by_rounding)
 
 
 def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import load
-from vsconstraints.compiled.memory import Workspace
+from vsconstraints.compiled.memory import DEFAULT_LENGTHS, Workspace, zeros
 from vsconstraints.compiled.signatures import INT, VECTOR, Reference, signature
 from vsconstraints.compiled.workspace import RowArrays, Size
 from vsconstraints.errors import InvalidInput
@@ -276,3 +276,15 @@ def test_a_users_own_compiled_function_is_compiled_as_without_this_package():
 def test_a_structure_with_an_array_in_another_order_is_refused():
     with pytest.raises(InvalidInput, match="contiguous"):
         Workspace(Inner(np.zeros((2, 3)).T, 1.0))
+
+
+def test_an_axis_without_a_length_is_refused_by_its_name() -> None:
+    """Without any lengths a structure only shows its types."""
+    assert zeros(RowArrays).Lg.shape == (1, 1)
+    rows = zeros(RowArrays, {"m": 3, "n": 2, "limits": 0})
+    assert (rows.Lg.shape, rows.qdd_min.shape) == ((3, 2), (0,))
+    assert zeros(RowArrays, {"m": 3, "n": 2}).qdd_max.shape == (DEFAULT_LENGTHS["limits"],)
+    for lengths, known in (({"m": 3}, "limits, rest, m"), ({}, "limits, rest")):
+        missing = "n" if lengths else "m"
+        with pytest.raises(InvalidInput, match=f"axis '{missing}' has no length; .* are {known}$"):
+            zeros(RowArrays, lengths)

@@ -125,27 +125,18 @@ def described(error: BaseException) -> str:
     except Exception as another:  # even the message of a custom error may raise
         message = f"its message raises {type(another).__name__}"
     text = one_line(f"{type(error).__name__}: {message}")
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<")
-    ]
-    places = [(Path(frame.filename), frame.lineno) for frame in frames]
-    foreign = [(file, line) for file, line in places if not file.is_relative_to(_PACKAGE)]
-    places_of_user = [
-        (file, line)
-        for file, line in foreign
-        if not any(file.is_relative_to(folder) for folder in _INSTALLED)
-    ]
-    if not places_of_user:
-        places_of_user = [
-            (file, line) for file, line in foreign if file.is_relative_to(_INSTALLED[-1])
-        ]
-    return (
-        f"{text} ({places_of_user[-1][0].name}, line {places_of_user[-1][1]})"
-        if places_of_user
-        else text
-    )
+    place_of_user = ""
+    place_in_packages = ""
+    for frame in traceback.extract_tb(error.__traceback__):
+        file = Path(frame.filename)
+        if frame.filename.startswith("<") or file.is_relative_to(_PACKAGE):
+            continue
+        place = f" ({file.name}, line {frame.lineno})"
+        if not any(file.is_relative_to(folder) for folder in _INSTALLED):
+            place_of_user = place
+        elif file.is_relative_to(_INSTALLED[-1]):
+            place_in_packages = place
+    return text + (place_of_user or place_in_packages)
 
 
 _PACKAGE = Path(__file__).parent

@@ -24,11 +24,24 @@ NEAR = 4.0
 #: Order in which the search is widened until it has found enough scenes. Each step permits one
 #: property to be near (1) or arbitrary (2). Properties that affect success least come first.
 STEPS = (
-    ("sampling_time", 1), ("noise", 1), ("delay", 1), ("constraints", 1), ("sampling_time", 2),
-    ("joints", 1), ("fixed_camera", 2), ("feature", 2), ("constraints", 2), ("joints", 2),
-    ("noise", 2), ("limits", 2), ("delay", 2), ("wrong_model", 2), ("unknown_motion", 2),
-    ("images", 2), ("mass", 2),
-)  # fmt: skip
+    ("sampling_time", 1),
+    ("noise", 1),
+    ("delay", 1),
+    ("constraints", 1),
+    ("sampling_time", 2),
+    ("joints", 1),
+    ("fixed_camera", 2),
+    ("feature", 2),
+    ("constraints", 2),
+    ("joints", 2),
+    ("noise", 2),
+    ("limits", 2),
+    ("delay", 2),
+    ("wrong_model", 2),
+    ("unknown_motion", 2),
+    ("images", 2),
+    ("mass", 2),
+)
 #: Number of steps up to which scenes still count as similar to the situation.
 FAR = STEPS.index(("constraints", 2))
 

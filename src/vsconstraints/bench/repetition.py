@@ -33,11 +33,11 @@ class Repetition:
     """Result of repeating runs of a study.
 
     ``differences`` are sentences on runs that differ. ``by_rounding`` are sentences on runs that
-    differ only because rounding decides them. ``changed_files`` are the names of files that custom
-    laws have loaded or read and whose content on this machine differs from that in the study.
-    ``moved`` are laws that are no longer part of the package, with their files: their runs are not
-    repeated. ``not_compared`` are columns of results that have no value in the runs that can be
-    repeated.
+    count as decided by rounding, see :func:`repeat`. ``changed_files`` are the names of files that
+    custom laws have loaded or read and whose content on this machine differs from that in the
+    study. ``moved`` are laws that are no longer part of the package, with their files: their runs
+    are not repeated. ``not_compared`` are columns of results that have no value in the runs that
+    can be repeated.
     """
 
     runs: int
@@ -90,10 +90,12 @@ def repeat(
 ) -> Repetition:
     """Repeat a share of a study's runs, drawn by ``seed``, and report those that differ.
 
-    Numbers differ if they deviate by more than :data:`TOLERANCE`. Rounding decides a run if all
-    numbers that differ also change when its start is moved by :data:`NUDGE`. A run that differs
-    from the study and from its own repetition here is not reproducible, which is a difference.
-    Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
+    Numbers differ if they deviate by more than :data:`TOLERANCE`. A run counts as decided by
+    rounding if every result that differs also changes, by any amount, when the start is moved by
+    :data:`NUDGE`. A fault of such a result is not told apart; therefore the sentences also show
+    the result from the moved start. A run that differs from the study and from its own repetition
+    here is not reproducible, which is a difference. Raises ConfigurationError for laws that do not
+    come with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:
@@ -168,11 +170,15 @@ def repeat_run(
     unstable = _differences(made, repeat_once(line, family, law, seed))
     if unstable:
         return [f"not reproducible here: {sentence}" for sentence in unstable.values()], False
-    changed_by_nudge = _differences(made, repeat_once(line, family, law, seed, NUDGE))
+    nudged = repeat_once(line, family, law, seed, NUDGE)
+    changed_by_nudge = _differences(made, nudged)
     unexplained = [text for column, text in found.items() if column not in changed_by_nudge]
     if unexplained:
         return unexplained, False
-    return list(found.values()), True
+    sentences = []
+    for column, text in found.items():
+        sentences.append(f"{text}, and {nudged[column]!r} from the moved start")
+    return sentences, True
 
 
 def repeat_once(

@@ -285,7 +285,8 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
     requires = {}
     for name, law in laws.items():
         if ":" in law.law:
-            requires[name] = declared_in(runs.loc[runs["controller"] == name, "reason"].dropna())
+            reasons = runs.loc[runs["controller"] == name, "reason"]
+            requires[name] = declared_in(reasons.dropna())
         else:
             requires[name] = law.make().uses
     lines = []

@@ -203,9 +203,8 @@ class MetricInputs:
     def band(self) -> Band:
         """Band of φ and its bound T_s u⁺, for the row with the largest ratio; NaN if none."""
         bounds = self.switching_step
-        widths = np.array(
-            [_band(phi, bound) for phi, bound in zip(self.run.phi.T, bounds, strict=True)]
-        )
+        bands = map(_band, self.run.phi.T, bounds)
+        widths = np.array(list(bands))
         if len(self.run.t) < 2 or not np.isfinite(widths).any():
             return Band(np.nan, np.nan)
         widest = np.nanargmax(widths / bounds)
@@ -228,7 +227,9 @@ class MetricInputs:
 
     def longest_positive_runs(self) -> Array:
         """(m,) longest time with φ ≥ 0 of each row [s]."""
-        return np.array([longest_run(phi >= 0.0) * self.Ts for phi in self.run.phi.T])
+        is_positive = self.run.phi.T >= 0.0
+        samples = np.array([longest_run(of_row) for of_row in is_positive])
+        return samples * self.Ts
 
     # --- commands ---
 
@@ -236,7 +237,8 @@ class MetricInputs:
     def switches(self) -> BoolArray:
         """True if the active set changes from one sample of the scenario's duration to the next."""
         active = self.run.active[: self.record.common]
-        return cast(BoolArray, (active[1:] != active[:-1]).any(axis=1))
+        is_changed = active[1:] != active[:-1]
+        return cast(BoolArray, is_changed.any(axis=1))
 
     @cached_property
     def command_changes(self) -> Array:
@@ -361,7 +363,8 @@ def _last(flags: BoolArray) -> int:
 
 def _intervals(flags: BoolArray) -> list[tuple[int, int]]:
     """Return the start and end of each sequence of set flags (N,)."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
+    changes = np.diff(flags.astype(np.int8), prepend=0, append=0)
+    edges = np.flatnonzero(changes)
     begins = edges[::2].tolist()
     ends = edges[1::2].tolist()
     return list(zip(begins, ends, strict=True))

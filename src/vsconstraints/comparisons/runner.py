@@ -126,9 +126,10 @@ def compare(
 
         # baselines come first, since the others are scored against them; they run in other
         # processes where possible
-        baselines = {
-            (run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE
-        }
+        baselines = {}
+        for run in runs.values():
+            if run.controller.name == BASELINE:
+                baselines[run.name, run.trial] = run
         in_main = {key for key, run in runs.items() if workers == 0 or run.main_process_only}
         calls = {
             key: (run, folder, fresh, baselines[run.name, run.trial], key not in in_main)
@@ -136,9 +137,9 @@ def compare(
         }
         first_batch = {key: call for key, call in calls.items() if key[1] == BASELINE}
         second_batch = {key: call for key, call in calls.items() if key[1] != BASELINE}
-        limits = {
-            key: limit or run.controller.run_limit(run.load().tables) for key, run in runs.items()
-        }
+        limits = {}
+        for key, run in runs.items():
+            limits[key] = limit or run.controller.run_limit(run.load().tables)
         with store.interruptible():
             run_all(
                 run_stored,

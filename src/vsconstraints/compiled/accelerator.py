@@ -107,11 +107,11 @@ def read_fields(stored: type, load: Callable[..., Any]) -> None:
 
         key = stored
 
-        def generic_resolve(self, kind: Any, name: str) -> Any:
+        def generic_resolve(self, kind, name: str) -> Any:
             return kind.fields[name][1] if name in kind.fields else None
 
     @numba.extending.lower_getattr_generic(stored)  # type: ignore[untyped-decorator]
-    def read(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
+    def read(context, builder, kind, address, name: str) -> Any:
         offset, field = kind.fields[name]
         if isinstance(field, stored):
             return builder.add(address, address.type(offset))
@@ -139,8 +139,8 @@ def array_writer() -> Any:
     arrayobj = import_module("numba.np.arrayobj")
 
     @numba.extending.intrinsic  # type: ignore[untyped-decorator]
-    def write(typing_context: Any, structure: Any, arrays: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def write(typing_context, structure, arrays) -> Any:
+        def generate(context, builder, signature, values) -> Any:
             address = values[0]
             offset = 0
             for i, kind in enumerate(arrays.types):
@@ -174,7 +174,7 @@ def without_vectorization() -> Iterator[None]:
         config.LOOP_VECTORIZE = before
 
 
-def entry_point(function: Any) -> Callable[..., Any]:
+def entry_point(function) -> Callable[..., Any]:
     """Return the compiled code of a function, without the search for the types of its arguments.
 
     The caller passes arguments of the types for which it is compiled.

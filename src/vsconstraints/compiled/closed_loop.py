@@ -15,27 +15,6 @@ from .samples import ALONE, LAW, STEP, Loop
 from .signatures import INT, signature
 from .workspace import Answer
 
-for name in (
-    "put",
-    "hold",
-    "go_to_speeds",
-    "actuator_limits",
-    "saturate",
-    "greatest_change",
-    "judge_contact",
-    "nearness",
-    "mark_acting",
-    "feature_error",
-    "fastest",
-    "score_command",
-    "score_row",
-    "score_activity",
-    "score",
-    "score_goal",
-    "keep",
-    "finish",
-):
-    in_place(getattr(samples, name))
 register_formulas()
 
 
@@ -60,7 +39,8 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     code = apply_law(law_address, loop.rows, loop.task, answer)
     if not is_answer(code):
         return False
-    samples.go_to_speeds(loop.plant, load_law(law_address).speeds, loop.Ts[0], answer.qdd)
+    commanded = load_law(law_address).speeds
+    samples.go_to_speeds(loop.plant, commanded, loop.Ts[0], answer.qdd)
     return True
 
 
@@ -117,6 +97,8 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         k = k + 1
         stage = STEP
         # Python reports an unbounded motion
-        if parts.move != 0 and call_int_pointer(parts.move, (parts.plant, loop.plant.x)) != 0:
-            return k, STEP
+        if parts.move != 0:
+            code = call_int_pointer(parts.move, (parts.plant, loop.plant.x))
+            if code != 0:
+                return k, STEP
     return k, STEP

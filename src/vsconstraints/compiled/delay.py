@@ -76,6 +76,9 @@ class DelayArrays(NamedTuple):
             "delay": whole * period + rest,
             "first": first,
             "sent": np.full((under_way, n), math.nan if at_once else 0.0),
+            # their arrays are set in each sample
+            "ahead": zeros(RowArrays),
+            "answer": zeros(Answer),
         }
         arrays: DelayArrays = zeros(cls, {"2n+1": 2 * n + 1}, known)
         return arrays
@@ -143,12 +146,9 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     start_from(own.loop, own.step, own.now)
     foresee(own)
     step = load_step(own.step)
-    if (
-        call_int_pointer(
-            step.evaluate, (own.step, own.now[0], own.now[1 : 1 + n], own.now[1 + n :])
-        )
-        != 0
-    ):
+    q = own.now[1 : 1 + n]
+    qd = own.now[1 + n :]
+    if call_int_pointer(step.evaluate, (own.step, own.now[0], q, qd)) != 0:
         return NEEDS_PYTHON
     then = step.rows
     set_fields(
@@ -170,5 +170,8 @@ def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     answer_without_baseline(own.answer, answer)
     code = apply_law(own.law, own.ahead, step.task, own.answer)
     if is_answer(code):
-        send(own, rows, load_law(own.law).speeds if own.speeds == 1 else answer.qdd)
+        command = answer.qdd
+        if own.speeds == 1:
+            command = load_law(own.law).speeds
+        send(own, rows, command)
     return code

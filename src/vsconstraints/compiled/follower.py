@@ -30,7 +30,7 @@ from .signatures import FLOAT, INT, MATRIX, VOID, signature
 #: reference r and ṙ; periods since a command was taken, from 0 to ``periods`` − 1. Two rows follow
 #: for every command that may still be taken, the newest first: its position and its speed. The
 #: last two rows are q̈_c and d_c of the period.
-Q, QD, A, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
+Q, QD, ACCELERATION, WANTED, REFERENCE, RATE, AGE, COMMANDS = range(8)
 COMMAND = -2
 PUSH = -1
 #: Most parts of the motion between two instants at which the arm takes commands. Some ten are
@@ -109,26 +109,26 @@ def first_root(a: float, b: float, c: float) -> float:
 def glide(x: Array, j: int, t: float, jerk: float, push: float) -> None:
     """Move joint j for t [s] with constant ȧ = ``jerk``, and q̈ = a + ``push``."""
     # q ← q + q̇ t + q̈ t²/2 + ȧ t³/6 and q̇ ← q̇ + q̈ t + ȧ t²/2
-    a = x[A, j]
+    a = x[ACCELERATION, j]
     qdd = a + push
     mean_speed_rate = 0.5 * qdd + t * jerk / 6.0
     mean_speed = x[QD, j] + t * mean_speed_rate
     mean_acceleration = qdd + 0.5 * t * jerk
     x[Q, j] += t * mean_speed
     x[QD, j] += t * mean_acceleration
-    x[A, j] = a + t * jerk
+    x[ACCELERATION, j] = a + t * jerk
 
 
 @in_place
 def lag_behind(x: Array, j: int, t: float, lag: float, push: float) -> None:
     """Move joint j for t [s] with a = (u − q̇)/τ: q̇ approaches u + τ d."""
-    qdd = x[A, j] + push
+    qdd = x[ACCELERATION, j] + push
     # q̈ decays as exp(−t/τ), which has the integral τ (1 − exp(−t/τ))
     integral = -lag * np.expm1(-t / lag)
     by_acceleration = lag * qdd * (t - integral)
     x[Q, j] += t * x[QD, j] + by_acceleration
     x[QD, j] += qdd * integral
-    x[A, j] = qdd * (1.0 - integral / lag) - push
+    x[ACCELERATION, j] = qdd * (1.0 - integral / lag) - push
 
 
 @in_place
@@ -136,14 +136,14 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
     """Move joint j for t [s] by a loop without lag: with ±A until q̇ = u, then at u."""
     if most == math.inf:
         x[QD, j] = x[WANTED, j]
-        x[A, j] = 0.0
+        x[ACCELERATION, j] = 0.0
         x[Q, j] += t * x[QD, j]
         return
     missing = x[WANTED, j] - x[QD, j]
     until = 0.0
     if missing != 0.0:
         a = np.copysign(most, missing)
-        x[A, j] = a
+        x[ACCELERATION, j] = a
         qdd = a + push
         approaches = missing * qdd > 0.0
         until = missing / qdd if approaches else math.inf
@@ -151,7 +151,7 @@ def follow_at_once(x: Array, j: int, t: float, most: float, push: float) -> None
     if until < t:
         x[QD, j] = x[WANTED, j]
         # beyond its limit the push carries the joint away
-        x[A, j] = clip(-push, -most, most)
+        x[ACCELERATION, j] = clip(-push, -most, most)
         glide(x, j, t - until, 0.0, push)
 
 
@@ -171,13 +171,13 @@ def follow_at_limit(f: Follower, x: Array, j: int, left: float, asked: float) ->
     push = x[PUSH, j]
     # speed by which the wanted one exceeds that at which the loop asks for the limit, and its rate
     excess = (abs(asked) - f.acceleration[j]) * f.lag
-    rate = np.copysign(1.0, asked) * (x[A, j] + push)
+    rate = np.copysign(1.0, asked) * (x[ACCELERATION, j] + push)
     until = math.inf
     if rate > 0.0:
         until = excess / rate
     glide(x, j, min(left, until), 0.0, push)
     if until < left:
-        x[QD, j] = x[WANTED, j] - f.lag * x[A, j]
+        x[QD, j] = x[WANTED, j] - f.lag * x[ACCELERATION, j]
     return left - until
 
 
@@ -201,7 +201,7 @@ def next_event(f: Follower, x: Array, j: int, jerk: float, met: bool) -> tuple[i
 
     The time is infinite if nothing ends the ramp. For ``met`` see :func:`ramp`.
     """
-    a = x[A, j]
+    a = x[ACCELERATION, j]
     # a is what the loop asks for at a root of a − (u − q̇)/τ; if ``met``, that is so now
     distance = 0.0
     if not met:
@@ -231,10 +231,10 @@ def ramp(f: Follower, x: Array, j: int, left: float, jerk: float, met: bool) -> 
         return 0.0, False
     asked = asked_acceleration(f, x, j)
     if event == AS_ASKED:
-        x[A, j] = asked
+        x[ACCELERATION, j] = asked
         return left - until, True
     end = np.copysign(f.acceleration[j], jerk)
-    x[A, j] = end
+    x[ACCELERATION, j] = end
     # the loop may ask for the limit, or for more
     return left - until, asked / end >= 1.0
 
@@ -258,8 +258,8 @@ def follow_limited(f: Follower, x: Array, j: int, left: float) -> bool:
         a = aim
         if jerk < math.inf:
             # rounding may have left a just beyond its limit, from where a ramp would lead away
-            a = clip(x[A, j], -most, most)
-        x[A, j] = a
+            a = clip(x[ACCELERATION, j], -most, most)
+        x[ACCELERATION, j] = a
         met = met or a == aim
         qdd = a + push
         # what the loop asks for is at the limit, or beyond, and does not return at once

@@ -181,11 +181,13 @@ def solve_in_span(
     G, X, qr, rank, gain = aim
     n = X.shape[1]
     w = walls.held.size
-    if not gain > 2.0 * max(tolerance, np.sqrt(damping)) * np.sqrt(squares(G, n)):
+    least_gain = 2.0 * max(tolerance, np.sqrt(damping))
+    if not gain > least_gain * np.sqrt(squares(G, n)):
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):
-        is_violated = dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i]
+        at_center = dot(walls.normals, i, X, levels.CENTER, START, n)
+        is_violated = at_center > walls.sides[i]
         if is_violated and moves(walls.normals, i, aim, row):
             return False, 0
     Q = levels.columns_of_q(qr, rank, START, rank, scratch)
@@ -193,7 +195,8 @@ def solve_in_span(
     code, steps = solve_stage(walls, G, Q, rank, undamped, X, point, scratch)
     found = code == SOLVED
     for i in range(w):
-        found = found and not (walls.held[i] and moves(walls.normals, i, aim, row))
+        if walls.held[i] and moves(walls.normals, i, aim, row):
+            found = False
     if not found:
         copy_vector(walls.limits, walls.sides)
         for i in range(w):
@@ -377,7 +380,8 @@ def descend_levels(
         return FAILED, False, total
     if code == NO_CHOICE:
         return SOLVED, False, 0
-    if code == SOLVED and not (is_redundant and levels.damped(aim.G, aim.X, point)):
+    is_damped = is_redundant and levels.damped(aim.G, aim.X, point)
+    if code == SOLVED and not is_damped:
         return SOLVED, False, total
     may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
     return SOLVED, may_improve, total + steps
@@ -405,6 +409,10 @@ def hierarchy(
     if code != SOLVED:
         return code, steps
     unmet = report(walls, resolved)
+    if short and unmet:
+        return RELAXED_SHORT, steps
     if short:
-        return (RELAXED_SHORT if unmet else SHORT), steps
-    return (RELAXED_ROWS if unmet else SOLVED), steps
+        return SHORT, steps
+    if unmet:
+        return RELAXED_ROWS, steps
+    return SOLVED, steps

@@ -63,8 +63,9 @@ def usable(images: Images, k: int, t: float, pixels: Array) -> int:
         stays = number > 0 and images.lost[i]
         for j in range(len(pixels)):
             for c in range(2):
-                images.held[slot, j, c] = (
-                    images.held[before, j, c] if stays else pixels[j, c] + images.noise[i, j, c]
-                )
+                pixel = pixels[j, c] + images.noise[i, j, c]
+                if stays:
+                    pixel = images.held[before, j, c]
+                images.held[slot, j, c] = pixel
         images.taken[slot] = images.taken[before] if stays else t
     return max(number - slots + 1, 0) % slots

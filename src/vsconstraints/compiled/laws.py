@@ -13,6 +13,7 @@ from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
 from .codes import NEEDS_PYTHON, RELAXED_ROWS, SOLVED
 from .compiler import IN_PLACE, compiled, in_place
+from .linear import clip
 from .memory import zeros
 from .parts import (
     call_int_pointer,
@@ -137,7 +138,9 @@ def is_answer(code: int) -> bool:
 @in_place
 def within(rows: RowArrays, j: int, x: float) -> float:
     """Return the acceleration of joint j nearest to x within the limits of the rows."""
-    return min(max(x, rows.qdd_min[j]), rows.qdd_max[j]) if rows.qdd_max.size else x
+    if rows.qdd_max.size == 0:
+        return x
+    return clip(x, rows.qdd_min[j], rows.qdd_max[j])
 
 
 @in_place
@@ -177,9 +180,15 @@ def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
 @in_place
 def bounds(least: Array, greatest: Array, n: int) -> bool:
     """True if these are nonempty bounds of q̈ (n,), or if none are given."""
-    wrong = least.size != greatest.size or (least.size != n and least.size != 0)
-    for j in range(0 if wrong else least.size):
-        wrong |= not (least[j] <= greatest[j] and least[j] < math.inf and greatest[j] > -math.inf)
+    if least.size != greatest.size:
+        return False
+    if least.size != n and least.size != 0:
+        return False
+    wrong = False
+    for j in range(least.size):
+        is_interval = least[j] <= greatest[j]
+        has_finite_numbers = least[j] < math.inf and greatest[j] > -math.inf
+        wrong |= not (is_interval and has_finite_numbers)
     return not wrong
 
 
@@ -203,9 +212,15 @@ WHOLE_TASK = MATRIX, VECTOR, *(CONSTANT,) * 4
 @checked(LawArrays)
 @compiled(signature(INT, INT, MAIN_ROWS, MATRIX, VECTOR, *OUTPUTS), IN_PLACE)
 def follow(
-    law: int, of_rows: tuple[Array, ...], J: Array, b: Array,
-    qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
-) -> int:  # fmt: skip
+    law: int,
+    of_rows: tuple[Array, ...],
+    J: Array,
+    b: Array,
+    qdd: Array,
+    acted: BoolArray,
+    slack: Array,
+    iterations: IntArray,
+) -> int:
     """Apply the law at an address to a task and rows, and return its code.
 
     ``of_rows`` are φ, L_gφ, L_fφ, switching gain and scale. They are a plain tuple: numba takes
@@ -227,9 +242,14 @@ def follow(
 @checked(LawArrays)
 @compiled(signature(INT, INT, ALL_ROWS, WHOLE_TASK, *OUTPUTS), IN_PLACE)
 def follow_whole(
-    law: int, of_rows: tuple[Array, ...], of_task: tuple[Array, ...],
-    qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
-) -> int:  # fmt: skip
+    law: int,
+    of_rows: tuple[Array, ...],
+    of_task: tuple[Array, ...],
+    qdd: Array,
+    acted: BoolArray,
+    slack: Array,
+    iterations: IntArray,
+) -> int:
     """Apply a law to all fields of rows and task; see :func:`follow`.
 
     The fields are those of :class:`.RowArrays` and :class:`.TaskArrays`.
@@ -243,18 +263,15 @@ def follow_whole(
     m = arrays.asked.size
     if rows.phi.size != m or acted.size != m:
         return NEEDS_PYTHON
-    if not (
-        fits(rows.sigma, m)
-        and fits(rows.sigma_dot, m)
-        and fits(rows.K, m)
-        and fits(task.rest, qdd.size)
-    ):
+    if not (fits(rows.sigma, m) and fits(rows.sigma_dot, m) and fits(rows.K, m)):
         return NEEDS_PYTHON
-    if not (fits(task.error, task.b.size) and fits(task.error_rate, task.b.size)):
+    k = task.b.size
+    if not (fits(task.error, k) and fits(task.error_rate, k)):
         return NEEDS_PYTHON
-    if not fits(task.qd, qdd.size):
+    n = qdd.size
+    if not (fits(task.rest, n) and fits(task.qd, n)):
         return NEEDS_PYTHON
-    if not bounds(rows.qdd_min, rows.qdd_max, qdd.size):
+    if not bounds(rows.qdd_min, rows.qdd_max, n):
         return NEEDS_PYTHON
     code: int = apply_law(law, rows, task, arrays.answer)
     return code

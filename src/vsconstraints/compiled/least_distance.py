@@ -147,7 +147,8 @@ def advance(qr: QR, X: Array, turned: int, excess: float, q: int, p: int) -> int
     if step == math.inf:
         return STUCK
     for j in range(q):
-        X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
+        force = X[FORCE, j] - step * X[RATIO, j]
+        X[FORCE, j] = max(0.0, force)
     return leaving
 
 

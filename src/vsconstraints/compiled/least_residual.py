@@ -157,7 +157,8 @@ def least_residual(
                 left += 1
                 q += 1
         count = left
-        reach = REACHED * size * (la.length(X, ROW, n) + la.length(X, AIM, n))
+        lengths = la.length(X, ROW, n) + la.length(X, AIM, n)
+        reach = REACHED * size * lengths
         if task_step(G, X, qr, q, tolerance, Y, scratch) <= reach:
             noise = PUSHING * la.length(Y, FORCE, n) + size * reach
             la.apply_transposed(qr, q, Y, FORCE)

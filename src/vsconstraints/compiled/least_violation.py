@@ -11,7 +11,7 @@ from ..rows import Array, BoolArray
 from .codes import FAILED, SOLVED
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
-from .linear import ONE, START, constant, dot, length
+from .linear import ONE, START, clip, constant, dot, length
 from .scratch import filled, flags, matrix, vector
 from .workspace import Scratch
 
@@ -209,7 +209,9 @@ def line_search(residual: Array, change: Array, limit: float) -> float:
         if change[i] != 0.0 and residual[i] + middle * change[i] > 0.0:
             curvature += change[i] * change[i]
             slope += residual[i] * change[i]
-    return lower if curvature == 0.0 else min(max(-slope / curvature, lower), upper)
+    if curvature == 0.0:
+        return lower
+    return clip(-slope / curvature, lower, upper)
 
 
 @inner
@@ -265,7 +267,7 @@ def least_violation(
     step = matrix(scratch, ONE, n)
     Y = matrix(scratch, ONE, n)
     for j in range(n):
-        x[j] = min(max(x[j], box[LEAST, j]), box[GREATEST, j])
+        x[j] = clip(x[j], box[LEAST, j], box[GREATEST, j])
     last = released_at = math.inf
     fruitless = 0
     for _ in range(20 + 10 * (m + n)):

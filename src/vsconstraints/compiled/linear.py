@@ -30,6 +30,15 @@ def clip(x: float, least: float, greatest: float) -> float:
     return min(max(x, least), greatest)
 
 
+@in_place
+def largest(x: Array) -> float:
+    """Return the largest |xⱼ| of a vector, 0 if it is empty."""
+    greatest = 0.0
+    for j in range(x.size):
+        greatest = max(greatest, abs(x[j]))
+    return greatest
+
+
 START = constant(0)  #: The first column or row.
 ONE = constant(1)  #: The second one.
 #: Rows of the scalars of a :class:`QR`, and their number.

@@ -38,16 +38,30 @@ def element_of(declared: Any) -> np.dtype[Any]:
     return record
 
 
-def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
+#: Lengths of axes that need not be given, since rows and task may have neither limits nor a rest
+#: acceleration: velocity laws set both arrays at each call.
+DEFAULT_LENGTHS = {"limits": 1, "rest": 1}
+
+
+def shape_of(declared: Any, lengths: Mapping[str, int] | None) -> tuple[int, ...]:
     """Return the shape of an array with declared axes such as ``"N m 3"``.
 
-    An axis that ``lengths`` lacks has the length 1.
+    Without any ``lengths``, each axis has the length 1, for a structure that only shows its types,
+    or whose arrays are set later. Raise InvalidInput if they lack an axis.
     """
-    axes = declared.__metadata__[-1]
-    shape = []
-    for axis in str(axes).split():
-        shape.append(int(axis) if axis.isdecimal() else lengths.get(axis, 1))
-    return tuple(shape)
+    axes = str(declared.__metadata__[-1])
+    return tuple(_length_of(axis, lengths) for axis in axes.split())
+
+
+def _length_of(axis: str, lengths: Mapping[str, int] | None) -> int:
+    if axis.isdecimal():
+        return int(axis)
+    if lengths is None:
+        return 1
+    known = DEFAULT_LENGTHS | dict(lengths)
+    if axis not in known:
+        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are {', '.join(known)}")
+    return known[axis]
 
 
 def zeros(
@@ -60,7 +74,6 @@ def zeros(
     declarations; see :func:`shape_of`.
     """
     values = dict(known or {})
-    lengths = lengths or {}
     for name, declared in fields(kind).items():
         if name in values:
             continue
@@ -70,7 +83,7 @@ def zeros(
         elif declared in (int, float):
             values[name] = declared(0)
         elif declared is JointLimits:
-            values[name] = _zero_limits(lengths.get("limits", 1))
+            values[name] = _zero_limits(_length_of("limits", lengths))
         else:
             values[name] = zeros(declared, lengths, known)
     return kind(**{name: values[name] for name in kind._fields})

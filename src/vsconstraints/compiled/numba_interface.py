@@ -59,11 +59,11 @@ class Stored(types.Type):  # type: ignore[misc, name-defined]
 class _StoredModel(numba.extending.models.PrimitiveModel):  # type: ignore[misc, name-defined]
     """Representation of a structure by its address."""
 
-    def __init__(self, manager: Any, kind: Stored) -> None:
+    def __init__(self, manager, kind: Stored) -> None:
         super().__init__(manager, kind, WORD)
 
 
-def stored_type(example: Any, layout: np.dtype[Any]) -> Stored:
+def stored_type(example, layout: np.dtype[Any]) -> Stored:
     """Return the type of structures like the example, whose memory has this layout."""
     fields = {}
     assert layout.fields is not None
@@ -84,7 +84,7 @@ def stored_type(example: Any, layout: np.dtype[Any]) -> Stored:
     return Stored(f"{type(example).__name__}_{digest}", fields)
 
 
-def numba_type(declared: Any) -> Any:
+def numba_type(declared) -> Any:
     """Return the compiler's form of a declared type."""
     if isinstance(declared, Number):
         return getattr(types, declared.name)
@@ -151,7 +151,7 @@ def _add_attribute(name: str) -> None:
     @numba.extending.overload_attribute(  # type: ignore[untyped-decorator]
         Stored, name, jit_options=PART
     )
-    def attribute(structure: Any) -> Any:
+    def attribute(structure) -> Any:
         if name not in structure.fields:
             return None
         offset, kind = structure.fields[name]
@@ -160,7 +160,7 @@ def _add_attribute(name: str) -> None:
         return _reader(offset, kind)
 
 
-def _load(builder: Any, address: Any, offset: int, kind: Any) -> Any:
+def _load(builder, address, offset: int, kind) -> Any:
     """Load a value of an LLVM type, ``offset`` bytes after the address."""
     place = builder.add(address, llvm.Constant(WORD, offset))
     return builder.load(builder.inttoptr(place, kind.as_pointer()))
@@ -170,12 +170,12 @@ if accelerator.USED:
     accelerator.read_fields(Stored, _load)
 
 
-def _loader(result: Any, offset: int) -> Any:
+def _loader(result, offset: int) -> Any:
     """Return the intrinsic that loads a value of a type, ``offset`` bytes after an address."""
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def load(typing_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def load(typing_context, address) -> Any:
+        def generate(context, builder, signature, values) -> Any:
             (base,) = values
             kind = context.get_value_type(result)
             return _load(builder, base, offset, kind)
@@ -189,8 +189,8 @@ def _inner_address(kind: Stored, offset: int) -> Any:
     """Return the intrinsic for the structure that begins ``offset`` bytes within another one."""
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def refer(typing_context: Any, structure: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def refer(typing_context, structure) -> Any:
+        def generate(context, builder, signature, values) -> Any:
             (base,) = values
             return builder.add(base, llvm.Constant(WORD, offset))
 
@@ -199,33 +199,33 @@ def _inner_address(kind: Stored, offset: int) -> Any:
     return refer
 
 
-def _reader(offset: int, kind: Any) -> Any:
+def _reader(offset: int, kind) -> Any:
     """Return the function that reads a number, or refers to an inner structure."""
     is_structure = isinstance(kind, Stored)
     load = _inner_address(kind, offset) if is_structure else _loader(kind, offset)
 
-    def read(structure: Any) -> Any:
+    def read(structure) -> Any:
         return load(structure)
 
     return read
 
 
-def _array_reader(offset: int, kind: Any) -> Any:
+def _array_reader(offset: int, kind) -> Any:
     """Return the function that makes an array of its address and its shape."""
     data = _loader(types.CPointer(kind.dtype), offset)
     shape = _loader(types.UniTuple(INT, kind.ndim), offset + WORD_SIZE)
 
-    def read(structure: Any) -> Any:
+    def read(structure) -> Any:
         return numba.carray(data(structure), shape(structure))
 
     return read
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def pointer_to_floats(typing_context: Any, address: Any) -> Any:
+def pointer_to_floats(typing_context, address) -> Any:
     """Convert an address to a pointer."""
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def generate(context, builder, signature, values) -> Any:
         (number,) = values
         pointer = context.get_value_type(signature.return_type)
         return builder.inttoptr(number, pointer)
@@ -234,10 +234,10 @@ def pointer_to_floats(typing_context: Any, address: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def write_word(typing_context: Any, structure: Any, offset: Any, value: Any) -> Any:
+def write_word(typing_context, structure, offset, value) -> Any:
     """Write an integer to the memory of a structure."""
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def generate(context, builder, signature, values) -> Any:
         base, distance, word = values
         place = builder.add(base, distance)
         builder.store(word, builder.inttoptr(place, WORD.as_pointer()))
@@ -247,13 +247,13 @@ def write_word(typing_context: Any, structure: Any, offset: Any, value: Any) -> 
 
 
 @overload(where, jit_options=PART)  # type: ignore[untyped-decorator]
-def _where(condition: Any, x: Any, y: Any) -> Any:
+def _where(condition, x, y) -> Any:
     """Return the function that chooses a number, or makes an array."""
 
-    def choose(condition: Any, x: Any, y: Any) -> Any:
+    def choose(condition, x, y) -> Any:
         return x if condition else y
 
-    def as_numpy(condition: Any, x: Any, y: Any) -> Any:
+    def as_numpy(condition, x, y) -> Any:
         return np.where(condition, x, y)
 
     number_types = types.Boolean, types.Number
@@ -261,7 +261,7 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
     return choose if are_numbers else as_numpy
 
 
-def load_as(function: Callable[..., Any], example: Any) -> None:
+def load_as(function: Callable[..., Any], example) -> None:
     """Let compiled code call ``function(address)`` for the structure at an address.
 
     The fields have the types of the example's.
@@ -269,12 +269,12 @@ def load_as(function: Callable[..., Any], example: Any) -> None:
     structure = numba_type(Reference(example))
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def refer(typing_context: Any, address: Any) -> Any:
+    def refer(typing_context, address) -> Any:
         return structure(INT), lambda context, builder, signature, values: values[0]
 
     @overload(function, jit_options=PART)  # type: ignore[untyped-decorator]
-    def load(address: Any) -> Any:
-        def implementation(address: Any) -> Any:
+    def load(address) -> Any:
+        def implementation(address) -> Any:
             return refer(address)
 
         return implementation
@@ -289,11 +289,11 @@ def set_fields_as(function: Callable[..., Any]) -> None:
     write: Any = accelerator.array_writer() if accelerator.USED else None
 
     @overload(function, jit_options=PART)  # type: ignore[untyped-decorator]
-    def set_fields(structure: Any, arrays: Any) -> Any:
-        def accelerated(structure: Any, arrays: Any) -> Any:
+    def set_fields(structure, arrays) -> Any:
+        def accelerated(structure, arrays) -> Any:
             write(structure, arrays)
 
-        def implementation(structure: Any, arrays: Any) -> Any:
+        def implementation(structure, arrays) -> Any:
             offset = 0
             for array in literal_unroll(arrays):
                 write_word(structure, offset, array.ctypes.data)
@@ -305,14 +305,14 @@ def set_fields_as(function: Callable[..., Any]) -> None:
         return accelerated if accelerator.USED else implementation
 
 
-def call_as(function: Callable[..., Any], result: Any) -> None:
+def call_as(function: Callable[..., Any], result) -> None:
     """Let compiled code call ``function(address, arguments)`` for the C function at an address."""
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def call_pointer(typing_context: Any, address: Any, arguments: Any) -> Any:
+    def call_pointer(typing_context, address, arguments) -> Any:
         count = len(arguments)
 
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        def generate(context, builder, signature, values) -> Any:
             number, packed = values
             given = [builder.extract_value(packed, i) for i in range(count)]
             types_given = [value.type for value in given]
@@ -325,8 +325,8 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
         return result(INT, arguments), generate
 
     @overload(function, jit_options=PART)  # type: ignore[untyped-decorator]
-    def call(address: Any, arguments: Any) -> Any:
-        def implementation(address: Any, arguments: Any) -> Any:
+    def call(address, arguments) -> Any:
+        def implementation(address, arguments) -> Any:
             return call_pointer(address, arguments)
 
         return implementation
@@ -339,8 +339,8 @@ def matrix_at_as(function: Callable[..., Any]) -> None:
     """
 
     @overload(function, jit_options=MAKES_ARRAYS)  # type: ignore[untyped-decorator]
-    def matrix_at(numbers: Any, at: Any, rows: Any, columns: Any) -> Any:
-        def implementation(numbers: Any, at: Any, rows: Any, columns: Any) -> Any:
+    def matrix_at(numbers, at, rows, columns) -> Any:
+        def implementation(numbers, at, rows, columns) -> Any:
             begin = pointer_to_floats(numbers.ctypes.data + WORD_SIZE * at)
             return numba.carray(begin, (rows, columns))
 
@@ -354,14 +354,14 @@ def fixed_tuple_as(function: Callable[..., Any]) -> None:
     """
 
     @overload(function, prefer_literal=True, jit_options=PART)  # type: ignore[untyped-decorator]
-    def to_tuple(array: Any, count: Any) -> Any:
+    def to_tuple(array, count) -> Any:
         is_known = isinstance(count, types.IntegerLiteral)
         if array.layout != "C" or not is_known:
             return None
         numbers = types.UniTuple(array.dtype, count.literal_value)
         load = _loader(numbers, 0)
 
-        def implementation(array: Any, count: Any) -> Any:
+        def implementation(array, count) -> Any:
             return load(array.ctypes.data)
 
         return implementation
@@ -375,8 +375,8 @@ def monotonic_as(function: Callable[..., Any], clock: int) -> None:
     clock_gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.intp))
 
     @overload(function, jit_options=PART)  # type: ignore[untyped-decorator]
-    def monotonic(scratch: Any) -> Any:
-        def read(scratch: Any) -> float:
+    def monotonic(scratch) -> Any:
+        def read(scratch) -> float:
             clock_gettime(clock, scratch.ctypes.data)
             seconds: float = scratch[0] + 1e-9 * scratch[1]
             return seconds

@@ -46,6 +46,7 @@ class ObserverArrays(NamedTuple):
             "period": period,
             "time_constant": time_constant,
             "dead_time": dead_time,
+            "corrected": zeros(RowArrays),  # its arrays are set in each sample
         }
         arrays: ObserverArrays = zeros(cls, {"m": m}, known)
         arrays.seen[:DRIFT] = math.nan

@@ -15,6 +15,8 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import pose_difference, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
+from .compiler import in_place
+from .linear import largest
 from .records import LOOP_PARTS, Records
 from .workspace import Answer, RowArrays, TaskArrays
 
@@ -142,12 +144,14 @@ class Loop(NamedTuple):
     scores: Running
 
 
+@in_place
 def put(numbers: Array, out: Array) -> None:
     """Copy an array to another one of the same shape, number by number, without allocation."""
     for i in range(numbers.size):
         out.flat[i] = numbers.flat[i]
 
 
+@in_place
 def hold(transition: Array, x: Array, after: Array) -> None:
     """Set x ← transition x: the state (s, n) at a period's end from that at its beginning.
 
@@ -163,6 +167,7 @@ def hold(transition: Array, x: Array, after: Array) -> None:
     put(after, x)
 
 
+@in_place
 def go_to_speeds(plant: PlantArrays, commanded: Array, Ts: float, qdd: Array) -> None:
     """Write the q̈ (n,) by which the arm reaches commanded speeds (n,) within a period."""
     weights = plant.speed_weights
@@ -173,6 +178,7 @@ def go_to_speeds(plant: PlantArrays, commanded: Array, Ts: float, qdd: Array) ->
         qdd[j] = (commanded[j] - before) / Ts
 
 
+@in_place
 def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     """Clip the command (n,) to the actuators' limits; return True if a joint is at a limit.
 
@@ -191,6 +197,7 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
     return saturated
 
 
+@in_place
 def actuator_limits(given: JointLimits, j: int) -> JointLimits:
     """Return the limits of joint j's actuator, without those of its range and speed."""
     return JointLimits(
@@ -204,6 +211,7 @@ def actuator_limits(given: JointLimits, j: int) -> JointLimits:
     )
 
 
+@in_place
 def judge_contact(loop: Loop) -> None:
     """Write the effort of holding each row that first reaches φ = 0.
 
@@ -237,6 +245,7 @@ def judge_contact(loop: Loop) -> None:
             shares[i] = np.copysign(math.inf, drift)
 
 
+@in_place
 def greatest_change(rows: RowArrays, i: int, acceleration: Array) -> float:
     """Return Σⱼ|L_gφⱼ|aⱼ of row i, by which q̈ within its limits a (n,) can change φ̇."""
     total = 0.0
@@ -248,6 +257,7 @@ def greatest_change(rows: RowArrays, i: int, acceleration: Array) -> float:
     return total
 
 
+@in_place
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
     """Mark the active rows, i.e. those that hold the arm back.
 
@@ -273,12 +283,14 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
         active[i] = active[i] and nearness(rows, i) >= nearest
 
 
+@in_place
 def nearness(rows: RowArrays, i: int) -> float:
     """Return φ of row i relative to its scale, or 0 if φ is positive."""
     relative: float = min(rows.phi[i], 0.0) / rows.scale[i]
     return relative
 
 
+@in_place
 def feature_error(pixels: Array, wanted: Array) -> float:
     """Return the greatest distance of a marker (M, 2) from its desired place [px]."""
     greatest = 0.0
@@ -290,14 +302,7 @@ def feature_error(pixels: Array, wanted: Array) -> float:
     return error
 
 
-def fastest(qd: Array) -> float:
-    """Return the greatest |q̇ⱼ| of all joints."""
-    greatest = 0.0
-    for j in range(len(qd)):
-        greatest = max(greatest, abs(qd[j]))
-    return greatest
-
-
+@in_place
 def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
     """Score sample k: its rows, q̈_c (n,), and its active rows (m,)."""
     squared = score_command(scores, qdd)
@@ -310,6 +315,7 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
         scores.switches[0] += changed
 
 
+@in_place
 def score_command(scores: Running, qdd: Array) -> float:
     """Score q̈_c (n,) of a sample, and return the square of its change since the last one."""
     last = scores.qdd
@@ -323,6 +329,7 @@ def score_command(scores: Running, qdd: Array) -> float:
     return squared
 
 
+@in_place
 def score_row(scores: Running, rows: RowArrays, i: int) -> None:
     """Score φ and σ of row i of a sample."""
     phi = rows.phi[i]
@@ -337,6 +344,7 @@ def score_row(scores: Running, rows: RowArrays, i: int) -> None:
     scores.longest_positive[i] = max(scores.longest_positive[i], positive)
 
 
+@in_place
 def score_activity(scores: Running, active: BoolArray, k: int) -> bool:
     """Score the active rows (m,) of sample k; return True if they are others than in the last."""
     changed = False
@@ -351,6 +359,7 @@ def score_activity(scores: Running, active: BoolArray, k: int) -> bool:
     return changed
 
 
+@in_place
 def finish(loop: Loop, k: int) -> None:
     """Score and record sample k, and move the robot to the end of its period."""
     plant = loop.plant
@@ -370,6 +379,7 @@ def finish(loop: Loop, k: int) -> None:
     hold(plant.transition, plant.x, plant.after)
 
 
+@in_place
 def score_goal(loop: Loop, k: int) -> None:
     """Write the distances of sample k from its goal, and note if the goal is not reached."""
     kept = loop.kept
@@ -385,7 +395,7 @@ def score_goal(loop: Loop, k: int) -> None:
     kept.camera_error[camera, 0] = distance
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away
-    speed = fastest(loop.plant.x[1])
+    speed = largest(loop.plant.x[1])
     tolerance = goals.tolerance[goal]
     by_pose = goals.by_pose[0]
     is_reached = reached(distance, turn, away, speed, tolerance, by_pose)
@@ -393,6 +403,7 @@ def score_goal(loop: Loop, k: int) -> None:
         loop.scores.unreached[goal] = k
 
 
+@in_place
 def keep(loop: Loop, k: int) -> None:
     """Record sample k. The records are ring buffers."""
     kept = loop.kept

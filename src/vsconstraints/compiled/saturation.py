@@ -48,10 +48,13 @@ def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
     W (w, n + 1) is [W | sides].
     """
     n = X.shape[1]
-    rest = W[i, n]
+    rest: float = W[i, n]
     for j in range(n):
         rest -= W[i, j] * X[row, j]
-    return 0.0 if abs(rest) <= MET * (size + abs(W[i, n])) else rest
+    rounding = MET * (size + abs(W[i, n]))
+    if abs(rest) <= rounding:
+        return 0.0
+    return rest
 
 
 @in_place
@@ -91,11 +94,13 @@ def missed(J: Array, X: Array) -> bool:
     residual = 0.0
     far = 0.0
     for j in range(n):
-        far += (X[WHOLE, j] - X[TRACKING, j]) ** 2
+        change = X[WHOLE, j] - X[TRACKING, j]
+        far += change**2
     for i in range(J.shape[0]):
         along = away(J, i, X, WHOLE, X, TRACKING)
         residual += along * along
-    increased: bool = np.sqrt(residual) > STRICT * np.sqrt(squares(J, n)) * np.sqrt(far)
+    size_of_task = np.sqrt(squares(J, n))
+    increased: bool = np.sqrt(residual) > STRICT * size_of_task * np.sqrt(far)
     return increased
 
 
@@ -156,7 +161,7 @@ def resolve_saturated(
     count = len(saturated)
     for i in range(count):
         copy(A, i, saturated, i, A.shape[1])
-    rank = resolve(A[:count], J, b, tolerance, rest, qdd, scratch)[0]
+    rank, _, _ = resolve(A[:count], J, b, tolerance, rest, qdd, scratch)
     scratch.taken[0] = taken
     return rank
 
@@ -165,7 +170,8 @@ def resolve_saturated(
 def write_best(X: Array, share: float) -> None:
     """Write the acceleration at a share of the task to X[BEST]."""
     for j in range(X.shape[1]):
-        X[BEST, j] = X[NONE, j] + share * (X[WHOLE, j] - X[NONE, j])
+        change = X[WHOLE, j] - X[NONE, j]
+        X[BEST, j] = X[NONE, j] + share * change
 
 
 @in_place

@@ -46,7 +46,8 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
     for i in range(k):
         copy(W, i, J, i, n)
         W[i, n] = b[i]
-    qr, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
+    certain = CERTAIN * tolerance
+    qr, rank, _ = pseudoinverse(W, START, certain, tolerance, W, X, START, scratch)
     T = blank(scratch, ONE + n - rank, n)
     size = length(X, START, n)
     if size > 0.0:

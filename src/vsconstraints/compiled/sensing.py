@@ -91,8 +91,10 @@ def explain(
         length = pose_step(markers, seen, R, t, step, scratch)
         if not length < math.inf:
             return False, R, t
-        t = plus(rotate(R, (step[0, 0], step[0, 1], step[0, 2])), t)
-        R = product(R, turn_by((step[0, 3], step[0, 4], step[0, 5])))
+        shift = (step[0, 0], step[0, 1], step[0, 2])
+        turn = (step[0, 3], step[0, 4], step[0, 5])
+        t = plus(rotate(R, shift), t)
+        R = product(R, turn_by(turn))
         if length < CONVERGED:
             break
     return True, R, t
@@ -107,7 +109,8 @@ def estimate(
     Return False if numbers are not finite. ``numbers`` and ``taken`` are those of a
     :class:`.Scratch`.
     """
-    finite, turned_R, where = explain(markers, seen, matrix(R), vector(t), Scratch(numbers, taken))
+    scratch = Scratch(numbers, taken)
+    finite, turned_R, where = explain(markers, seen, matrix(R), vector(t), scratch)
     put_matrix(turned_R, R)
     put(where, t)
     return finite
@@ -145,11 +148,12 @@ def observe_at(
     seen = parts.matrix(scratch, len(pixels), 2)
     for i in range(len(seen)):
         for c in range(2):
-            believed.measured[i, c] = pixels[i, c]
-            seen[i, c] = (pixels[i, c] - camera.offset[c]) / camera.focal[c]
-    found, R, where = explain(
-        believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch
-    )
+            pixel = pixels[i, c]
+            believed.measured[i, c] = pixel
+            seen[i, c] = (pixel - camera.offset[c]) / camera.focal[c]
+    true_R = matrix(true.camera_R)
+    true_t = vector(true.camera_t)
+    found, R, where = explain(believed.markers, seen, true_R, true_t, scratch)
     if not found:
         return 1
     for i in range(len(seen)):

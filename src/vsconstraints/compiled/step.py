@@ -143,7 +143,8 @@ def write_box(step: Step, j: int) -> None:
         given.ranges,
         given.period,
     )
-    least, greatest = joint_box(step.q[j], step.qd[j], step.last_command[j], limits)
+    last = step.last_command[j]
+    least, greatest = joint_box(step.q[j], step.qd[j], last, limits)
     step.rows.qdd_min[j] = least
     step.rows.qdd_max[j] = greatest
 
@@ -311,7 +312,8 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
     otherwise the pixels are invalid.
     """
     step = load_step(address)
-    camera = step.camera[0]
+    focal = step.camera[0].focal
+    offset = step.camera[0].offset
     for k in range(len(t)):
         place(step, q[k])
         place_camera(step, t[k])
@@ -320,8 +322,8 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
             X, Y, Z = in_camera(step, i)
             if not Z >= MINIMUM_DEPTH:
                 seen[k] = False
-            pixels[k, i, 0] = camera.focal[0] * X / Z + camera.offset[0]
-            pixels[k, i, 1] = camera.focal[1] * Y / Z + camera.offset[1]
+            pixels[k, i, 0] = focal[0] * X / Z + offset[0]
+            pixels[k, i, 1] = focal[1] * Y / Z + offset[1]
         for i in range(len(step.robot_points)):
             body = step.bodies[step.robot_points[i].body]
             position = plus(vector(body.origin), point_from_body(step, i))

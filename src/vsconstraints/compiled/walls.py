@@ -171,9 +171,12 @@ def restate(walls: Inequalities, Z: Array, X: Array, H: Array) -> bool:
     for i in range(walls.sides.size):
         squared_in_basis = 0.0
         for d in range(p):
+            entry = normals[i, d]
             # an empty Z stands for the identity
-            H[d, i] = normals[i, d] if p == n else dot(normals, i, Z, d, START, n)
-            squared_in_basis += H[d, i] * H[d, i]
+            if p < n:
+                entry = dot(normals, i, Z, d, START, n)
+            H[d, i] = entry
+            squared_in_basis += entry * entry
         if p < n:
             squared = squared_length(normals, i, START, n)
             # rows within the span of the violated ones are settled

@@ -272,7 +272,8 @@ class PositionConstraint(ByFormula, Constraint):
         """Return rows from the motion of coordinates y (r, d) relative to the forbidden region."""
         y = motion.position
         gradient = self.gradient(y)
-        gradient_q = (gradient[:, None, :] @ motion.J)[:, 0, :]
+        as_rows = gradient[:, None, :]
+        gradient_q = (as_rows @ motion.J)[:, 0, :]
         sigma_dot = (gradient * motion.velocity).sum(axis=1)
         by_drift = (gradient * motion.drift).sum(axis=1)
         drift = by_drift + self.curvature(y, motion.velocity)

@@ -98,7 +98,7 @@ class _Cover(NamedTuple):
 
 
 def _points(link: str, offsets: Array) -> list[RobotPoint]:
-    return [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
+    return [RobotPoint(link, (x, y, z)) for x, y, z in offsets.tolist()]
 
 
 def _are_moved(robot: Robot, points: Sequence[RobotPoint]) -> BoolArray:
@@ -191,7 +191,7 @@ def _sliced(surfaces: Sequence[Surface], spacing: float, more: int) -> _Cover:
     from_middle = vertices - middle
     axes: Array = np.eye(3)
     if len(vertices) > 1:
-        axes = svd(from_middle, full_matrices=False)[2]
+        _, _, axes = svd(from_middle, full_matrices=False)
     # coordinates along the principal axes
     x = from_middle @ axes.T
     low = x.min(axis=0)

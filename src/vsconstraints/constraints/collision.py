@@ -156,7 +156,9 @@ class BodyDistance(Constraint):
         """Return the signed distances (r,) at q and −∂d/∂q (r, n)."""
         jacobian = pin.computeJointJacobians(self._model, self._data, q)
         J = np.asarray(jacobian).reshape(6, -1)
-        placed = {key: self._placed(body) for key, body in self._bodies.items()}
+        placed = {}
+        for key, body in self._bodies.items():
+            placed[key] = self._placed(body)
         count = len(self.pairs)
         distances = np.empty(count)
         wrenches = np.empty((count, 6))

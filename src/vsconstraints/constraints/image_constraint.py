@@ -265,7 +265,8 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
         if not len(off):
             break
         line = np.insert(line, off + 1, on_curve[off], axis=0)
-    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    segments = np.diff(line, axis=0)
+    lengths = np.linalg.norm(segments, axis=1)
     # arc lengths of the vertices, and of those with points in between
     arc = np.concatenate(([0.0], np.cumsum(lengths)))
     every_spacing = np.arange(0.0, arc[-1], SPACING)
@@ -286,7 +287,8 @@ def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
         squared = np.maximum((g * g).sum(axis=1), TINY)
         newton_factor = -(sigma(line) / squared)
         step = newton_factor[:, None] * g
-        length = np.sqrt((step * step).sum(axis=1, keepdims=True))
+        squared_length = (step * step).sum(axis=1, keepdims=True)
+        length = np.sqrt(squared_length)
         shortening = np.minimum(1.0, longest / np.maximum(length, TINY))
         line = line + step * shortening
     return line

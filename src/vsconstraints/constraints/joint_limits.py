@@ -223,9 +223,10 @@ class JointLimitRows:
         self.mid = mid
         self._divisors = (upper, lower)
         is_own_joint = np.eye(n, dtype=np.bool_)[self._indices]
-        gradients = [
-            np.where(is_own_joint, (1.0 / divisor)[:, None], 0.0) for divisor in self._divisors
-        ]
+        gradients = []
+        for divisor in self._divisors:
+            slope = 1.0 / divisor
+            gradients.append(np.where(is_own_joint, slope[:, None], 0.0))
         self._gradient: Array = np.concatenate(gradients)
 
     def _value(self, y: Array) -> Array:

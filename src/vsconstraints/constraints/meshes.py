@@ -158,7 +158,9 @@ def hull(points: Array) -> Mesh:
     """Return the convex hull of points (V, 3); the mesh keeps all points."""
     solid = _hull(points)
     # coal numbers the corners of the hull anew: find the number of each among all points
-    number_of_point = {tuple(point): i for i, point in enumerate(points.tolist())}
+    number_of_point = {}
+    for i, point in enumerate(points.tolist()):
+        number_of_point[tuple(point)] = i
     numbers = []
     for corner in np.asarray(solid.points()).tolist():
         numbers.append(number_of_point[tuple(corner)])
@@ -236,7 +238,8 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> Surface:
         centre = np.zeros((1, 1, 3))
         return Surface(centre, float(geometry.radius))
     if isinstance(geometry, coal.Cylinder):
-        slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
+        apothem = float(np.cos(np.pi / SIDES))  # of a prism around which the radius is 1
+        slack = geometry.radius * (1.0 - apothem)
         triangles = _cylinder(geometry.radius, geometry.halfLength)
         return Surface(_divided(triangles, longest), slack)
     if isinstance(geometry, coal.Capsule):

@@ -101,7 +101,8 @@ class PerformanceFunnel(Constraint):
         """Return ρ₀ [px, m or rad] by the entry of the error that it bounds."""
         widths: dict[int, float] = {}
         if self.feature_px is not None:
-            for number in self.markers or range(1, len(self.goals[0].pixels) + 1):
+            marker_count = len(self.goals[0].pixels)
+            for number in self.markers or range(1, marker_count + 1):
                 u = 2 * (number - 1)
                 widths[u] = self.feature_px
                 widths[u + 1] = self.feature_px
@@ -171,7 +172,8 @@ class PerformanceFunnel(Constraint):
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Return the clearance ρ ∓ eᵢ [px, m or rad]."""
-        goals = np.array([goal_at(self._goal_starts, t) for t in trace.t], dtype=np.int64)
+        goal_numbers = [goal_at(self._goal_starts, t) for t in trace.t]
+        goals = np.array(goal_numbers, dtype=np.int64)
         if self.of_image:
             wanted = np.array([goal.pixels for goal in self.goals])
             offsets = trace.pixels - wanted[goals]

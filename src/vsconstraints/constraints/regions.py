@@ -94,8 +94,12 @@ class PointConstraint(PositionConstraint):
         mesh = self.mesh(reach)
         if mesh is None:
             return []
-        points = mesh.points if self.frame is None else Pose(*self.frame).act(mesh.points)
-        moved = np.zeros(3) if self.motion is None else self.motion.displacement(t)
+        points = mesh.points
+        if self.frame is not None:
+            points = Pose(*self.frame).act(points)
+        moved: Array = np.zeros(3)
+        if self.motion is not None:
+            moved = self.motion.displacement(t)
         return [Mesh(points + moved, mesh.triangles)]
 
 
@@ -204,9 +208,8 @@ class ForbiddenSphere(KnownRegion):
 
     def __post_init__(self) -> None:
         self.radius = require_positive(self.radius, "radius of a sphere")
-        self.place(
-            np.eye(3), vector(self.centre, 3, "centre of a sphere"), self.radius, self.radius
-        )
+        centre = vector(self.centre, 3, "centre of a sphere")
+        self.place(np.eye(3), centre, self.radius, self.radius)
 
     def solid(self) -> coal.CollisionGeometry:
         """Return the sphere."""
@@ -233,8 +236,9 @@ class ForbiddenBox(KnownRegion):
         if (size <= 0.0).any():
             raise ConfigurationError(f"size of a box must be three positive lengths, not {size}")
         half = 0.5 * size
+        centre = vector(self.centre, 3, "centre of a box")
         R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), self.rpy).R
-        self.place(R, vector(self.centre, 3, "centre of a box"), float(half.min()), *half.tolist())
+        self.place(R, centre, float(half.min()), *half.tolist())
 
     def solid(self) -> coal.CollisionGeometry:
         """Return the box."""
@@ -260,9 +264,8 @@ class ForbiddenHalfSpace(KnownRegion):
         size = float(np.sqrt(n @ n))
         if size < SMALL:
             raise ConfigurationError(f"normal of a half-space must have a direction, not {n}")
-        self.place(
-            frame_along(n / size), vector(self.point, 3, "point of a half-space"), self.length
-        )
+        point = vector(self.point, 3, "point of a half-space")
+        self.place(frame_along(n / size), point, self.length)
 
     def solid(self) -> coal.CollisionGeometry:
         """Return the half-space below z = 0."""
@@ -282,17 +285,20 @@ class RegionAroundAxis(KnownRegion):
 
     def __post_init__(self) -> None:
         self.radius = require_positive(self.radius, f"radius of a {self.kind}")
-        start, end = (
-            vector(getattr(self, name), 3, f"{name} of a {self.kind}") for name in ("start", "end")
-        )
+        start = vector(self.start, 3, f"start of a {self.kind}")
+        end = vector(self.end, 3, f"end of a {self.kind}")
         along = end - start
         size = float(np.sqrt(along @ along))
         if size < SMALL:
             raise ConfigurationError(
                 f"start and end of a {self.kind} must be different points, not both {start}"
             )
-        width = min(self.radius, 0.5 * size) if self.kind == "cylinder" else self.radius
-        self.place(frame_along(along / size), 0.5 * (start + end), width, self.radius, 0.5 * size)
+        half = 0.5 * size
+        width = self.radius
+        if self.kind == "cylinder":
+            width = min(self.radius, half)
+        middle = 0.5 * (start + end)
+        self.place(frame_along(along / size), middle, width, self.radius, half)
 
 
 class ForbiddenCylinder(RegionAroundAxis):
@@ -329,6 +335,8 @@ class ForbiddenCapsule(RegionAroundAxis):
 
 def frame_along(z: Array) -> Array:
     """Return a rotation matrix whose third column is the unit vector ``z`` (3,)."""
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    least_aligned = int(np.argmin(np.abs(z)))
+    x = np.cross(z, np.eye(3)[least_aligned])
     x /= np.sqrt(x @ x)
-    return np.stack((x, np.cross(z, x), z), axis=1)
+    y = np.cross(z, x)
+    return np.stack((x, y, z), axis=1)

@@ -313,8 +313,15 @@ class SaturationExact(Hierarchy):
 
 #: Resolvers that files can name, by their ``name``.
 RESOLVERS: tuple[type[Resolver], ...] = (
-    Priority, Hierarchy, Filter, Additive, Saturation, SaturationExact, Projection, Scaling,
-)  # fmt: skip
+    Priority,
+    Hierarchy,
+    Filter,
+    Additive,
+    Saturation,
+    SaturationExact,
+    Projection,
+    Scaling,
+)
 
 
 def _weight(prefix: str, value: object) -> float:

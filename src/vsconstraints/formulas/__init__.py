@@ -30,7 +30,7 @@ def formula(function: F) -> F:
     return function
 
 
-def where(condition: Any, x: Any, y: Any) -> Any:
+def where(condition, x, y) -> Any:
     """Return x where the condition holds, y elsewhere, like ``np.where``.
 
     If all three are numbers, compiled code makes no array of the result, as it would for

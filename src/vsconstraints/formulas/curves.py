@@ -17,7 +17,7 @@ ValueAndSlopes = tuple[Any, Any, Any]
 
 
 @formula
-def power(x: Any, n: float) -> Any:
+def power(x, n: float) -> Any:
     """Power xⁿ for x ≥ 0 and a number n; by repeated squaring for whole n from 0 to 64."""
     count = int(n) if 0.0 <= n <= 64.0 else 0
     if count != n:
@@ -33,7 +33,7 @@ def power(x: Any, n: float) -> Any:
 
 
 @formula
-def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
+def superellipse(u, v, a, b, n) -> ValueAndSlopes:
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
     x = np.abs(u) / a
     y = np.abs(v) / b
@@ -48,7 +48,7 @@ def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
 
 
 @formula
-def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
+def superellipse_curvature(u, v, a, b, n, u_dot, v_dot) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
     x = np.abs(u) / a
     y = np.abs(v) / b
@@ -62,20 +62,20 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 
 @formula
-def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> ValueAndSlopes:
+def hyperellipse(u, v, a, b, n) -> ValueAndSlopes:
     """Superellipse obstacle: minus :func:`superellipse`, positive inside."""
     value, du, dv = superellipse(u, v, a, b, n)
     return -value, -du, -dv
 
 
 @formula
-def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
+def hyperellipse_curvature(u, v, a, b, n, u_dot, v_dot) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`hyperellipse`."""
     return -superellipse_curvature(u, v, a, b, n, u_dot, v_dot)
 
 
 @formula
-def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
+def circle(u, v, r) -> ValueAndSlopes:
     """1 − (u² + v²)/r² and its derivatives."""
     squared_distance = u * u + v * v
     squared_radius = r * r
@@ -86,7 +86,7 @@ def circle(u: Any, v: Any, r: Any) -> ValueAndSlopes:
 
 
 @formula
-def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
+def circle_curvature(u, v, r, u_dot, v_dot) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
     squared_speed = u_dot * u_dot + v_dot * v_dot
     factor = -2.0 / (r * r)
@@ -94,7 +94,7 @@ def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
 
 
 @formula
-def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
+def bowl(u, v, r, w) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d = v - u * u
     scaled_u = w * u
@@ -109,7 +109,7 @@ def bowl(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
 
 
 @formula
-def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+def bowl_curvature(u, v, r, w, u_dot, v_dot) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
     d = v - u * u
     d_dot = v_dot - 2.0 * u * u_dot
@@ -122,7 +122,7 @@ def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> An
 
 
 @formula
-def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
+def heart(u, v, r, w) -> ValueAndSlopes:
     """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives (eq. 46).
 
     At u = 0 the derivatives are the mean of both sides.
@@ -140,7 +140,7 @@ def heart(u: Any, v: Any, r: Any, w: Any) -> ValueAndSlopes:
 
 
 @formula
-def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+def heart_curvature(u, v, r, w, u_dot, v_dot) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
     d_dot = v_dot - np.sign(u) * u_dot
     scaled_rate = w * u_dot

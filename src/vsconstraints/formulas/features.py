@@ -23,7 +23,7 @@ MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker c
 
 @formula
 def pose_error(
-    goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool
+    goal_R: Matrix, goal_t, R: Matrix, t, near, continues: bool
 ) -> tuple[Matrix, Vector, Vector]:
     """c*R_C, c*t_C and θu of eq. (44) from two poses in the target's frame.
 
@@ -38,7 +38,7 @@ def pose_error(
 
 @formula
 def pose_rates(
-    E: Matrix, L: Matrix, L_dot: Matrix, v: Any, omega: Any, v_dot: Any, omega_dot: Any
+    E: Matrix, L: Matrix, L_dot: Matrix, v, omega, v_dot, omega_dot
 ) -> tuple[Vector, Vector, Vector]:
     """First and second derivative of c*t_C, and second derivative of θu, with q̈ = 0.
 
@@ -53,7 +53,7 @@ def pose_rates(
 
 
 @formula
-def pair(A: Matrix, x: Any, B: Matrix, y: Any) -> Vector:
+def pair(A: Matrix, x, B: Matrix, y) -> Vector:
     """A x + B y, summed column by column."""
     return (
         pair_of_rows(A[0], x, B[0], y),
@@ -63,7 +63,7 @@ def pair(A: Matrix, x: Any, B: Matrix, y: Any) -> Vector:
 
 
 @formula
-def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
+def pair_of_rows(a, x, b, y) -> Any:
     """Σᵢ aᵢ xᵢ + bᵢ yᵢ."""
     first = a[0] * x[0] + b[0] * y[0]
     second = a[1] * x[1] + b[1] * y[1]
@@ -88,9 +88,7 @@ class PoseMotion(NamedTuple):
 
 
 @formula
-def pose_motion(
-    goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool, twist: Any
-) -> PoseMotion:
+def pose_motion(goal_R: Matrix, goal_t, R: Matrix, t, near, continues: bool, twist) -> PoseMotion:
     """Error of a pose relative to a goal, and its motion: see :func:`pose_error`.
 
     ``twist`` contains the camera's v, ω, v̇ and ω̇ relative to the target, in its own axes.
@@ -103,7 +101,7 @@ def pose_motion(
 
 
 @formula
-def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def image_row(c: int, x, y, Z) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Row c of L_sx, eq. (24), at the normalised point (x, y) and depth Z."""
     # x for c = 0, y for c = 1
     of_x = 1.0 - c
@@ -113,9 +111,7 @@ def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, 
 
 
 @formula
-def image_motion(
-    P: Any, v: Any, omega: Any, v_dot: Any, omega_dot: Any
-) -> tuple[Any, Any, Any, Any, Any, Any]:
+def image_motion(P, v, omega, v_dot, omega_dot) -> tuple[Any, Any, Any, Any, Any, Any]:
     """x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) of a point P in the camera frame.
 
     ``v``, ``omega``, ``v_dot`` and ``omega_dot`` are the motion of the camera relative to the
@@ -136,7 +132,7 @@ def image_motion(
 
 
 @formula
-def ratio(X: Any, X_dot: Any, X_ddot: Any, Z: Any, Z_dot: Any, Z_ddot: Any) -> tuple[Any, Any, Any]:
+def ratio(X, X_dot, X_ddot, Z, Z_dot, Z_ddot) -> tuple[Any, Any, Any]:
     """Quotient x = X/Z and two derivatives, from those of x Z = X."""
     x = X / Z
     x_dot = (X_dot - x * Z_dot) / Z
@@ -146,7 +142,7 @@ def ratio(X: Any, X_dot: Any, X_ddot: Any, Z: Any, Z_dot: Any, Z_ddot: Any) -> t
 
 
 @formula
-def interaction(a: Any, b: Any, x: Any, y: Any, Z: Any) -> tuple[Vector, Vector]:
+def interaction(a, b, x, y, Z) -> tuple[Vector, Vector]:
     """Rows (a, b) L_sx of eq. (24): the factors of the camera's v and of its ω."""
     along = a * x + b * y
     linear = (

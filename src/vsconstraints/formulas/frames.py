@@ -16,7 +16,7 @@ TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is 
 
 
 @formula
-def rotate_in_image(R: Any, x: Any) -> tuple[Any, Any]:
+def rotate_in_image(R, x) -> tuple[Any, Any]:
     """R x with R (2, 2) or larger."""
     u = x[0]
     v = x[1]
@@ -27,7 +27,7 @@ def rotate_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 
 @formula
-def rotate_inverse_in_image(R: Any, x: Any) -> tuple[Any, Any]:
+def rotate_inverse_in_image(R, x) -> tuple[Any, Any]:
     """Rᵀ x with R (2, 2) or larger."""
     u = x[0]
     v = x[1]
@@ -38,9 +38,7 @@ def rotate_inverse_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 
 @formula
-def differences_in_image(
-    function: Callable[..., Any], parameters: Any, y: Any, velocity: Any
-) -> Any:
+def differences_in_image(function: Callable[..., Any], parameters, y, velocity) -> Any:
     """ẏᵀ H ẏ at y = (u, v), by central differences of a formula's gradient along the velocity ẏ."""
     u = y[0]
     v = y[1]
@@ -60,9 +58,7 @@ def differences_in_image(
 
 
 @formula
-def differences_in_space(
-    function: Callable[..., Any], parameters: Any, y: Any, velocity: Any
-) -> Any:
+def differences_in_space(function: Callable[..., Any], parameters, y, velocity) -> Any:
     """ẏᵀ H ẏ at y = (x, y, z), by central differences of a formula's gradient along ẏ."""
     speed = np.sqrt(dot(velocity, velocity))
     h = IN_SPACE / np.maximum(speed, TINY)
@@ -75,7 +71,7 @@ def differences_in_space(
 
 
 @formula
-def gradient_in_space(function: Callable[..., Any], parameters: Any, y: Any) -> Vector:
+def gradient_in_space(function: Callable[..., Any], parameters, y) -> Vector:
     """Gradient of a formula at y = (x, y, z)."""
     _, by_x, by_y, by_z = function(y[0], y[1], y[2], *parameters)
     return by_x, by_y, by_z

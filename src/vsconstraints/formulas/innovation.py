@@ -15,7 +15,7 @@ MEMORY = 0.2
 
 
 @formula
-def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tuple[float, float]:
+def image_innovation(pixels, correction, Fu: float, Fv: float) -> tuple[float, float]:
     """Greatest distance of a marker from its predicted pixel [px], and relative change of shape.
 
     The latter is ‖(s − s̄) − (p − p̄)‖ / ‖p − p̄‖ for markers seen at s (``pixels``) and predicted
@@ -51,7 +51,7 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
 
 
 @formula
-def depth_innovation(ratio: Any) -> float:
+def depth_innovation(ratio) -> float:
     """Greatest relative difference of a marker's depth from the model's: max(r, 1/r) − 1.
 
     ``ratio`` (M,) is r = Z / Z_model, NaN for markers without a measured depth. Twice and half of
@@ -67,7 +67,7 @@ def depth_innovation(ratio: Any) -> float:
 
 
 @formula
-def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
+def slip(before, moved, mean_speed, dt) -> Any:
     """Difference between measured motion and integrated speeds [rad or m].
 
     The difference decays with the time constant :data:`MEMORY`; divided by it, it is the error of a
@@ -81,9 +81,7 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
 
 
 @formula
-def observed_drift(
-    drift: Any, change: Any, rate: Any, most: Any, period: Any, time_constant: Any
-) -> Any:
+def observed_drift(drift, change, rate, most, period, time_constant) -> Any:
     """d̂ ← d̂ + T_s/(T_s + τ) (d − d̂) [1/s], with d = Δσ/T_s − σ̇ clipped to ±``most``.
 
     The drift d is the rate of σ that the model does not predict. ``change`` is Δσ since the

@@ -28,7 +28,7 @@ INSIDE = 0.999  #: Newton's method starts within this share of the reach, becaus
 
 
 @formula
-def cubic(s: Any, k1: Any, k2: Any, k3: Any) -> tuple[Any, Any]:
+def cubic(s, k1, k2, k3) -> tuple[Any, Any]:
     """1 + k₁s + k₂s² + k₃s³ and its derivative with respect to s."""
     value = 1.0 + s * (k1 + s * (k2 + s * k3))
     slope = k1 + s * (2.0 * k2 + s * 3.0 * k3)
@@ -36,7 +36,7 @@ def cubic(s: Any, k1: Any, k2: Any, k3: Any) -> tuple[Any, Any]:
 
 
 @formula
-def brown_conrady(x: Any, y: Any, coefficients: Any) -> Distorted:
+def brown_conrady(x, y, coefficients) -> Distorted:
     """Radial and tangential distortion (Brown-Conrady).
 
     x_d = x c + 2 p₁xy + p₂(r² + 2x²) and y_d = y c + p₁(r² + 2y²) + 2 p₂xy, where c = (1 + k₁r² +
@@ -68,7 +68,7 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> Distorted:
 
 
 @formula
-def fisheye(x: Any, y: Any, coefficients: Any) -> Distorted:
+def fisheye(x, y, coefficients) -> Distorted:
     """Distortion of the angle from the optical axis.
 
     (x_d, y_d) = (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
@@ -97,7 +97,7 @@ def fisheye(x: Any, y: Any, coefficients: Any) -> Distorted:
 
 
 @formula
-def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> Distorted:
+def extended(lens: Lens, x, y, reach, coefficients) -> Distorted:
     """Lens that is continued beyond the radius ``reach``, one to one along straight lines.
 
     The lines start at the centre. If the lens is invertible up to that radius, the continued lens
@@ -133,7 +133,7 @@ def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> Disto
 
 
 @formula
-def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+def newton(lens: Lens, at, image, reach, coefficients) -> tuple[Any, Any, Any]:
     """Newton step from (x, y) to the point whose image is (X, Y), and the present error.
 
     The error is the greater distance of both coordinates between the image of (x, y) and (X, Y).
@@ -156,7 +156,7 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
 
 
 @formula
-def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> Distorted:
+def on_sensor(lens: Lens, u, v, eye) -> Distorted:
     """Pixels on the sensor for ideal pixels, and their derivatives.
 
     ``eye`` is the camera's attribute of that name: focal lengths, principal point, reach of the
@@ -179,7 +179,7 @@ def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> Distorted:
 
 
 @formula
-def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> tuple[Any, Any, Any]:
+def superellipse_on_sensor(lens: Lens, y, half, n, eye) -> tuple[Any, Any, Any]:
     """Superellipse of half axes (a, b) on the sensor, and its derivatives.
 
     They are evaluated at ideal pixels y = (u, v).
@@ -194,17 +194,13 @@ def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> t
 
 
 @formula
-def superellipse_by_brown_conrady(
-    u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
-) -> tuple[Any, Any, Any]:
+def superellipse_by_brown_conrady(u, v, a, b, n, *eye) -> tuple[Any, Any, Any]:
     """:func:`superellipse_on_sensor` with :func:`brown_conrady`."""
     return superellipse_on_sensor(brown_conrady, (u, v), (a, b), n, eye)
 
 
 @formula
-def superellipse_by_fisheye(
-    u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
-) -> tuple[Any, Any, Any]:
+def superellipse_by_fisheye(u, v, a, b, n, *eye) -> tuple[Any, Any, Any]:
     """:func:`superellipse_on_sensor` with :func:`fisheye`."""
     return superellipse_on_sensor(fisheye, (u, v), (a, b), n, eye)
 

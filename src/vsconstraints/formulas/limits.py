@@ -30,13 +30,13 @@ class JointLimits(NamedTuple):
 
 
 @formula
-def between(x: Any, least: Any, greatest: Any) -> Any:
+def between(x, least, greatest) -> Any:
     """Clip x to [least, greatest]."""
     return np.minimum(np.maximum(x, least), greatest)
 
 
 @formula
-def actuator_box(last: Any, limits: JointLimits) -> tuple[Any, Any]:
+def actuator_box(last, limits: JointLimits) -> tuple[Any, Any]:
     """Least and greatest q̈ of an actuator after q̈_last: |q̈| ≤ a and |q̈ − q̈_last| ≤ j T_s."""
     a = limits.acceleration
     least = between(last - limits.change, -a, a)
@@ -45,7 +45,7 @@ def actuator_box(last: Any, limits: JointLimits) -> tuple[Any, Any]:
 
 
 @formula
-def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
+def stopping(left, speed, acceleration, period: float) -> Any:
     """Greatest q̈ for a period T after which a joint can still stop within its range.
 
     The end of the range is d = ``left`` away. After the period the speed is w = q̇ + T q̈ and the
@@ -72,7 +72,7 @@ def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
 
 
 @formula
-def joint_box(q: Any, qd: Any, last: Any, limits: JointLimits) -> tuple[Any, Any]:
+def joint_box(q, qd, last, limits: JointLimits) -> tuple[Any, Any]:
     """Least and greatest q̈ of a joint now.
 
     The box of the actuator is intersected with the bounds that keep speed and range. If the two do

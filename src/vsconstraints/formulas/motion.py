@@ -15,9 +15,7 @@ from .vectors import Matrix, Vector, cross, minus, plus, rotate, vector
 
 
 @formula
-def displacement(
-    t: Any, velocity: Any, amplitude: Any, rate: Any, phase: Any
-) -> tuple[Any, Any, Any]:
+def displacement(t, velocity, amplitude, rate, phase) -> tuple[Any, Any, Any]:
     """Displacement d = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and two derivatives."""
     angle = rate * t + phase
     sine = np.sin(angle)
@@ -30,7 +28,7 @@ def displacement(
 
 
 @formula
-def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tuple[Matrix, Vector]:
+def target_pose(t: float, angular_velocity, centre, moved) -> tuple[Matrix, Vector]:
     """R and t of the target's frame at time t: x ↦ R(x − c) + c + d.
 
     R is the rotation by ω t about c.
@@ -53,9 +51,7 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
 
 
 @formula
-def carried(
-    r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any
-) -> tuple[Vector, Vector]:
+def carried(r, velocity, omega, acceleration, alpha) -> tuple[Vector, Vector]:
     """Velocity and acceleration of a point of a body, at r from the body's origin.
 
     The origin moves with v and v̇, the body turns with ω and ω̇.
@@ -76,7 +72,7 @@ def carried(
 
 @formula
 def relative_twist(
-    velocity: Any, acceleration: Any, omega: Any, alpha: Any, target_omega: Any, away: Any
+    velocity, acceleration, omega, alpha, target_omega, away
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """v, ω, v̇ and ω̇ of a camera relative to a target, in the base frame.
 
@@ -95,7 +91,7 @@ def relative_twist(
 
 
 @formula
-def angle(squared_difference: Any) -> Any:
+def angle(squared_difference) -> Any:
     """Angle between two rotations [rad], from the squared Frobenius norm of their difference."""
     sine_of_half = np.sqrt(squared_difference / 8.0)
     half = np.arcsin(np.minimum(1.0, sine_of_half))
@@ -103,7 +99,7 @@ def angle(squared_difference: Any) -> Any:
 
 
 @formula
-def pose_difference(R: Any, t: Any, other_R: Any, other_t: Any) -> tuple[float, float]:
+def pose_difference(R, t, other_R, other_t) -> tuple[float, float]:
     """Distance [m] and angle [rad] between two poses, each a rotation and an origin."""
     squared_distance = 0.0
     squared_difference = 0.0
@@ -116,7 +112,7 @@ def pose_difference(R: Any, t: Any, other_R: Any, other_t: Any) -> tuple[float, 
 
 
 @formula
-def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
+def reached(distance, turn, away, speed, tolerance, by_pose: bool) -> Any:
     """True if a goal is reached and the arm is at rest.
 
     The goal is reached by distance [m] and angle [rad] of the camera (``by_pose``), or else by

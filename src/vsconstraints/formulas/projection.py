@@ -14,7 +14,7 @@ OPENED = 0.7
 
 
 @formula
-def opening(error: Any, closed: float, opened: float) -> Any:
+def opening(error, closed: float, opened: float) -> Any:
     """λ as a function of the error: 0 below ``closed``, 1 above ``opened``.
 
     In between it is 1/(1 + exp(6 − 12 r)) with r = (error − closed)/(opened − closed). Marey and

@@ -21,13 +21,13 @@ Depth = tuple[Any, Any, Any, Any]
 
 
 @formula
-def sign(x: Any) -> Any:
+def sign(x) -> Any:
     """Sign of a coordinate, 1 at zero."""
     return 1.0 - 2.0 * (x < 0.0)
 
 
 @formula
-def divisor_of(length: Any) -> tuple[Any, Any]:
+def divisor_of(length) -> tuple[Any, Any]:
     """Length, or 1 where it is zero, to divide by; and 1 where it is zero, else 0."""
     is_zero = 1.0 * (length <= 0.0)
     divisor = length + is_zero
@@ -35,13 +35,13 @@ def divisor_of(length: Any) -> tuple[Any, Any]:
 
 
 @formula
-def squared(x: Any, y: Any, z: Any) -> Any:
+def squared(x, y, z) -> Any:
     """x² + y² + z²."""
     return x * x + y * y + z * z
 
 
 @formula
-def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
+def sphere(x, y, z, r) -> Depth:
     """Depth r − ‖p‖ in a sphere and its derivatives (eqs. 47 and 48); at the centre n = +z.
 
     n is the outward direction.
@@ -56,7 +56,7 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
 
 
 @formula
-def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+def sphere_curvature(x, y, z, r, x_dot, y_dot, z_dot) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, with n the outward direction."""
     length = np.sqrt(squared(x, y, z))
     d = np.maximum(length, SMALL)
@@ -68,20 +68,20 @@ def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_d
 
 
 @formula
-def half_space(x: Any, y: Any, z: Any) -> Depth:
+def half_space(x, y, z) -> Depth:
     """Depth below the plane z = 0, and its derivatives: minus the normal."""
     none = 0.0 * z
     return -z, none, none, none - 1.0
 
 
 @formula
-def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+def half_space_curvature(x, y, z, x_dot, y_dot, z_dot) -> Any:
     """Zero: a plane is not curved."""
     return 0.0 * z_dot
 
 
 @formula
-def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
+def box(x, y, z, a, b, c) -> Depth:
     """Depth in the box |x| ≤ h = (a, b, c): −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside.
 
     n points outwards to the nearest face. If several faces are equally near, the first axis counts;
@@ -110,7 +110,7 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
 
 
 @formula
-def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any) -> Any:
+def box_curvature(x, y, z, a, b, c, *velocity) -> Any:
     """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, 0 inside.
 
     A are the axes along which x lies beyond the box.
@@ -132,7 +132,7 @@ def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any
 
 
 @formula
-def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
+def about_axis(x, y) -> tuple[Any, Any, Any]:
     """Distance ρ from the z axis and its derivatives; on the axis, the direction is x."""
     squared_distance = x * x + y * y
     rho = np.sqrt(squared_distance)
@@ -143,7 +143,7 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
 
 
 @formula
-def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
+def rectangle(rho, z, r, h) -> tuple[Any, Any, Any]:
     """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and its derivatives.
 
     Inside, where sides are equally near, the side ρ = r counts first, then the end z = +h.
@@ -166,7 +166,7 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
 
 
 @formula
-def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
+def cylinder(x, y, z, r, h) -> Depth:
     """Depth in the cylinder ρ ≤ r, |z| ≤ h with ρ² = x² + y², and its derivatives.
 
     It is the depth of (ρ, z) in the rectangle. On the axis the outward direction is along x.
@@ -179,9 +179,7 @@ def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
 
 
 @formula
-def cylinder_curvature(
-    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
-) -> Any:
+def cylinder_curvature(x, y, z, r, h, x_dot, y_dot, z_dot) -> Any:
     """ẋᵀ H ẋ of :func:`cylinder`.
 
     It is the sum of the curvature of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and that of the rectangle, which is
@@ -205,7 +203,7 @@ def cylinder_curvature(
 
 
 @formula
-def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
+def from_segment(x, y, z, h) -> tuple[Any, Any, Any, Any]:
     """Distance to the segment |z| ≤ h of the z axis, and its derivatives.
 
     On the segment the direction is x.
@@ -221,7 +219,7 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
 
 @formula
-def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
+def capsule(x, y, z, r, h) -> Depth:
     """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis.
 
     On the segment the outward direction is along x.
@@ -231,9 +229,7 @@ def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
 
 
 @formula
-def capsule_curvature(
-    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
-) -> Any:
+def capsule_curvature(x, y, z, r, h, x_dot, y_dot, z_dot) -> Any:
     """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment.
 
     Beside the segment ẋ is taken without ż.

@@ -16,7 +16,7 @@ AMBIGUOUS = 1e-6  #: Distance [rad] from θ = π within which the axis may have 
 
 
 @formula
-def whole_turns(angle: Any) -> Any:
+def whole_turns(angle) -> Any:
     """Multiple of 2π [rad] that brings an angle into [−π, π] when it is subtracted.
 
     It is 0 for an angle in that interval.
@@ -25,13 +25,13 @@ def whole_turns(angle: Any) -> Any:
 
 
 @formula
-def length(x: Any) -> float:
+def length(x) -> float:
     """‖x‖₂."""
     return math.sqrt(dot(x, x))
 
 
 @formula
-def turn_about(axis: Any, s: float, c: float) -> Matrix:
+def turn_about(axis, s: float, c: float) -> Matrix:
     """I + s [u]× + (1 − c) [u]×²: rotation about the unit vector u with sine s and cosine c."""
     x = axis[0]
     y = axis[1]
@@ -54,7 +54,7 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
 
 
 @formula
-def turn_by(w: Any) -> Matrix:
+def turn_by(w) -> Matrix:
     """exp([w]×): rotation by ‖w‖ about w."""
     theta = length(w)
     inverse = 1.0 / theta if theta > 0.0 else 0.0
@@ -91,7 +91,7 @@ def quaternion(R: Matrix) -> tuple[Vector, Any]:
 
 
 @formula
-def largest_component(w: Any) -> Any:
+def largest_component(w) -> Any:
     """Component of the largest magnitude, with its sign."""
     largest = w[0]
     if abs(w[1]) > abs(largest):
@@ -102,7 +102,7 @@ def largest_component(w: Any) -> Any:
 
 
 @formula
-def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
+def rotation_vector(R: Matrix, near, continues: bool) -> Vector:
     """θu with exp([θu]×) = R.
 
     If ``continues`` is set, it is the one of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so
@@ -155,7 +155,7 @@ def cotangent_coefficient(theta: float) -> tuple[float, float]:
 
 
 @formula
-def with_half_cross(L: Matrix, x: Any) -> Matrix:
+def with_half_cross(L: Matrix, x) -> Matrix:
     """L + ½[x]×."""
     xx, xy, xz = L[0]
     yx, yy, yz = L[1]
@@ -169,14 +169,14 @@ def with_half_cross(L: Matrix, x: Any) -> Matrix:
 
 
 @formula
-def changing_row(c_dot_x: Any, c: Any, x: Any, x_dot: Any, w: Any, w_dot: Any) -> Vector:
+def changing_row(c_dot_x, c, x, x_dot, w, w_dot) -> Vector:
     """Derivative of the row c x wᵀ of the matrix c w wᵀ, in which x is a component of w."""
     outer_rate = plus(times(x_dot, w), times(x, w_dot))
     return plus(times(c_dot_x, w), times(c, outer_rate))
 
 
 @formula
-def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
+def rotation_vector_rate(w, omega) -> tuple[Vector, Matrix, Matrix]:
     """ẇ = L ω of the rotation vector w = θu of R if Ṙ = R [ω]×, L, and its derivative along ω.
 
     L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference),

@@ -55,7 +55,7 @@ BOUND, EQUAL, PUSH = range(3)
 
 
 @formula
-def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
+def one_period_ahead(phi, K, tracked, period: float) -> Any:
     """φ + T_s L_gφ q̈ of tracking where φ itself has relative degree one (K = 0); φ elsewhere.
 
     K = 0 holds for rows of speeds, for instance.
@@ -64,7 +64,7 @@ def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
 
 
 @formula
-def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
+def asked_for(value, tracked, purpose: int, relative: int, everywhere: int) -> Any:
     """Convert the value of a demand's formula to ``BOUND``, ``EQUAL`` or ``PUSH``.
 
     The result is inf where the demand is inactive: for ``PUSH``, and for ``EQUAL`` unless
@@ -80,7 +80,7 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
 
 
 @formula
-def share_within(c: Any, tracked: Any) -> Any:
+def share_within(c, tracked) -> Any:
     """Largest κ in [0, 1] for which κ L_gφ q̈ of tracking does not exceed max(c, 0).
 
     It is 1 where tracking moves a row inwards.
@@ -90,6 +90,6 @@ def share_within(c: Any, tracked: Any) -> Any:
 
 
 @formula
-def gradient_error(gradient: Any, error_share: Any) -> Any:
+def gradient_error(gradient, error_share) -> Any:
     """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``error_share`` = c_e s; the same for L_gφ = K ∇σ."""
     return error_share * np.abs(gradient)

@@ -21,13 +21,13 @@ def gains(squared_error: float, Kp0: float, slope: float, damping: float) -> tup
 
 
 @formula
-def demanded(error: Any, rate: Any, drift: Any, Kp: float, Kv: float) -> Any:
+def demanded(error, rate, drift, Kp: float, Kv: float) -> Any:
     """B = −K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t, of one feature."""
     return -Kp * error - Kv * rate - drift
 
 
 @formula
-def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> Any:
+def resting(q, qd, posture, damping: float, stiffness: float) -> Any:
     """q̈₀ = −d q̇ + w (q_posture − q) of one joint: rest acceleration.
 
     It applies where task and rows leave the joint free.
@@ -61,7 +61,7 @@ JUST_BEFORE = 1e-6
 
 
 @formula
-def goal_at(begins: Any, t: float) -> int:
+def goal_at(begins, t: float) -> int:
     """Index of the goal that holds at time t [s], for goals that begin at these times (g,).
 
     Times are compared with the tolerance ``ROUNDING``.
@@ -73,7 +73,7 @@ def goal_at(begins: Any, t: float) -> int:
     return goal
 
 
-def goals_at(begins: Any, t: Any) -> Any:
+def goals_at(begins, t) -> Any:
     """Indices (N,) of the goals that hold at many times (N,); see :func:`goal_at`."""
     tolerant = np.asarray(t) + ROUNDING
     begun = np.searchsorted(begins, tolerant, side="right")
@@ -81,7 +81,7 @@ def goals_at(begins: Any, t: Any) -> Any:
 
 
 @formula
-def funnel(elapsed: Any, final: float, decay: float) -> tuple[Any, Any, Any]:
+def funnel(elapsed, final: float, decay: float) -> tuple[Any, Any, Any]:
     """ρ/ρ₀ = (1 − f) exp(−l t) + f and two derivatives, with f = ρ∞/ρ₀ and l [1/s].
 
     Before t = 0 the funnel is open and constant.

@@ -15,13 +15,13 @@ Matrix = Any  #: A tuple of three rows, or an array (3, 3).
 
 
 @formula
-def vector(x: Any) -> Vector:
+def vector(x) -> Vector:
     """Coordinates of an array (3, ...), as a tuple."""
     return x[0], x[1], x[2]
 
 
 @formula
-def matrix(A: Any) -> Matrix:
+def matrix(A) -> Matrix:
     """Rows of an array (3, 3), as tuples."""
     return (
         (A[0, 0], A[0, 1], A[0, 2]),
@@ -31,7 +31,7 @@ def matrix(A: Any) -> Matrix:
 
 
 @formula
-def plus(a: Any, b: Any) -> Vector:
+def plus(a, b) -> Vector:
     """Return a + b."""
     return (
         a[0] + b[0],
@@ -41,7 +41,7 @@ def plus(a: Any, b: Any) -> Vector:
 
 
 @formula
-def minus(a: Any, b: Any) -> Vector:
+def minus(a, b) -> Vector:
     """Return a − b."""
     return (
         a[0] - b[0],
@@ -51,7 +51,7 @@ def minus(a: Any, b: Any) -> Vector:
 
 
 @formula
-def times(scale: Any, a: Any) -> Vector:
+def times(scale, a) -> Vector:
     """Return scale a."""
     return (
         scale * a[0],
@@ -61,7 +61,7 @@ def times(scale: Any, a: Any) -> Vector:
 
 
 @formula
-def add_scaled(a: Any, scale: Any, b: Any) -> Vector:
+def add_scaled(a, scale, b) -> Vector:
     """Return a + scale b."""
     return (
         a[0] + scale * b[0],
@@ -71,7 +71,7 @@ def add_scaled(a: Any, scale: Any, b: Any) -> Vector:
 
 
 @formula
-def cross(a: Any, b: Any) -> Vector:
+def cross(a, b) -> Vector:
     """Return a × b."""
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -81,13 +81,13 @@ def cross(a: Any, b: Any) -> Vector:
 
 
 @formula
-def dot(a: Any, b: Any) -> Any:
+def dot(a, b) -> Any:
     """Return a · b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @formula
-def rotate(A: Matrix, x: Any) -> Vector:
+def rotate(A: Matrix, x) -> Vector:
     """Return A x."""
     return (
         dot(A[0], x),
@@ -107,7 +107,7 @@ def transpose(A: Matrix) -> Matrix:
 
 
 @formula
-def rotate_inverse(A: Matrix, x: Any) -> Vector:
+def rotate_inverse(A: Matrix, x) -> Vector:
     """Return Aᵀ x."""
     return rotate(transpose(A), x)
 
@@ -124,7 +124,7 @@ def product(A: Matrix, B: Matrix) -> Matrix:
 
 
 @formula
-def outer(a: Any, b: Any) -> Matrix:
+def outer(a, b) -> Matrix:
     """Return a bᵀ."""
     return (
         times(a[0], b),
@@ -134,7 +134,7 @@ def outer(a: Any, b: Any) -> Matrix:
 
 
 @formula
-def add_to_diagonal(A: Matrix, x: Any) -> Matrix:
+def add_to_diagonal(A: Matrix, x) -> Matrix:
     """Return A + x I."""
     xx, xy, xz = A[0]
     yx, yy, yz = A[1]

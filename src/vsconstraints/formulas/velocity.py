@@ -25,15 +25,13 @@ def adaptive_gain(error: float, at_zero: float, at_infinity: float, slope_at_zer
 
 
 @formula
-def rate_factor(K: Any) -> Any:
+def rate_factor(K) -> Any:
     """Return the factor of σ̇ in φ = σ + K σ̇; 1 for a row on speeds, which has K = 0."""
     return where(K > 0.0, K, 1.0)
 
 
 @formula
-def damped_bound(
-    h: Any, sigma: Any, K: Any, scale: Any, speed: float, influence: float, security: float
-) -> Any:
+def damped_bound(h, sigma, K, scale, speed: float, influence: float, security: float) -> Any:
     """Return the bound of ∇σᵀ q̇ with which a row on σ is a velocity damper.
 
     ``h`` is −σ − K ∂σ/∂t, the bound of K ∇σᵀ q̇. With d = −σ in scales of the row, the damper

@@ -72,8 +72,11 @@ class Board(NamedTuple):
         x -= inwards * (inwards @ x)
         x /= np.sqrt(x @ x)
         y = np.cross(inwards, x)
-        pose = Pose(np.stack((x, y, inwards), axis=1), middle)
-        numbers = np.arange(M) if ids is None else np.array(ids, dtype=np.int64)
+        R = np.stack((x, y, inwards), axis=1)
+        pose = Pose(R, middle)
+        numbers = np.arange(M)
+        if ids is not None:
+            numbers = np.array(ids, dtype=np.int64)
         if len(numbers) != M:
             raise ConfigurationError(
                 f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: "
@@ -107,8 +110,10 @@ def _corners(markers: Array, side: float | None) -> Array:
     inwards = -markers / distance[:, None]
     # 45° to either side of the direction to the origin
     c = np.sqrt(0.5)
-    x = inwards @ np.array([[c, -c], [c, c]])
-    y = inwards @ np.array([[c, c], [-c, c]])
+    to_one_side = np.array([[c, -c], [c, c]])
+    to_other_side = np.array([[c, c], [-c, c]])
+    x = inwards @ to_one_side
+    y = inwards @ to_other_side
     right = SQUARE[:, :1] * x[:, None]
     down = SQUARE[:, 1:] * y[:, None]
     corners: Array = markers[:, None] + side * (right + down)

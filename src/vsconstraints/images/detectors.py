@@ -76,7 +76,10 @@ def roomy(image: Pixels) -> Pixels:
     """Return the image with its last row repeated until the detector's least size is reached."""
     height, width = image.shape
     missing = math.ceil(MIN_PIXELS / width) - height
-    return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
+    if missing <= 0:
+        return image
+    below = ((0, missing), (0, 0))
+    return np.pad(image, below, "edge")
 
 
 @cache

@@ -81,7 +81,8 @@ class Renderer:
         if settings.noise:
             noise = random.standard_normal(image.shape, dtype=np.float32)
             image += np.float32(settings.noise) * noise
-        return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
+        rounded = np.rint(image)
+        return np.clip(rounded, 0.0, 255.0).astype(np.uint8)
 
     def _expose(self, motion: CameraMotion) -> Array:
         """Return the mean image (H, W) over the instants of an exposure."""
@@ -262,8 +263,10 @@ def _points_on_tag(
         slope = last - first
         curvature = 0.5 * (last + first) - middle
         homography = middle + times * 0.5 * slope + times**2 * curvature
-    tag_x, tag_y, scale = (row[0] * x + row[1] * y + row[2] for row in homography)
-    return tag_x / scale, tag_y / scale
+    # x and y times the scale, and the scale
+    scaled = [by_x * x + by_y * y + constant for by_x, by_y, constant in homography]
+    scaled_x, scaled_y, scale = scaled
+    return scaled_x / scale, scaled_y / scale
 
 
 def _rounded(pose: Pose) -> Pose:

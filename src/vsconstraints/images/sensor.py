@@ -197,8 +197,10 @@ class ImageSensor(Sensor):
         self._board = Board.of_markers(
             self.believed.markers, renderer.seen_from, settings.tag_side_m, settings.tags
         )
-        known = scene.motion if scene.motion is not None and scene.motion.known else None
-        self._model = Scene(scene.robot, self.camera, self.believed.markers, (), known)
+        known_motion = None
+        if scene.motion is not None and scene.motion.known:
+            known_motion = scene.motion
+        self._model = Scene(scene.robot, self.camera, self.believed.markers, (), known_motion)
 
     def reset(self) -> None:
         """Begin a new run with the same noise."""
@@ -224,7 +226,8 @@ class ImageSensor(Sensor):
         behind the camera.
         """
         if self._newest is None or self._newest[0] != k:
-            self._newest = k, self._measured(k * self._Ts, q, qd)
+            measurement = self._measured(k * self._Ts, q, qd)
+            self._newest = (k, measurement)
         return self._newest[1]
 
     def _measured(self, t: float, q: Array, qd: Array) -> Measurement:

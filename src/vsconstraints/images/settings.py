@@ -60,19 +60,20 @@ class ImageSettings:
         positive = "rate_hz", "light", "tag_side_m", "patience_s", *depth
         least = "latency_s", "noise", "blur_px", "exposure_s", "rolling_s"
         require_sign(self, "sensor: ", positive=positive, zero_or_more=least)
+        period = 1.0 / self.rate_hz
         for name in ("exposure_s", "rolling_s"):
-            if getattr(self, name) > 1.0 / self.rate_hz:
+            duration = getattr(self, name)
+            if duration > period:
                 raise InvalidInput(
-                    f"sensor: {name} must not exceed the time between images, "
-                    f"{1.0 / self.rate_hz:.3g} s, not "
-                    f"{format_value(getattr(self, name))}"
+                    f"sensor: {name} must not exceed the time between images, {period:.3g} s, not "
+                    f"{format_value(duration)}"
                 )
         for kind in self.opaque:
             if kind not in get_args(OpaqueName):
                 raise unknown_name("entry of opaque of sensor", str(kind), get_args(OpaqueName))
         for name in ("tags", "printed"):
             ids = getattr(self, name)
-            if ids is not None and not all(int(k) == k and 0 <= k <= LAST_ID for k in ids):
+            if ids is not None and not set(ids) <= set(range(LAST_ID + 1)):
                 raise InvalidInput(
                     f"sensor: {name} must be numbers from 0 to {LAST_ID}, not "
                     f"{format_value(list(ids))}"

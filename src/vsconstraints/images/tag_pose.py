@@ -144,7 +144,8 @@ def board_pose(
     middle = points.mean(axis=0)
     first_R, _ = cv2.Rodrigues(turn)
     sight = first_R @ middle + shift.ravel()
-    mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
+    along_sight = np.outer(sight, sight) / (sight @ sight)
+    mirror = np.eye(3) - 2.0 * along_sight
     second_R = mirror @ first_R @ np.diag((1.0, 1.0, -1.0))
     candidates: list[tuple[Pose, float]] = []
     for start_R in (first_R, second_R):
@@ -173,6 +174,7 @@ def _refined(points: Array, normalised: Array, start: Pose) -> Pose:
 
     turn, _ = cv2.Rodrigues(start.R)
     shift = start.t[:, None]
-    turn, shift = cv2.solvePnPRefineLM(points, normalised, np.eye(3), None, turn, shift)
+    no_lens = np.eye(3)
+    turn, shift = cv2.solvePnPRefineLM(points, normalised, no_lens, None, turn, shift)
     R, _ = cv2.Rodrigues(turn)
     return Pose(R, shift.ravel())

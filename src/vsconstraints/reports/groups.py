@@ -65,6 +65,21 @@ def information_text(required: Sequence[str] | None) -> str:
     return plain(", ".join(required)) or "none"
 
 
+def implementation_text(is_compiled: Sequence[bool], external: bool) -> str:
+    """Return how a controller runs: compiled, in NumPy, or external (in its own process).
+
+    ``is_compiled`` has the implementation of each of its runs.
+    """
+    if external:
+        return "external"
+    share = sum(is_compiled) / len(is_compiled)
+    if share == 0.0:
+        return "NumPy"
+    if share == 1.0:
+        return "compiled"
+    return f"compiled in {100.0 * share:.0f} %, else NumPy"
+
+
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     """Split the controllers of a suite into groups, in their order.
 

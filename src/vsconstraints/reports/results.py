@@ -13,8 +13,8 @@ from ..comparisons import StoredComparison
 from ..comparisons.metrics import Metric
 from ..comparisons.runs.spec import stack_law
 from ..comparisons.suite import BASELINE
-from ..simulation.programs import declared_in
-from .groups import grouped
+from ..simulation.programs import uses_by_controller
+from .groups import grouped, implementation_text
 from .markdown import Table, bold
 from .numbers import Format, median, number, over_trials
 
@@ -107,32 +107,27 @@ class Results:
     def implementation(self, controller: str, scenario: str | None = None) -> str:
         """Return the implementation of a controller, in a scenario or in all.
 
-        It is compiled, NumPy, or external for a program in a process of its own, and empty for
-        recorded runs, whose times are unknown.
+        See :func:`.implementation_text`. It is empty for recorded runs, whose times are unknown.
         """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        kinds = set()
-        for line in lines:
-            if _was_timed(line):
-                kinds.add("compiled" if line.get("compiled") else "NumPy")
-        if kinds and controller in self.external:
-            return "external"
-        return " and ".join(kind for kind in ("compiled", "NumPy") if kind in kinds)
+        is_compiled = [bool(line.get("compiled")) for line in lines if _was_timed(line)]
+        if not is_compiled:
+            return ""
+        return implementation_text(is_compiled, controller in self.external)
 
     @cached_property
-    def declared(self) -> dict[str, tuple[str, ...]]:
+    def declared_uses(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
-        declared = {}
+        reasons = {}
         for name in self.competitors:
-            uses = declared_in(str(line.get("reason") or "") for line in self.all_runs(name))
-            if uses is not None:
-                declared[name] = uses
-        return declared
+            reasons[name] = [str(line.get("reason") or "") for line in self.all_runs(name)]
+        return uses_by_controller(reasons)
 
     @property
     def stacks(self) -> list[str]:
         """Controllers that get measurements instead of rows and a task."""
-        return [name for name in self.competitors if name in self.external or name in self.declared]
+        programs = self.external | self.declared_uses.keys()
+        return [name for name in self.competitors if name in programs]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Return the lines of constraints.csv, of one row or of all."""

@@ -26,7 +26,7 @@ from .results import (
     shown_values,
     tally,
     violated,
-)  # fmt: skip
+)
 
 #: Finer units in which margins are printed, with their factors.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}

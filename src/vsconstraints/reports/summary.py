@@ -24,7 +24,7 @@ from .results import (
     shown_values,
     tally,
     violated,
-)  # fmt: skip
+)
 
 #: Explanation of the marks of :func:`outcome`.
 MARKS = (

@@ -80,7 +80,9 @@ def build(
     robot = bare.robot
     camera = bare.camera
     q0 = robot.configuration(file.q0, "q0")
-    qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
+    qd0: Array = np.zeros(robot.n)
+    if file.qd0 is not None:
+        qd0 = robot.configuration(file.qd0, "qd0")
     if deviation is not None:
         q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
     disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
@@ -183,7 +185,9 @@ def _target(table: object, where: str) -> tuple[Array, TargetMotion | None]:
     of_translation, of_turn = split(of_motion["motion"], in_motion, Motion, Turn)
     translation = from_table(Motion, of_translation, in_motion)
     turn = from_table(Turn, of_turn, in_motion)
-    centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
+    centre = markers.mean(axis=0)
+    if turn.centre is not None:
+        centre = np.array(turn.centre)
     return markers, TargetMotion(translation, np.array(turn.angular_velocity), centre)
 
 
@@ -199,7 +203,12 @@ def _square_target(square: Square) -> Array:
     require_positive(square.side, "side of a square target")
     half = 0.5 * square.side
     corners = np.array(
-        [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]
+        [
+            [-half, -half, 0.0],
+            [half, -half, 0.0],
+            [half, half, 0.0],
+            [-half, half, 0.0],
+        ]
     )
     return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
 

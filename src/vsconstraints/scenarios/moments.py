@@ -119,8 +119,10 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
     camera = goal.camera
     if camera is None:
         camera, missed = _pose_behind(scene, goal, q0)
-    elif goal.q is not None and max(distance(scene.camera_pose(goal.q, t), camera)) < SAME:
-        return goal.q, 0.0
+    elif goal.q is not None:
+        at_q = scene.camera_pose(goal.q, t)
+        if max(distance(at_q, camera)) < SAME:
+            return goal.q, 0.0
     tip = tip_of(scene, camera)
     if scene.motion is not None:
         tip = scene.motion.pose(t) @ tip

@@ -258,10 +258,10 @@ def extended_tables(
             )
     tables = parts.pop()
     for over in reversed(parts):
-        if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
-            tables["camera"] = without_replaced(tables["camera"], over["camera"])
-        if isinstance(tables.get("task"), dict) and isinstance(over.get("task"), dict):
-            tables["task"] = without_replaced_feature(tables["task"], over["task"])
+        for key, remaining in (("camera", without_replaced), ("task", without_replaced_feature)):
+            under = tables.get(key)
+            if isinstance(under, dict) and isinstance(over.get(key), dict):
+                tables[key] = remaining(under, over[key])
         tables = merged(tables, over)
     return tables
 

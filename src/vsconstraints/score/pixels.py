@@ -47,13 +47,17 @@ def require_pixels(where: str, camera: Camera, recorded: Array, model: Array) ->
     known = np.flatnonzero(np.count_nonzero(seen, axis=1))
     if not len(known):
         return
-    chosen = known[np.linspace(0, len(known) - 1, min(len(known), SAMPLES)).astype(int)]
+    count = min(len(known), SAMPLES)
+    positions = np.linspace(0, len(known) - 1, count).astype(int)
+    chosen = known[positions]
     values = recorded[chosen]
     expected = model[chosen]
     ever_seen = np.flatnonzero(np.count_nonzero(seen[chosen], axis=0))
     present = _deviation(values[:, ever_seen], expected[:, ever_seen])
     shown = expected[:, ever_seen]
-    spread = (np.nanmax(shown, axis=(0, 1)) - np.nanmin(shown, axis=(0, 1))).max()
+    greatest = np.nanmax(shown, axis=(0, 1))
+    least = np.nanmin(shown, axis=(0, 1))
+    spread = (greatest - least).max()
     # pixels at one place differ by an offset alone, whatever they mean: the camera may be turned
     unquestioned = NEAR if spread > 2.0 * NEAR else QUESTIONABLE * max(camera.size)
     if present <= unquestioned:
@@ -67,7 +71,8 @@ def require_pixels(where: str, camera: Camera, recorded: Array, model: Array) ->
                 if deviation < best:
                     best = deviation
                     meant = _in_order(reading, ever_seen, order)
-    if meant is not None and (best < FAR_BETTER * present or best < min(NEAR, BETTER * present)):
+    is_much_better = best < FAR_BETTER * present or best < min(NEAR, BETTER * present)
+    if meant is not None and is_much_better:
         raise ConfigurationError(
             f"{where}: measured pixels deviate by {present:.3g} px from those of the model at the "
             f"recorded positions, and by {best:.2g} px if {' and '.join(meant.meanings)}. Pixels "

@@ -38,7 +38,8 @@ SUSTAINED = 0.1  #: Time over which a sustained speed is measured [s].
 
 def require_radians(path: Path, robot: Robot, q: Array) -> None:
     """Raise ConfigurationError if positions (N, n) seem to be degrees."""
-    farthest = q[np.abs(q).argmax(axis=0), np.arange(robot.n)]
+    farthest_samples = np.abs(q).argmax(axis=0)
+    farthest = q[farthest_samples, np.arange(robot.n)]
     question = degrees_question(f"{path}: the largest position", robot, farthest)
     if question:
         raise ConfigurationError(f"{question} --degrees converts them")

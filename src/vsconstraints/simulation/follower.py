@@ -62,7 +62,8 @@ class ArmInput:
                 raise ConfigurationError(
                     f"arm.{name} must be positive and finite, not {format_value(value)}"
                 )
-        if not (self.rate is None or (np.ndim(self.rate) == 0 and _positive(self.rate))):
+        is_number = self.rate is not None and np.ndim(self.rate) == 0
+        if self.rate is not None and not (is_number and _positive(self.rate)):
             raise ConfigurationError(
                 f"arm.rate must be one positive and finite number, not {format_value(self.rate)}"
             )
@@ -123,13 +124,20 @@ def periods_of(rate: float | None, Ts: float) -> tuple[int, int]:
             f"arm.rate must be at most {MOST_TICKS} times the sampling rate, {1.0 / Ts:g} Hz, not "
             f"{rate:g} Hz"
         )
-    for number, pair in ((ticks, (round(ticks), 1)), (1.0 / ticks, (1, round(1.0 / ticks)))):
-        if number >= 1.0 - WHOLE and abs(number - round(number)) <= WHOLE * number:
-            return pair
+    if _is_whole(ticks):
+        return round(ticks), 1
+    periods = 1.0 / ticks
+    if _is_whole(periods):
+        return 1, round(periods)
     raise ConfigurationError(
         f"arm.rate must be a multiple or a divisor of the sampling rate, {1.0 / Ts:g} Hz, not "
         f"{rate:g} Hz"
     )
+
+
+def _is_whole(number: float) -> bool:
+    """True if a number is a whole one from 1 on, within rounding."""
+    return number >= 1.0 - WHOLE and abs(number - round(number)) <= WHOLE * number
 
 
 class LowLevelLoop:
@@ -192,7 +200,7 @@ class LowLevelLoop:
             "jerk": per_joint("arm.jerk", arm.jerk, n),
             "reference": np.zeros((rows, n)),
         }
-        self.arrays = zeros(self.kernels.Follower, {}, known)
+        self.arrays = zeros(self.kernels.Follower, {"n": n}, known)
         self.x: Array = self.arrays.reference
         self.x[self.kernels.Q] = q0
         self.x[self.kernels.QD] = qd0

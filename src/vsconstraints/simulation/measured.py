@@ -92,5 +92,6 @@ def follow_measured(
         "time_limit": None,
         "duration": (len(states) - 1) * setup.Ts,
     }
-    settings = {each.name: getattr(setup, each.name) for each in fields(Setup)} | changes
-    return simulate(Measured(**settings), _Repeated(qdd), remarks=())
+    settings = {each.name: getattr(setup, each.name) for each in fields(Setup)}
+    measured = Measured(**(settings | changes))
+    return simulate(measured, _Repeated(qdd), remarks=())

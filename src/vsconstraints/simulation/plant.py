@@ -198,7 +198,12 @@ def without_limits(Ts: float) -> JointLimits:
 def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
     """Return A (s, s) of ẋ = A x for one joint, with x = (q, q̇, …, q̈_c, d_c)."""
     if tau == 0.0:
-        return ((0, 1, 0, 0), (0, 0, 1, 1), (0, 0, 0, 0), (0, 0, 0, 0))
+        return (
+            (0, 1, 0, 0),
+            (0, 0, 1, 1),
+            (0, 0, 0, 0),
+            (0, 0, 0, 0),
+        )
     if actuation == "acceleration":
         # x = (q, q̇, a, q̈_c, d_c)
         return (
@@ -267,7 +272,9 @@ def cubic(
     q0, v0 = begin
     q1, v1 = end
     way = q1 - q0
-    q = q0 + s * s * (3.0 - 2.0 * s) * way + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+    by_way = s * s * (3.0 - 2.0 * s) * way
+    by_speeds = T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+    q = q0 + by_way + by_speeds
     of_way = 6.0 * s * (1.0 - s) * way / T
     of_begin = (1.0 - s) * (1.0 - 3.0 * s) * v0
     of_end = s * (3.0 * s - 2.0) * v1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from os.path import isfile  # unlike Path.is_file, it takes a text that is too long for a path
 from pathlib import Path
@@ -59,6 +59,16 @@ def declared_in(reasons: Iterable[str]) -> tuple[str, ...] | None:
     """Return the data that any of these reasons of a stack's runs declares; None if none does."""
     declared = [uses for uses in map(declared_uses, reasons) if uses is not None]
     return tuple(dict.fromkeys(chain.from_iterable(declared))) if declared else None
+
+
+def uses_by_controller(reasons: Mapping[str, Iterable[str]]) -> dict[str, tuple[str, ...]]:
+    """Return the data that each stack declared, by controller, from the reasons of its runs."""
+    by_controller = {}
+    for name, own in reasons.items():
+        uses = declared_in(own)
+        if uses is not None:
+            by_controller[name] = uses
+    return by_controller
 
 
 def program_name(command: Sequence[str]) -> str:

@@ -413,10 +413,13 @@ class Setup:
         rows = start.rows
         sigma = start.sigma
         first = 0
-        beyond = ~np.isfinite(np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))).all(axis=1)
+        numbers = np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))
+        beyond = ~np.isfinite(numbers).all(axis=1)
         if beyond.any():
-            labels = ", ".join(listed([rows.labels[i] for i in np.flatnonzero(beyond)], "rows"))
-            raise FloatingPointError(f"numbers beyond the range of floating point in {labels}")
+            labels = [rows.labels[i] for i in np.flatnonzero(beyond)]
+            raise FloatingPointError(
+                f"numbers beyond the range of floating point in {', '.join(listed(labels, 'rows'))}"
+            )
         for constraint, count, _ in self.constraints.blocks():
             block = slice(first, first := first + count)
             refusal = constraint.refusal(sigma[block], rows.labels[block])

@@ -44,7 +44,8 @@ def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
         lines = LinesOfSight(scene)
     except ConfigurationError as error:
         return [f"lines of sight are not checked: {error}"]
-    hidden = [f"marker {number} by {link}" for number, link in lines.hidden(q0[None], [0.0])[0]]
+    (hidden_by,) = lines.hidden(q0[None], [0.0])
+    hidden = [f"marker {number} by {link}" for number, link in hidden_by]
     if hidden and refused:
         raise ConfigurationError(
             f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "
@@ -106,7 +107,8 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
         L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * units
         J = now.camera_J / units[:, None]
         LJ = L @ J
-        if not (np.isfinite(L).all() and np.isfinite(J).all() and np.isfinite(LJ).all()):
+        are_finite = all(np.isfinite(A).all() for A in (L, J, LJ))
+        if not are_finite:
             continue
         determined = int(np.linalg.matrix_rank(LJ, rtol=DETERMINED))
         free = int(np.linalg.matrix_rank(J, rtol=DETERMINED))

@@ -143,4 +143,6 @@ def intervals(t: Array, flags: BoolArray, gap: float) -> list[tuple[float, float
     breaks = np.flatnonzero(np.diff(times) > gap)
     firsts = np.concatenate(([0], breaks + 1))
     lasts = np.concatenate((breaks, [len(times) - 1]))
-    return [(float(times[a]), float(times[b])) for a, b in zip(firsts, lasts, strict=True)]
+    begins = times[firsts].tolist()
+    ends = times[lasts].tolist()
+    return list(zip(begins, ends, strict=True))

@@ -73,8 +73,11 @@ def unit_warnings_at(scene: Scene, what: str, q: Array) -> list[str]:
 
     The scene is seen from coordinates ``q`` (n,), which the sentences call ``what``.
     """
+    warnings = [*_of_camera(scene.camera), *_of_lengths(scene, q)]
     question = degrees_question(what, scene.robot, q)
-    return [*_of_camera(scene.camera), *_of_lengths(scene, q), *([question] if question else [])]
+    if question:
+        warnings.append(question)
+    return warnings
 
 
 def in_degrees(robot: Robot, q: Array) -> BoolArray:
@@ -86,7 +89,9 @@ def in_degrees(robot: Robot, q: Array) -> BoolArray:
     outside = (q < robot.q_min) | (q > robot.q_max)
     unbounded = ~(np.isfinite(robot.q_min) & np.isfinite(robot.q_max))
     turned = np.abs(q)
-    suspect = (outside & (turned > 2.0 * np.pi)) | (unbounded & (turned > TWO_TURNS))
+    far_outside = outside & (turned > 2.0 * np.pi)
+    far = unbounded & (turned > TWO_TURNS)
+    suspect = far_outside | far
     return np.asarray(suspect & ~_prismatic(robot))
 
 
@@ -126,7 +131,9 @@ def _joints(robot: Robot, chosen: BoolArray) -> str:
 
 
 def _of_camera(camera: Camera) -> Iterator[str]:
-    view = 2.0 * np.degrees(np.arctan(0.5 * np.asarray(camera.size) / np.asarray(camera.focal)))
+    half_size = 0.5 * np.asarray(camera.size)
+    half_view = np.arctan(half_size / np.asarray(camera.focal))
+    view = 2.0 * np.degrees(half_view)
     if view.max() > MAX_VIEW:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
         yield (
@@ -176,13 +183,16 @@ def _of_lengths(scene: Scene, q0: Array) -> Iterator[str]:
             f"not m?"
         )
     slides = _prismatic(scene.robot)
-    reach = float(np.linalg.norm(scene.robot.pose(np.where(slides, 0.0, q0)).t))
+    retracted = np.where(slides, 0.0, q0)
+    tip = scene.robot.pose(retracted)
+    reach = float(np.linalg.norm(tip.t))
     if reach > FAR:
         yield (
             f"the arm's tip is {reach:.3g} m from its base: are the arm's dimensions in mm, not m?"
         )
-    if (np.abs(q0[slides]) > FAR).any():
-        yield f"a prismatic joint is at {np.abs(q0[slides]).max():.4g} m: is it in mm, not m?"
+    slid = np.abs(q0[slides])
+    if (slid > FAR).any():
+        yield f"a prismatic joint is at {slid.max():.4g} m: is it in mm, not m?"
 
 
 def _of_depths(task: VisualTask) -> Iterator[str]:
@@ -197,9 +207,11 @@ def _of_depths(task: VisualTask) -> Iterator[str]:
 
 def _of_robot(robot: Robot, limits: ActuatorLimits) -> Iterator[str]:
     turning = ~_prismatic(robot)
-    ends = np.maximum(
-        *(np.abs(np.where(np.isfinite(end), end, 0.0)) for end in (robot.q_min, robot.q_max))
-    )
+    known_ends = []
+    for end in (robot.q_min, robot.q_max):
+        known = np.where(np.isfinite(end), end, 0.0)
+        known_ends.append(np.abs(known))
+    ends = np.maximum(*known_ends)
     wide = turning & (ends > TWO_TURNS) & (ends <= MANY_TURNS)
     if wide.any():
         yield (
@@ -249,11 +261,8 @@ def _of_joint_rows(constraints: ConstraintSet, robot: Robot) -> Iterator[str]:
         greatest = np.maximum(np.abs(rows.lower), np.abs(rows.upper))
         if isinstance(rows, JointRange):
             of_robot = np.maximum(np.abs(robot.q_min[joints]), np.abs(robot.q_max[joints]))
-            wide = (
-                turning
-                & (greatest > TWO_TURNS)
-                & (greatest > np.where(np.isfinite(of_robot), of_robot, 0.0))
-            )
+            known = np.where(np.isfinite(of_robot), of_robot, 0.0)
+            wide = turning & (greatest > TWO_TURNS) & (greatest > known)
             unit = "rad"
             suspected = "degrees"
         else:

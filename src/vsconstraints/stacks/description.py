@@ -16,6 +16,7 @@ from ..vision.scene import Scene
 from .protocol import decode, encode
 from .urdf import TIP, urdf_text
 
+Data = dict[str, Any]  #: Part of the data that a stack gets before a run, by name.
 #: Names of the lens models in OpenCV and ROS.
 LENSES = {"brown-conrady": "plumb_bob", "fisheye": "equidistant"}
 #: Types of the parameters of a constraint that a stack gets, and kinds of their arrays: flags,
@@ -24,7 +25,7 @@ PLAIN = (bool, int, float, str, RobotPoint)
 PLAIN_KINDS = "biufU"
 
 
-def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
+def describe(setup: Setup, uses: Iterable[str]) -> Data:
     """Return the data before a run that a stack has declared, as JSON has them.
 
     ``uses`` are names of :data:`.USES`: :func:`.checked_declaration` refuses all others. Camera and
@@ -32,13 +33,13 @@ def describe(setup: Setup, uses: Iterable[str]) -> dict[str, Any]:
     that the controller does not know, are None.
     """
     scene = setup.sensor().believed
-    data: dict[str, Any] = {"period": setup.Ts, "joints": scene.robot.joint_names}
+    data: Data = {"period": setup.Ts, "joints": scene.robot.joint_names}
     for name in uses:
         if name in SECTIONS:  # others are data in each period
             data |= SECTIONS[name](setup, scene)
     # a stack in this process gets the same lists and None as one in another process, and copies of
     # the scene's arrays
-    plain: dict[str, Any] = decode(encode(data))
+    plain: Data = decode(encode(data))
     return plain
 
 
@@ -65,11 +66,11 @@ def joint_limits(setup: Setup) -> tuple[Array, Array, Array]:
     return lower, upper, speed
 
 
-def _urdf(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _urdf(setup: Setup, scene: Scene) -> Data:
     return {"urdf": urdf_text(scene.robot, joint_limits(setup)), "tip": TIP}
 
 
-def _limits(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _limits(setup: Setup, scene: Scene) -> Data:
     lower, upper, speed = joint_limits(setup)
     limits = {
         "lower": lower,
@@ -87,7 +88,7 @@ def _known_limit(setup: Setup, name: str) -> Array | None:
     return limit if np.isfinite(limit).any() else None
 
 
-def _camera(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _camera(setup: Setup, scene: Scene) -> Data:
     camera = scene.camera
     centre = camera.to_corner(camera.offset, "centres")
     described = {
@@ -106,13 +107,13 @@ def _camera(setup: Setup, scene: Scene) -> dict[str, Any]:
     return {"camera": described}
 
 
-def _target(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _target(setup: Setup, scene: Scene) -> Data:
     frame = "base" if scene.camera.fixed is None else TIP
     moves = scene.motion is not None
     return {"target": {"markers": scene.markers, "frame": frame, "moves": moves}}
 
 
-def _goals(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _goals(setup: Setup, scene: Scene) -> Data:
     camera = scene.camera
     goals = []
     for goal in setup.task.goals:
@@ -125,15 +126,15 @@ def _goals(setup: Setup, scene: Scene) -> dict[str, Any]:
     return {"feature": setup.task.feature.name, "goals": goals}
 
 
-def _constraints(setup: Setup, scene: Scene) -> dict[str, Any]:
+def _constraints(setup: Setup, scene: Scene) -> Data:
     constraints = setup.constraints.constraints
     return {"constraints": [_constraint(constraint, setup.scene) for constraint in constraints]}
 
 
-def _constraint(constraint: Constraint, scene: Scene) -> dict[str, Any]:
+def _constraint(constraint: Constraint, scene: Scene) -> Data:
     """Return kind, labels, unit and all public numbers, texts, arrays and lists of a constraint."""
     labels = constraint.labels(scene)
-    described: dict[str, Any] = {
+    described: Data = {
         "kind": constraint.kind,
         "labels": labels,
         "unit": constraint.unit,
@@ -153,7 +154,7 @@ def _is_plain(value: Any) -> bool:
     return isinstance(value, PLAIN)
 
 
-SECTIONS: dict[str, Callable[[Setup, Scene], dict[str, Any]]] = {
+SECTIONS: dict[str, Callable[[Setup, Scene], Data]] = {
     "urdf": _urdf,
     "limits": _limits,
     "camera": _camera,

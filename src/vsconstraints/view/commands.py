@@ -81,10 +81,12 @@ def replay(
     if any(map(campaign_run, runs)):
         demand("evidence", "a run of a campaign")
         from .replay.campaigns import replayed
-    selected = [
-        replayed(run, trust, note) if campaign_run(run) else select_run(run, seed, trust, note)
-        for run in runs
-    ]
+    selected = []
+    for run in runs:
+        if campaign_run(run):
+            selected.append(replayed(run, trust, note))
+        else:
+            selected.append(select_run(run, seed, trust, note))
     for path in films:
         note(*write_film(selected, path))
         console.print(f"Film: {path}")
@@ -117,8 +119,13 @@ def frames(
         # custom parts may import neighbouring modules at any time
         with entry.importing_beside(loaded.folder):
             run = simulate(setup, law)
-        total = setup.photographer().settings.number(float(run.t[-1])) + 1
+        settings = setup.photographer().settings
+        total = settings.number(float(run.t[-1])) + 1
         written = count(1)
-        images = write_frames(setup, run, out, lambda: show("writing images", next(written), total))
+
+        def on_frame() -> None:
+            show("writing images", next(written), total)
+
+        images = write_frames(setup, run, out, on_frame)
     console.print(f"{run.status}{': ' if run.reason else ''}{run.reason}")
     console.print(f"{images} images: {out}")

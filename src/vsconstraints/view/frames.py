@@ -126,9 +126,9 @@ def with_tags(frame: Frame, expected: set[int]) -> Picture:
         middle = corners.mean(axis=0).round()
         x, y = middle.astype(int).tolist()
         below_middle = (x - 8, y + 8)
-        cv2.putText(
-            picture, str(number), below_middle, fontScale=0.8, color=colour, thickness=2, **font
-        )
+        look = {"fontScale": 0.8, "color": colour, "thickness": 2, **font}
+        cv2.putText(picture, str(number), below_middle, **look)
     time = f"{frame.taken:.3f} s"
-    cv2.putText(picture, time, (8, 20), fontScale=0.6, color=WHITE, thickness=1, **font)
+    look = {"fontScale": 0.6, "color": WHITE, "thickness": 1, **font}
+    cv2.putText(picture, time, (8, 20), **look)
     return picture

@@ -128,7 +128,8 @@ class Scene3D:
             self._draw_parts(ax, frames or {}, whole)
         low = view.centre - view.half
         high = view.centre + view.half
-        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        x_limits, y_limits, z_limits = np.stack((low, high), axis=1).tolist()
+        ax.set(xlim=x_limits, ylim=y_limits, zlim=z_limits)
         ax.set_box_aspect((1, 1, 1), zoom=1.45)
         ax.view_init(elev=view.elevation, azim=view.azimuth)
         ax.set_proj_type("persp", focal_length=0.6)
@@ -145,7 +146,8 @@ class Scene3D:
             points = part.mesh.points
             if part.frame:
                 pose, stretch = frames[part.frame]
-                points = pose.act(points * (1.0, 1.0, stretch))
+                stretched = points * (1.0, 1.0, stretch)
+                points = pose.act(stretched)
             corners = points[part.mesh.triangles]
             triangles.append(corners)
             colours.append(_colours(corners, part))
@@ -181,7 +183,8 @@ def _brightness(corners: Array) -> Array:
     normals = np.cross(second - first, third - first)
     lengths = np.linalg.norm(normals, axis=1)
     has_area = lengths > 0.0
+    towards_light = np.abs(normals @ LIGHT)
     facing = np.ones(len(corners))
-    np.divide(np.abs(normals @ LIGHT), lengths, out=facing, where=has_area)
+    np.divide(towards_light, lengths, out=facing, where=has_area)
     brightness: Array = AMBIENT + DIFFUSE * np.minimum(facing, 1.0)
     return brightness

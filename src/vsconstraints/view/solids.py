@@ -66,14 +66,16 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     least = directions[2]
     x = _unit(np.cross(along, least))
     y = np.cross(along, x)
-    angles = 2.0 * np.pi * np.arange(sides + 1) / sides
+    numbers = np.arange(sides + 1)
+    angles = 2.0 * np.pi * numbers / sides
     cos = np.cos(angles)[:, None]
     sin = np.sin(angles)[:, None]
     sections = cos * x[:, None] + sin * y[:, None]
     surface = points[:, None] + radius * sections
     if caps:
         # sections of radius 0 at both ends
-        closed = np.pad(surface, ((1, 1), (0, 0), (0, 0)))
+        one_at_each_end = ((1, 1), (0, 0), (0, 0))
+        closed = np.pad(surface, one_at_each_end)
         closed[0] = points[0]
         closed[-1] = points[-1]
         surface = closed

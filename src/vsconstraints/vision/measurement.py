@@ -187,7 +187,9 @@ def describe_implausible(
 
 def _wrong_depth(beside: Deviations, allowed: float) -> str:
     """Describe the depth that deviates most from the model, and name the unit that explains it."""
-    off = np.abs(np.log(np.where(np.isnan(beside.depth_ratio), 1.0, beside.depth_ratio)))
+    is_unknown = np.isnan(beside.depth_ratio)
+    ratios = np.where(is_unknown, 1.0, beside.depth_ratio)
+    off = np.abs(np.log(ratios))
     i = int(np.argmax(off))
     ratio = float(beside.depth_ratio[i])
     predicted = beside.depth[i] / ratio
@@ -208,7 +210,8 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
     """Return a possible cause for seeing pixels (M, 2) of markers that the model has elsewhere."""
     shape_seen = seen - seen.mean(axis=0)
     shape = model - model.mean(axis=0)
-    order = np.linalg.norm(shape_seen[:, None] - shape, axis=2).argmin(axis=1)
+    distances = np.linalg.norm(shape_seen[:, None] - shape, axis=2)
+    order = distances.argmin(axis=1)
     guesses = {
         "a mirrored image": model * (-1.0, 1.0),
         "an image mirrored top to bottom": model * (1.0, -1.0),
@@ -217,8 +220,10 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
         "coordinates in metres, or normalised, in place of pixels": camera.normalised(model),
         "another order of the markers": model[order],
     }
-    off = {what: float(np.abs(seen - pixels).max()) for what, pixels in guesses.items()}
-    likely = min(off, key=lambda what: off[what])
+    off = {}
+    for what, pixels in guesses.items():
+        off[what] = float(np.abs(seen - pixels).max())
+    likely = min(off, key=off.__getitem__)
     if off[likely] < 0.25 * np.abs(seen - model).max():
         return f"it fits {likely}"
     return "it fits a frozen image, a camera that was moved, or a target that is elsewhere"

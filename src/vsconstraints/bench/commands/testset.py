@@ -143,7 +143,7 @@ def leaderboard(
     demand("evidence", "the leaderboard")
     from ..evidence import processes
     from ..families.frozen import TestSet
-    from ..repetition import repeat, secret_seed
+    from ..repetition import NUDGE, repeat, secret_seed
     from ..reports.leaderboard import leaderboard as board
     from ..study import Study
 
@@ -175,7 +175,7 @@ def leaderboard(
             )
     for name, repetition in repetitions.items():
         for sentence in repetition.by_rounding:
-            errors.print(f"warning: rounding decides {name}: {sentence}")
+            errors.print(f"warning: {name}: decided by rounding: {sentence}")
         for file in repetition.changed_files:
             errors.print(
                 f"error: {name}: {file}, which custom laws have loaded or read, has different "
@@ -194,9 +194,15 @@ def leaderboard(
                 f"them: {columns}"
             )
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
-        counts += f", {len(repetition.by_rounding)} are decided by rounding"
+        counts += f", {len(repetition.by_rounding)} count as decided by rounding"
         repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"
         errors.print(f"{repeated} were repeated: {counts}. They were drawn by --seed {drawn_by}")
+        if repetition.by_rounding:
+            errors.print(
+                f"warning: {name}: a run counts as decided by rounding if every result that "
+                f"differs also changes, by any amount, when its start is moved by {NUDGE:g}. This "
+                "can hide a fault of these results: compare the three values of each above"
+            )
     for repetition in repetitions.values():
         if repetition.differences or repetition.changed_files:
             raise typer.Exit(NOTHING_DONE)

@@ -14,7 +14,7 @@ from ...comparisons.runs.store import Store
 from ...errors import ConfigurationError
 from ...plugins.registry import packages_with_metrics
 from . import parquet
-from .folder import (  # fmt: skip
+from .folder import (
     MARK,
     StoredBatch,
     batch_file,

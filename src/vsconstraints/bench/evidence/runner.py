@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -230,22 +230,21 @@ def results(batches: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, P
 
 
 def _run_by_run(batches: Mapping[int, Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
-    """Make each run of the batches in a call of its own; yield their numbers and results."""
-    pieces: dict[tuple[int, int], Batch] = {}
+    """Run batches in pieces of one run each; yield number and result of each complete batch."""
+    calls: dict[tuple[int, int], tuple[Batch]] = {}
     limits: dict[tuple[int, int], float] = {}
-    parts: dict[int, dict[int, Part | None]] = {}
+    unfinished = Counter[int]()
     for i, batch in batches.items():
-        parts[i] = {}
         for j, (piece, limit) in enumerate(batch.pieces()):
-            pieces[i, j] = replace(piece, limit=limit + GRACE)
+            calls[i, j] = (replace(piece, limit=limit + GRACE),)
             limits[i, j] = limit
-            parts[i][j] = None
-    calls = {key: (piece,) for key, piece in pieces.items()}
+            unfinished[i] += 1
+    parts: dict[int, dict[int, Part]] = defaultdict(dict)
     for (i, j), answer in workers.run(calls, limits):
         if isinstance(answer, Failure):
-            answer = failed(pieces[i, j], answer.reason)
+            answer = failed(*calls[i, j], answer.reason)
         parts[i][j] = answer
-        finished = [part for part in parts[i].values() if part is not None]
-        if len(finished) == len(parts[i]):
-            del parts[i]
-            yield i, Part.joined(finished)
+        unfinished[i] -= 1
+        if unfinished[i] == 0:
+            by_piece = parts.pop(i)
+            yield i, Part.joined([by_piece[j] for j in sorted(by_piece)])

@@ -28,7 +28,7 @@ from ..families import HALVES, SHIPPED, Drawn, Family
 from ..families.frozen import family_of
 from . import parquet
 from .campaign import MAX_SCENES
-from .folder import (  # fmt: skip
+from .folder import (
     MARK,
     Facts,
     RunKey,

@@ -56,10 +56,16 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     """
 
     def __init__(
-        self, scenes: str | Family | Scenario = "planar-arm", *, half: str = "training",
-        condition: str = "nominal", count: int = 100, law: str | Controller | None = None,
-        acceleration: float = ACCELERATION, violation_weight: float = 1.0,
-    ) -> None:  # fmt: skip
+        self,
+        scenes: str | Family | Scenario = "planar-arm",
+        *,
+        half: str = "training",
+        condition: str = "nominal",
+        count: int = 100,
+        law: str | Controller | None = None,
+        acceleration: float = ACCELERATION,
+        violation_weight: float = 1.0,
+    ) -> None:
         if isinstance(scenes, str):
             kind = Family if scenes in families() else Scenario
             scenes = kind.load(scenes)

@@ -211,7 +211,8 @@ def _layers(path: Path, arrays: Mapping[str, Array]) -> list[tuple[Array, Array]
             f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}"
         )
     for name, array in arrays.items():
-        if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
+        are_numbers = array.dtype.kind in "fi"
+        if not are_numbers or not (np.abs(array) < LARGE).all():
             raise ConfigurationError(
                 f"{path}: {name} must have only finite numbers less than {LARGE:g}"
             )

@@ -16,11 +16,11 @@ from ...comparisons.runs.spec import BASELINE, ControllerSpec, stack_law
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
 from ...reports.drawing import picture
-from ...reports.groups import required_information
+from ...reports.groups import implementation_text, required_information
 from ...reports.plots import PNG, Figure, Formats
 from ...reports.plots.style import TUNED
 from ...simulation import Setup, simulate, until_settled
-from ...simulation.programs import declared_in
+from ...simulation.programs import uses_by_controller
 from ..evidence import Evidence
 from ..families.family import NOMINAL, TOGETHER
 from ..statistics.judged import OUTCOMES, endings
@@ -206,42 +206,34 @@ class Dataset:
         return plain
 
     @cached_property
-    def required(self) -> dict[str, tuple[str, ...] | None]:
-        """Information that each controller requires beyond rows and task.
+    def package_uses(self) -> dict[str, tuple[str, ...] | None]:
+        """Information that each controller of the package requires beyond rows and task.
 
         It is None for a custom controller, whose code defines it, and for a stack.
         """
         entries = self.configuration["controllers"]
-        required = {}
+        uses = {}
         for name in self.laws:
-            required[name] = required_information(name, entries.get(name, {}))
-        return required
+            uses[name] = required_information(name, entries.get(name, {}))
+        return uses
 
     @cached_property
-    def declared(self) -> dict[str, tuple[str, ...]]:
+    def declared_uses(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
-        declared = {}
+        reasons = {}
         for name in self.laws:
-            uses = declared_in(self.of_law(name)["reason"].dropna().unique())
-            if uses is not None:
-                declared[name] = uses
-        return declared
+            reasons[name] = self.of_law(name)["reason"].dropna().unique()
+        return uses_by_controller(reasons)
 
-    def information(self, law: str) -> tuple[str, ...] | None:
-        """Return what a controller requires, or all that a stack declared; None if unknown."""
-        return self.declared.get(law, self.required[law])
+    def uses_of(self, law: str) -> tuple[str, ...] | None:
+        """Return the required information of a controller or stack; None if it is unknown."""
+        return self.declared_uses.get(law, self.package_uses[law])
 
     def implementation(self, law: str) -> str:
-        """Return how a controller runs: compiled, in NumPy, or external (in its own process)."""
+        """Return how a controller runs, see :func:`.implementation_text`."""
         entry = self.configuration["controllers"].get(law, {})
-        if entry.get("type") == stack_law():
-            return "external"
-        compiled = self.of_law(law)["compiled"].astype(bool).mean()
-        if compiled == 0.0:
-            return "NumPy"
-        if compiled == 1.0:
-            return "compiled"
-        return f"compiled in {100.0 * compiled:.0f} %, else NumPy"
+        is_compiled = self.of_law(law)["compiled"].astype(bool).to_list()
+        return implementation_text(is_compiled, entry.get("type") == stack_law())
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""

@@ -225,7 +225,8 @@ def situations(dataset: Dataset) -> list[Situation]:
 
 def _situations(dataset: Dataset) -> list[Situation]:
     keys = ["family", "condition", "controller"]
-    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
+    endings = dataset.runs[[*keys, "ending"]]
+    counts = Counter(endings.itertuples(index=False, name=None))
     worst: dict[tuple[str, ...], Any] = {}
     last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
     for _, run in last.iterrows():

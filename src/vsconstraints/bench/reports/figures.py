@@ -16,6 +16,7 @@ from ...reports.plots import (
     WIDTH,
     Figure,
     Sheet,
+    Style,
     line,
     logarithmic,
     looks,
@@ -71,7 +72,7 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
-def _line_styles(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     """Return colour, dashes and width of the curve of each law."""
     width = widths(laws, 2.4, 1.2)
     styles = {}
@@ -287,7 +288,9 @@ def _name_rank(ax: Any, law: str, rank: float, y: float, colour: str, on_left: b
         text = f"{rank:.2f}  {name}"
         offset = 5
         alignment = "left"
-    ax.plot([rank, rank, end], [0.0, y, y], color=colour, linewidth=1.3, clip_on=False)
+    across = [rank, rank, end]
+    down = [0.0, y, y]
+    ax.plot(across, down, color=colour, linewidth=1.3, clip_on=False)
     ax.annotate(
         text,
         (end, y),

@@ -100,12 +100,12 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         return []
     known = {}
     for law in ranked.laws:
-        required = dataset.required[law]
-        if required is not None:
-            known[law] = required
+        uses = dataset.package_uses[law]
+        if uses is not None:
+            known[law] = uses
     several = []
     for information, words in INFORMATION:
-        without = [law for law, required in known.items() if information not in required]
+        without = [law for law, uses in known.items() if information not in uses]
         if not without or len(without) == len(known):
             continue
         in_front = [law for law in ranked.front if law in without]

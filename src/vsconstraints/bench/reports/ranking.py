@@ -169,7 +169,8 @@ class Ranking(NamedTuple):
     @property
     def front(self) -> tuple[str, ...]:
         """Leader, and all controllers that do not differ significantly from it."""
-        equal = [law for law in self.laws[1:] if not self.significant(self.leader, law)]
+        others = self.laws[1:]
+        equal = [law for law in others if not self.significant(self.leader, law)]
         return (*self.laws[:1], *equal)
 
     @property

@@ -124,9 +124,13 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
     """
     point = []
     for i, worst in enumerate(REFERENCE):
-        values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
-        # exact sums do not depend on the order of the runs
-        point.append(math.fsum(values) / len(values) if values else worst)
+        every_value = [each.point[i] for each in outcomes]
+        values = [value for value in every_value if not math.isnan(value)]
+        mean = worst
+        if values:
+            # exact sums do not depend on the order of the runs
+            mean = math.fsum(values) / len(values)
+        point.append(mean)
     converged = [each for each in outcomes if each.status == "converged"]
     violated = sum(each.violated for each in outcomes)
     runs = len(outcomes)
@@ -167,7 +171,8 @@ def choose(settings: Sequence[Judged]) -> int:
     ideal = points.min(axis=0)
     distance = np.linalg.norm(points - ideal, axis=1)
     greatest = distance.min() * (1.0 + ROUNDING)
-    nearest = [best[k] for k in np.flatnonzero(distance <= greatest)]
+    is_nearest = distance <= greatest
+    nearest = [best[k] for k in np.flatnonzero(is_nearest)]
     return min(nearest, key=lambda i: (settings[i].point, i))
 
 

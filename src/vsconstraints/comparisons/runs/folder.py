@@ -6,6 +6,7 @@ The module also selects the trajectories that are kept.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -247,8 +248,8 @@ def kept_lines(
         return list(worst.values())
     if keep == "first":
         group, number = first
-        lowest = {
-            line[group]: line[number] for line in sorted(lines, key=lambda line: -line[number])
-        }
+        lowest: dict[Any, float] = {}
+        for line in lines:
+            lowest[line[group]] = min(line[number], lowest.get(line[group], math.inf))
         return [line for line in lines if line[number] == lowest[line[group]]]
     return list(lines) if keep == "all" else []

@@ -112,12 +112,12 @@ def loaded_versions() -> dict[str, str]:
     Those that custom parts use are included.
     """
     owners = _owners()
-    files = [
-        getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values())
-    ]
-    return dict(
-        sorted({owners[file] for file in files if isinstance(file, str) and file in owners})
-    )
+    loaded = set()
+    for module in list(sys.modules.values()):
+        file = getattr(module, "__dict__", {}).get("__file__")
+        if isinstance(file, str) and file in owners:
+            loaded.add(owners[file])
+    return dict(sorted(loaded))
 
 
 @cache
@@ -129,12 +129,11 @@ def _owners() -> dict[str, tuple[str, str]]:
         # called once per distribution: calling it per file took 17 s
         folder = str(distribution.locate_file(""))
         owner = (distribution.name, distribution.version)
-        files = (
-            line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines()
-        )
-        owners.update(
-            {os.path.join(folder, file): owner for file in files if file.endswith(modules)}
-        )
+        record = distribution.read_text("RECORD") or ""
+        for line in record.splitlines():
+            file, _, _ = line.partition(",")
+            if file.endswith(modules):
+                owners[os.path.join(folder, file)] = owner
     return owners
 
 
@@ -209,17 +208,17 @@ def git_commit() -> str:
     # an installed copy can lie inside the checkout of another project: the commit is only valid
     # if git tracks this file
     known = git("ls-files", "--error-unmatch", Path(__file__).name)
-    return (
-        git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip()
-        if known
-        else ""
-    )
+    if not known:
+        return ""
+    return git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip()
 
 
 def _field(path: str, name: str) -> str:
     with suppress(OSError):
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-        return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+        text = Path(path).read_text(encoding="utf-8")
+        for line in text.splitlines():
+            if line.startswith(name):
+                return line.partition(":")[2].strip()
     return ""
 
 
@@ -228,7 +227,9 @@ def cores() -> int:
 
     Only Linux reports a limit; elsewhere it is the number of all cores.
     """
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def process_count(asked: int | None = None) -> int:
@@ -236,7 +237,8 @@ def process_count(asked: int | None = None) -> int:
 
     It is limited by cores and memory, and at least 1.
     """
-    return max(1, min(asked or cores(), cores(), int(available_memory() // PROCESS_MEMORY)))
+    most = min(cores(), int(available_memory() // PROCESS_MEMORY))
+    return max(1, min(asked or most, most))
 
 
 def available_memory() -> float:

@@ -373,4 +373,5 @@ def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:
     No long run is thus started last.
     """
     limits = {run: run.controller.run_limit(run.tables) for run in dict.fromkeys(runs)}
-    return dict(sorted(limits.items(), key=lambda item: item[1], reverse=True))
+    in_order = sorted(limits, key=limits.__getitem__, reverse=True)
+    return {run: limits[run] for run in in_order}

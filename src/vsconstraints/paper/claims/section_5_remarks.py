@@ -135,11 +135,17 @@ def lost_rank(run: Run) -> int | None:
     Each row is divided by its length.
     """
     world = run.setup.world()
-    for k in np.flatnonzero((run.trajectory.phi >= 0.0).sum(axis=1) > 1):
-        rows = world.evaluate(float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]).rows
+    motion = run.trajectory
+    active_count = (motion.phi >= 0.0).sum(axis=1)
+    for k in np.flatnonzero(active_count > 1):
+        rows = world.evaluate(float(run.t[k]), motion.q[k], motion.qd[k]).rows
         A = rows.Lg[rows.phi >= 0.0]
         A = A / np.linalg.norm(A, axis=1, keepdims=True)
-        if len(A) > A.shape[1] or np.linalg.svd(A, compute_uv=False)[-1] < 1e-6:
+        row_count, n = A.shape
+        if row_count > n:
+            return int(k)
+        singular_values = np.linalg.svd(A, compute_uv=False)
+        if singular_values[-1] < 1e-6:
             return int(k)
     return None
 

@@ -191,8 +191,10 @@ def time_constant(run: Run) -> float:
     first = run.t[acts.argmax()]
     K = run.constraint(SECOND).K
     during = (run.t >= first) & (run.t <= first + 2.0 * K)
-    speed = np.maximum(run.approach_speed(SECOND)[during], 1e-6)
-    return -1.0 / float(np.polyfit(run.t[during], np.log(speed), 1)[0])
+    approach_speed = run.approach_speed(SECOND)[during]
+    speed = np.maximum(approach_speed, 1e-6)
+    slope, _ = np.polyfit(run.t[during], np.log(speed), 1)
+    return -1.0 / float(slope)
 
 
 # --- Derivatives ---
@@ -297,7 +299,10 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
 def _chattering_becomes_negligible(study: StudyResult) -> Finding:
     """Band of the first example at each sampling time, the shortest last."""
     of = (SCENARIOS[0], "band")
-    bands = {float(key[2]): band for key, band in study.numbers.items() if key[:2] == of}
+    bands = {}
+    for key, band in study.numbers.items():
+        if key[:2] == of:
+            bands[float(key[2])] = band
     if not bands:
         raise NotMeasured("the study sampling-time has no band of the first example")
     values = {f"{time:g}": bands[time] for time in sorted(bands, reverse=True)}

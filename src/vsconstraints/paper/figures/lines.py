@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, inside_legend, line, signal, symbol, time_axis, zero_line
+from ...reports.plots import INK, Style, inside_legend, line, signal, symbol, time_axis, zero_line
 from ...reports.plots.image import Plane
 from ...rows import Array
 
@@ -48,7 +48,7 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
     ax.plot(u[0], v[0], **symbol(mark, *START), zorder=6.2)
 
 
-def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]]:
+def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[Style]:
     """Draw the whole image with the paths of all markers; return entries for a legend."""
     plane = Plane.of(run.setup)
     count = run.trajectory.features_px.shape[1]
@@ -118,7 +118,7 @@ def phi_axis(ax: Any, run: Run, limits: tuple[float, ...], label: str) -> None:
 def phi_panel(
     ax: Any,
     run: Run,
-    looks: Mapping[str, dict[str, Any]],
+    looks: Mapping[str, Style],
     limits: tuple[float, ...],
     label: str = "constraint\nfunction $\\phi$",
 ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from ...comparisons.run import Run
 from ...constraints import FieldOfView
 from ...reports import plots
-from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
+from ...reports.plots import INK, Sheet, Style, band, inside_legend, line, logarithmic, signal
 from ...reports.plots.image import Plane, rectangle
 from ...rows import Array
 from ...vision.camera import Camera
@@ -18,7 +18,7 @@ from ..scenes import BOWL_ROW, HEART, NOTCH, OTHER_ROW, SECOND, TIP
 from . import lines as paper
 
 VIEW = 3.7
-FASTER: dict[str, Any] = {"color": "#F2A900", "linestyle": (0, (3, 2))}
+FASTER: Style = {"color": "#F2A900", "linestyle": (0, (3, 2))}
 PLANAR = (0, 1, 5)  #: Components of the pose error that are not zero.
 
 SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}

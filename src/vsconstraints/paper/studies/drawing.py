@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ...reports.plots import INK, REFERENCE, Sheet, darker, logarithmic
+from ...reports.plots import INK, REFERENCE, Sheet, Style, darker, logarithmic
 from ...reports.plots.style import LOOKS
-from .tables import Points, ended_early, grouped, scenario_title
-
-Look = dict[str, Any]  #: Style of a series, as arguments of matplotlib.
+from .tables import Point, Points, ended_early, grouped, scenario_title
 
 BELOW_LEGEND = 0.15  #: Space between the legend and the panels [in].
 #: Line style of bounds and references.
-DASHED: Look = {"linestyle": REFERENCE["linestyle"], "linewidth": REFERENCE["linewidth"]}
+DASHED: Style = {"linestyle": REFERENCE["linestyle"], "linewidth": REFERENCE["linewidth"]}
 #: Style of symbols that no line joins.
-SYMBOLS: Look = {
+SYMBOLS: Style = {
     "linestyle": "none",
     "markersize": 7.5,
     "markeredgecolor": INK,
@@ -27,7 +25,7 @@ SYMBOLS: Look = {
     "zorder": 3,
 }
 #: Style of a cross, besides its colour.
-CROSS: Look = {
+CROSS: Style = {
     "linestyle": "none",
     "marker": "x",
     "markersize": 6.0,
@@ -109,19 +107,19 @@ def add_panels(
     return panels
 
 
-def look_of(label: str, color: str = INK, **more: Any) -> Look:
+def look_of(label: str, color: str = INK, **more: Any) -> Style:
     """Return the style of a series; its symbols have edges in a darker colour."""
     look = {"label": label, "color": color, "linewidth": 1.4, "markersize": 5.0}
     return {**look, "markeredgecolor": darker(color), "markeredgewidth": 0.6, **more}
 
 
-def law_look(law: str, **more: Any) -> Look:
+def law_look(law: str, **more: Any) -> Style:
     """Return the style of a law, with its usual colour and symbol."""
     usual = LOOKS[law]
     return look_of(law, usual.colour, marker=usual.marker, **more)
 
 
-def shown(points: Iterable[dict[str, Any]], column: str) -> Points:
+def shown(points: Iterable[Point], column: str) -> Points:
     """Return points with a finite value; failed runs are shown where the data have an outcome."""
     return [
         point
@@ -131,7 +129,7 @@ def shown(points: Iterable[dict[str, Any]], column: str) -> Points:
 
 
 def draw_line(
-    ax: Any, points: Points, x: str, y: str, look: Look, least: float = -math.inf
+    ax: Any, points: Points, x: str, y: str, look: Style, least: float = -math.inf
 ) -> None:
     """Draw points from left to right, joined by lines.
 
@@ -142,13 +140,13 @@ def draw_line(
     ax.plot(*np.array(pairs).reshape(-1, 2).T, **look)
 
 
-def draw_levels(ax: Any, points: Points, y: str, look: Look) -> None:
+def draw_levels(ax: Any, points: Points, y: str, look: Style) -> None:
     """Draw a line across the panel at the value of each point."""
     for point in shown(points, y):
         ax.axhline(point[y], **look)
 
 
-def draw_crosses(ax: Any, points: Points, x: str, look: Look, shift: float = 0.0) -> None:
+def draw_crosses(ax: Any, points: Points, x: str, look: Style, shift: float = 0.0) -> None:
     """Draw crosses near the upper edge for runs that failed or were aborted."""
     values = [point[x] + shift for point in points if ended_early(point)]
     heights = [0.92] * len(values)

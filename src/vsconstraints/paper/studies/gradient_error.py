@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number, percent
@@ -11,7 +11,7 @@ from .drawing import Measure, add_panels, draw_crosses, draw_line, law_look
 from .laws import LAWS
 from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance
-from .tables import Numbers, Points, ended_early, greatest, grouped, sentence_start, where
+from .tables import Numbers, Point, Points, ended_early, greatest, grouped, sentence_start, where
 
 PRINTED = 0.3  #: Error c_e of the paper.
 
@@ -95,7 +95,7 @@ class GradientError(Study):
                     runs[ErrorCase(scenario, name, error)] = spec
         return runs
 
-    def lines(self, case: ErrorCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: ErrorCase, run: RunSummary, results: Results) -> Points:
         """Deviation from the run with exact gradients."""
         exact = results.get(case._replace(gradient_error=0.0), NOT_RUN)
         return [{"deviation_px": pixel_distance(run, exact)}]
@@ -150,7 +150,7 @@ class GradientError(Study):
         return sheet
 
 
-def described(point: dict[str, Any]) -> str:
+def described(point: Point) -> str:
     """Words for the effect of an error on a law."""
     if ended_early(point):
         return f"{point['status']} ({point['reason']})"

@@ -141,7 +141,7 @@ class NonStatic(Study):
                     cases.append(ObstacleCase(scenario, speed, obstacle.gain, False))
         return {case: with_obstacle(case) for case in cases}
 
-    def lines(self, case: ObstacleCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: ObstacleCase, run: RunSummary, results: Results) -> Points:
         """Outcome, depth to which the obstacle is entered, and K times its speed."""
         table = constraint_table(case)
         factor = OBSTACLES[case.scenario].factor

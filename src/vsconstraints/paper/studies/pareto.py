@@ -14,7 +14,7 @@ from .drawing import Measure, add_panels, draw_line, law_look, look_of
 from .laws import LAWS
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
-from .tables import Numbers, Points, grouped, sentence_start, where
+from .tables import Numbers, Point, Points, grouped, sentence_start, where
 
 #: Greatest number of consecutive samples with φ ≥ 0 if a boundary is kept: one or two in a sliding
 #: mode.
@@ -150,7 +150,7 @@ class Pareto(Study):
         ]
         return {case: with_parameter(case) for case in cases}
 
-    def lines(self, case: ParetoCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: ParetoCase, run: RunSummary, results: Results) -> Points:
         """Unused space, and the reason why the run is not compared."""
         return [{"unused": unused(run), "not_kept": not_kept(run)}]
 
@@ -263,7 +263,7 @@ def described(runs: Points) -> str:
     return f"none in {count} runs, which do not reach the goal"
 
 
-def kept(points: Iterable[dict[str, Any]]) -> Points:
+def kept(points: Iterable[Point]) -> Points:
     """Return points of runs that keep their boundaries and have finite values of both measures."""
     return [
         p
@@ -272,7 +272,7 @@ def kept(points: Iterable[dict[str, Any]]) -> Points:
     ]
 
 
-def front(points: Sequence[dict[str, Any]]) -> Points:
+def front(points: Sequence[Point]) -> Points:
     """Return the Pareto front of runs that keep their boundaries.
 
     The two criteria are unused space and acceleration variation.

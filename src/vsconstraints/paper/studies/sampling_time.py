@@ -14,7 +14,7 @@ from ...reports.plots import Sheet, logarithmic
 from .drawing import BELOW_LEGEND, DASHED, Measure, draw_line, look_of
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
-from .tables import Numbers, Points, about, greatest, grouped, where
+from .tables import Numbers, Point, Points, about, greatest, grouped, where
 
 SLOW, FAST = BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
@@ -101,7 +101,7 @@ class SamplingTime(Study):
             for Ts in times
         }
 
-    def lines(self, case: TimeCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: TimeCase, run: RunSummary, results: Results) -> Points:
         """Measured and expected band of the run, and each active row of the case study."""
         bound = run.value("phi_band_bound")
         bands = {
@@ -198,7 +198,7 @@ class SamplingTime(Study):
         return sheet
 
 
-def row_line(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
+def row_line(row: Mapping[str, Any], Ts: float) -> Point:
     """Columns of a row of the case study."""
     step = Ts * row["switching_gain"]
     return {

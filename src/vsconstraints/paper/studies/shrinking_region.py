@@ -106,7 +106,7 @@ class ShrinkingRegion(Study):
                     runs[RegionCase(scenario, blend, region)] = spec
         return runs
 
-    def lines(self, case: RegionCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: RegionCase, run: RunSummary, results: Results) -> Points:
         """Distances of the run to the sliding-mode law, and greatest step of φ.
 
         The step is the change of φ by one sample of a row's action, relative to the row's range.

@@ -12,7 +12,7 @@ from typing import Any
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import Figure, Sheet
 from .summary import RunSummary
-from .tables import Numbers, Points
+from .tables import Numbers, Point, Points
 
 Results = Mapping[Any, RunSummary]  #: Summaries of a study's runs, by their cases.
 #: Numbers by name, for each subject.
@@ -29,7 +29,7 @@ class StudyResult:
     study: str
     numbers: Numbers = field(default_factory=dict)
     sentences: tuple[str, ...] = ()
-    points: tuple[dict[str, Any], ...] = ()
+    points: tuple[Point, ...] = ()
     failures: tuple[str, ...] = ()
 
 
@@ -65,7 +65,7 @@ class Study(ABC):
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     @abstractmethod
-    def lines(self, case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: Any, run: RunSummary, results: Results) -> Points:
         """Return the study's own columns for the run of a case, for one or several points.
 
         ``results`` holds all runs.
@@ -83,7 +83,7 @@ class Study(ABC):
         """Return the points with columns that depend on all points."""
         return points
 
-    def point(self, case: Any, run: RunSummary, columns: Mapping[str, Any]) -> dict[str, Any]:
+    def point(self, case: Any, run: RunSummary, columns: Mapping[str, Any]) -> Point:
         """Return a point, one line of data: the case, and the columns.
 
         Columns that are not the study's own are taken from the summary. ``violation`` is in % of L.

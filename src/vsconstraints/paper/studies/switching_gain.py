@@ -95,7 +95,7 @@ class SwitchingGain(Study):
                 runs[GainCase(Kp0, gain)] = RunSpec("example-2d-fov", overrides=overrides)
         return runs
 
-    def lines(self, case: GainCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: GainCase, run: RunSummary, results: Results) -> Points:
         """Outcome, band, and lower bound on u⁺ for a return after one sample."""
         band = run.Ts * case.switching_gain
         outcome = "sliding" if run.longest_run <= 1 else "band, not sliding"
@@ -115,7 +115,8 @@ class SwitchingGain(Study):
             # the greatest along the sliding runs or, if none slides, along the run with the largest
             # gain
             bounding = where(chosen, outcome="sliding")
-            bounding = bounding or [max(chosen, key=lambda point: float(point["switching_gain"]))]
+            if not bounding:
+                bounding = [max(chosen, key=lambda point: float(point["switching_gain"]))]
             bounds = ("bound_12", "bound_sampled")
             numbers[Kp0,] = {name: greatest(bounding, name) for name in bounds}
             for name, outcomes in ENOUGH.items():

@@ -9,7 +9,8 @@ from typing import Any
 
 from ...reports.numbers import largest
 
-Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
+Point = dict[str, Any]  #: Line of a study's data: its values by column.
+Points = list[Point]
 #: Keyed by subject (a scenario, a law, a gain …) and, last, by name; NaN if not measured.
 Numbers = dict[tuple[str | float, ...], float]
 
@@ -36,7 +37,7 @@ def sentence_start(scenario: str) -> str:
     return title[:1].upper() + title[1:]
 
 
-def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points]:
+def grouped(points: Iterable[Point], *columns: str) -> dict[Any, Points]:
     """Group points by their value in a column, or in several, in order of first occurrence."""
     groups: dict[Any, Points] = {}
     for point in points:
@@ -45,7 +46,7 @@ def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points
     return groups
 
 
-def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
+def where(points: Iterable[Point], **values: Any) -> Points:
     """Return points whose columns have these values, or one of them if a list is given."""
     lists = {
         column: value if isinstance(value, list) else [value] for column, value in values.items()
@@ -55,7 +56,7 @@ def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
     ]
 
 
-def ended_early(point: Mapping[str, Any]) -> bool:
+def ended_early(point: Point) -> bool:
     """True if a point's run failed or was aborted."""
     return point["status"] in ("failed", "aborted")
 

@@ -21,12 +21,12 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
-from ...reports.plots import Sheet
+from ...reports.plots import Sheet, Style
 from ...simulation.disturbances import GRADIENT_SIGNS
-from .drawing import Look, Measure, add_panels, look_of, shown
+from .drawing import Measure, add_panels, look_of, shown
 from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
-from .tables import Numbers, Points, about, grouped, sentence_start, where
+from .tables import Numbers, Point, Points, about, grouped, sentence_start, where
 
 EXACT = "exact"
 SHIPPED = "shipped"
@@ -160,7 +160,7 @@ class UnselectedExperiments(Study):
                     runs[SceneCase(scenario, scene, case)] = RunSpec(scenario, overrides=overrides)
         return runs
 
-    def lines(self, case: SceneCase, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    def lines(self, case: SceneCase, run: RunSummary, results: Results) -> Points:
         """Reason why a scene differs from the experiment, and deviation from the errorless run."""
         exact = results.get(case._replace(case=EXACT))
         kind = KINDS[case.scenario]
@@ -227,7 +227,7 @@ class UnselectedExperiments(Study):
         return sheet
 
 
-def draw_distribution(ax: Any, points: Points, column: str, look: Look) -> None:
+def draw_distribution(ax: Any, points: Points, column: str, look: Style) -> None:
     """Draw a column against the share of points with less; missing values count as infinite."""
     values = [point[column] for point in shown(points, column)]
     if values:
@@ -274,7 +274,7 @@ def acting_rows(run: RunSummary) -> list[str]:
     return [label for label, row in run.rows.items() if row["phi_max"] >= 0.0]
 
 
-def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
+def compared(kind: str, run: RunSummary, exact: RunSummary) -> Point:
     """Data columns of a run that compare it with the run without an error."""
     share = {
         label: 100.0 * (1.0 - row["usage_max"])

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from ...comparisons.suite import BASELINE
 from ..numbers import finite_values, median
-from ..plots import Look, Sheet, darker, decades, line, logarithmic, looks, shortened, symbol
+from ..plots import Look, Sheet, Style, darker, decades, line, logarithmic, looks, shortened, symbol
 from ..plots.sheet import POINTS, WIDTH
 from ..results import Line, Results
 
@@ -30,7 +30,7 @@ HOLLOW = symbol(
     label="hollow: a constraint was violated",
     markeredgewidth=1.5,
 )
-RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
+RANGE: Style = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
 # Width of a bold letter of a name, and height of a name [pt].
 LETTER = 5.6
 TEXT_HEIGHT = 11.0
@@ -42,8 +42,8 @@ FAR = (
     *((across, up) for up in (1, -1, 2, -2, 3, -3) for across in (1, -1)),
     *((0, up) for up in (2, -2, 3, -3)),
 )
-LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
-NAME_BOX: dict[str, Any] = {
+LEADER: Style = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
+NAME_BOX: Style = {
     "boxstyle": "square,pad=0.05",
     "facecolor": "white",
     "edgecolor": "none",
@@ -129,7 +129,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     return sheet
 
 
-def _entries(without_name: Mapping[str, Look]) -> list[dict[str, Any]]:
+def _entries(without_name: Mapping[str, Look]) -> list[Style]:
     """Return the legend entries of controllers without a name in the figure, and of the marks."""
     entries = []
     for name, look in without_name.items():
@@ -225,7 +225,8 @@ def name_centres(
     for x, y in places.values():
         taken.append(_box(x, y, marker, marker))
     # Names are placed from the highest marker to the lowest.
-    for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
+    for name in sorted(places, key=lambda name: -places[name][1]):
+        x, y = places[name]
         text = shortened(name)
         text_width = LETTER * len(text)
         step_x = 0.5 * text_width + 0.7 * LARGE
@@ -234,8 +235,9 @@ def name_centres(
         for offset in (*NEAR, *FAR):
             across, up = offset
             box = _box(x + across * step_x, y + up * step_y, text_width, TEXT_HEIGHT)
-            is_inside = box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= width and box.y1 <= height
-            if is_inside and not box.count_overlaps(taken):
+            fits_across = box.x0 >= 0.0 and box.x1 <= width
+            fits_up = box.y0 >= 0.0 and box.y1 <= height
+            if fits_across and fits_up and not box.count_overlaps(taken):
                 chosen = offset
                 break
         shift_x = chosen[0] * step_x

@@ -18,7 +18,7 @@ from ...comparisons.suite import BASELINE
 from ...rows import Array
 from ..plots.image import OUTSIDE, START, Plane, numbered, passes_through, rectangle, tracks
 from ..plots.sheet import WIDTH, Sheet
-from ..plots.style import FAINT, INK, line, patch, symbol
+from ..plots.style import FAINT, INK, Style, line, patch, symbol
 from .view import View, violated_in_samples
 
 #: Half the side of the close-up, larger for a deeper violation, and the depth beyond which
@@ -37,7 +37,7 @@ BESIDE = 0.5
 APART = 0.06
 EARLIER = symbol("*", "white", size=6.3, zorder=6.2)
 LAST = symbol("*", INK, "white", size=6.3, zorder=6.2)
-VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6, "zorder": 5}
+VIOLATED: Style = {"color": OUTSIDE, "linewidth": 2.6, "zorder": 5}
 
 
 class CloseUp(NamedTuple):
@@ -156,9 +156,7 @@ def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
             yield i, pixels[:, marker]
 
 
-def _entries(
-    view: View, plane: Plane, names: list[str], detail: CloseUp | None
-) -> list[dict[str, Any]]:
+def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None) -> list[Style]:
     """Return the legend entries of tracks, image and close-up."""
     entries = [START | {"label": "start of marker 1, 2, …"}]
     if view.setup is not None:

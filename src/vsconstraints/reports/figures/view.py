@@ -14,7 +14,7 @@ from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...rows import Array, BoolArray
 from ...simulation import Setup, Tolerances, Trajectory
-from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_axis, widths
+from ..plots import Look, Style, darker, folded, line, looks, mark_of, shortened, time_axis, widths
 
 #: Ratio of the end of axes to the end of motion, and to the end of activity of shown rows.
 AFTER = 1.1
@@ -94,7 +94,7 @@ class View:
                     last = float(np.max(times, initial=last))
         return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
-    def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
+    def lines(self) -> Iterator[tuple[str, RunRecord, Style]]:
         """Yield every run with the style of its line.
 
         The unconstrained baseline is thin and lies below the others; later lines are thinner than
@@ -112,7 +112,7 @@ class View:
             }
             yield name, self.runs[name], style
 
-    def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    def entries(self, names: Sequence[str] | None = None) -> list[Style]:
         """Return legend entries of these controllers, or of all shown ones."""
         if names is None:
             names = self.shown
@@ -125,7 +125,7 @@ class View:
             entries.append(entry)
         return entries
 
-    def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:
+    def marks(self, name: str, t: Array, end: float) -> Style:
         """Return a few markers for a controller's line at times t (N,) [s], up to ``end``.
 
         Markers of different controllers stand at different times, because not every reader can

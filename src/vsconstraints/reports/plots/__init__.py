@@ -14,6 +14,7 @@ from .style import FAINT as FAINT
 from .style import INK as INK
 from .style import REFERENCE as REFERENCE
 from .style import Look as Look
+from .style import Style as Style
 from .style import above_legend as above_legend
 from .style import band as band
 from .style import darker as darker

@@ -15,16 +15,16 @@ from ...rows import Array
 from ...simulation import Setup
 from ...vision.camera import Camera
 from ...vision.motion import Motion
-from .style import FAINT, INK, line, patch, symbol
+from .style import FAINT, INK, Style, line, patch, symbol
 
 # Size of the shown part of the image plane, relative to the image; the rest is cut off.
 AROUND = 1.12
-FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
-FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
+FORBIDDEN: Style = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
+FRAME: Style = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 IMAGE = patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])
-BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
+BOUNDARY: Style = {"color": INK, "linewidth": 0.9}
 #: Style of the time beside a moving boundary.
-TIME: dict[str, Any] = {
+TIME: Style = {
     "ha": "center",
     "va": "center",
     "clip_on": True,
@@ -222,7 +222,7 @@ class Plane:
         ax.set_ylim(bottom, top)
         ax.grid(False)
 
-    def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
+    def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[Style]:
         """Return legend entries of the image and its contents; of the boundary if it has a name."""
         entries = [IMAGE]
         if boundary:
@@ -242,7 +242,7 @@ def passes_through(points: Array, half: Array | float) -> bool:
     return bool(is_inside.any())
 
 
-def _moving_style(moment: int, count: int) -> dict[str, Any]:
+def _moving_style(moment: int, count: int) -> Style:
     """Return the style of a moving boundary at one of ``count`` moments; later ones are darker."""
     alpha = 1.0
     if count > 1:

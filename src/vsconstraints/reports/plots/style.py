@@ -16,13 +16,14 @@ import numpy as np
 
 from ...rows import Array, IntArray
 
+Style = dict[str, Any]  #: Arguments of matplotlib that say how something is drawn.
 INK = "#222222"
 FAINT = "#444444"
 #: Style of bounds and references.
-REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
+REFERENCE: Style = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 STYLE_SHEET = Path(__file__).with_name("figures.mplstyle")
 #: Settings of figures whose texts contain formulas, none of which come from a user.
-FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
+FORMULAS: Style = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
 _TABLE = tomllib.loads(Path(__file__).with_name("looks.toml").read_text(encoding="utf-8"))
 COLOURS: dict[str, str] = _TABLE["colours"]
 #: Preferred colours of custom laws: no law of the default comparison has them.
@@ -166,7 +167,7 @@ def folded(name: str, most: int) -> str:
 # --- Common parts of panels ---
 
 
-def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
+def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> Style:
     """Return the legend entry of a line."""
     style = {
         "label": label,
@@ -177,7 +178,7 @@ def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str,
     return style | look
 
 
-def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
+def patch(label: str, facecolor: str, **look: Any) -> Style:
     """Return the legend entry of an area."""
     style = {
         "label": label,
@@ -187,9 +188,7 @@ def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
     return style | look
 
 
-def symbol(
-    marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any
-) -> dict[str, Any]:
+def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> Style:
     """Return the style of a symbol, as a mark or, with ``label``, as a legend entry."""
     factor = {"*": 1.5, "x": 0.95}.get(marker, 1.0)
     return {
@@ -226,7 +225,7 @@ def time_axis(
         ax.set_ylabel(label, labelpad=3)
 
 
-def mark_of(look: Look) -> dict[str, Any]:
+def mark_of(look: Look) -> Style:
     """Return the style of the marker on a law's line.
 
     Markers are needed because not every reader can distinguish lines by colour.
@@ -240,7 +239,7 @@ def mark_of(look: Look) -> dict[str, Any]:
     }
 
 
-def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[str, Any]:
+def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> Style:
     """Return a few markers on a law's line of ``count`` points.
 
     Markers of different laws stand at different places.

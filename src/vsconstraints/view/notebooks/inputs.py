@@ -73,7 +73,9 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
         laws = [laws]
     if not isinstance(laws, Iterable):
         raise _no_law(laws)
-    named = laws.items() if isinstance(laws, Mapping) else [("", law) for law in laws]
+    named: Iterable[tuple[str, AnyLaw]] = [("", law) for law in laws]
+    if isinstance(laws, Mapping):
+        named = laws.items()
     specs = []
     notes = []
     for name, law in named:
@@ -229,12 +231,16 @@ class SetupScenario(Scenario):
     @classmethod
     def of(cls, setup: Setup) -> SetupScenario:
         """Return a setup as a scenario under the name of its robot."""
-        name = re.sub(r"[^\w]+", "-", setup.scene.robot.name).strip("-") or "setup"
-        # The random number keeps the stored runs of two setups apart.
-        times = {"sampling_time": setup.Ts, "duration": setup.duration}
-        return cls(
-            name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup
-        )
+        title = setup.scene.robot.name
+        name = re.sub(r"[^\w]+", "-", title).strip("-") or "setup"
+        tables = {
+            "title": title,
+            "sampling_time": setup.Ts,
+            "duration": setup.duration,
+            # keeps the stored runs of two setups apart
+            "setup": uuid.uuid4().hex,
+        }
+        return cls(name, tables, made=setup)
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """Return the setup; raises ConfigurationError for any trial except the first."""

@@ -68,7 +68,9 @@ class Plots:
         for label in labels:
             if label not in known:
                 raise unknown_name("row", label, known)
-        view = replace(self.view, phi_rows=labels, lane_rows=labels) if labels else self.view
+        view = self.view
+        if labels:
+            view = replace(view, phi_rows=labels, lane_rows=labels)
         return self._drawn(PHI, view)
 
     def errors(self) -> Any:
@@ -243,12 +245,10 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
     (loaded,) = scenarios_of([scenario])
-    finished = perform(
-        RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True
-    )
-    return NotebookRun(
-        finished.setup, finished.record, spec.name, loaded.name, loaded.title, loaded.folder
-    )
+    requested = RunSpec(loaded, spec, trial=trial, seed=seed)
+    finished = perform(requested, by_public_call=True, to_the_goal=True)
+    place = (loaded.name, loaded.title, loaded.folder)
+    return NotebookRun(finished.setup, finished.record, spec.name, *place)
 
 
 # --- Data frames and tables ---

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...reports.plots.image import OUTSIDE, START, Plane, numbered
 from ...reports.plots.sheet import WIDTH, Figure, Sheet
-from ...reports.plots.style import INK, shortened, symbol
+from ...reports.plots.style import INK, Style, shortened, symbol
 from ...rows import Array
 from ...rows.readable import counted
 from ..setup_scene import draw_setup, viewpoint_of
@@ -39,7 +39,7 @@ LABELS = 1.95
 CELL = 1.36
 NEAREST = 1.8
 MAX_USAGE = 1.15  # greatest usage that is shown; larger values are drawn at the edge
-ON_TOP: dict[str, Any] = {"zorder": 4.0, "clip_on": False}
+ON_TOP: Style = {"zorder": 4.0, "clip_on": False}
 STARTED = symbol("o", "white", size=8.5, **ON_TOP)
 GOAL = symbol("*", INK, size=5.2, **ON_TOP)
 EARLIER = symbol("*", "white", size=5.2, **ON_TOP)
@@ -70,10 +70,10 @@ def lines(preview: Preview) -> Iterator[str]:
             mark = "*"
         distances = [row.text(k) for k in range(len(names))]
         table.append([mark, row.label, *distances])
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    columns = zip(*table, strict=True)
+    widths = [max(map(len, column)) for column in columns]
     for cells in table:
-        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
-        mark, *others = padded
+        mark, *others = map(str.ljust, cells, widths)
         yield f"  {mark} {'  '.join(others)}".rstrip()
     hidden_count = len(preview.rows) - len(shown)
     if hidden_count:
@@ -204,7 +204,8 @@ def _draw_rows(sheet: Sheet, preview: Preview) -> None:
     if has_all_moments:
         for k, name in enumerate(names):
             left = cells_left + k * CELL - 0.08
-            sheet.legend([marks[k] | {"label": name}], 1, (left, top - 0.22))
+            entry = marks[k] | {"label": name}
+            sheet.legend([entry], 1, (left, top - 0.22))
     else:
         entries = [
             STARTED | {"label": names[0]},
@@ -233,10 +234,11 @@ def _write_cell(
 ) -> None:
     """Write the distance of a row in moment k at a place, in another colour if it is violated."""
     colour = OUTSIDE if row.usage[k] > 1.0 else INK
-    sheet.text(left, middle, before + row.text(k), fontsize=7.5, color=colour, va="center")
+    text = before + row.text(k)
+    sheet.text(left, middle, text, fontsize=7.5, color=colour, va="center")
 
 
-def _draw_usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
+def _draw_usage(ax: Any, shown: list[Row], marks: list[Style]) -> None:
     """Draw the used share of the allowed range of rows, with one mark for each moment."""
     end = MAX_USAGE + 0.03
     last_row = len(shown) - 1

@@ -36,12 +36,14 @@ class Row:
     @property
     def limit(self) -> bool:
         """True for a limit of a joint without a row."""
-        return bool(np.isnan(self.phi).all() and self.label.startswith("limit["))
+        has_phi = not np.isnan(self.phi).all()
+        return self.label.startswith("limit[") and not has_phi
 
     @property
     def greatest(self) -> float:
         """Greatest usage over the moments, minus infinity if unknown."""
-        return float(np.nan_to_num(self.usage, nan=-np.inf).max())
+        known = np.nan_to_num(self.usage, nan=-np.inf)
+        return float(known.max())
 
     def text(self, k: int) -> str:
         """Format the distance to the boundary in a moment, with φ in brackets."""

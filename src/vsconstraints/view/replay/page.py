@@ -106,7 +106,8 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     q = trajectory.q[middle]
     t = float(trajectory.t[middle])
     figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    whole_figure = (0.0, 0.0, 1.0, 1.0)
+    ax = figure.add_axes(whole_figure, projection="3d", computed_zorder=False)
     draw_setup(ax, runs[0].setup, q, t, common_viewpoint(runs))
     file = BytesIO()
     FigureCanvasAgg(figure).print_png(file)
@@ -174,7 +175,8 @@ def _run_data(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     listed = longest_first[: min(highlighted_count, MAX_ROWS)]
     rows = []
     for i in sorted(listed):
-        rows.append({"label": trajectory.labels[i], "states": _digits(states[:, i])})
+        row_states = _digits(states[:, i])
+        rows.append({"label": trajectory.labels[i], "states": row_states})
     return {
         "law": run.law,
         "colour": colour,

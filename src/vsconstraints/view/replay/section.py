@@ -32,11 +32,12 @@ def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
     for name in results.competitors:
         if name not in lines:
             continue
-        depth = float(lines[name]["violation_depth"])
+        line = lines[name]
+        depth = float(line["violation_depth"])
         if depth > 0.0:
             depths[name] = depth
-        if clean(lines[name]):
-            used[name] = float(np.nan_to_num(lines[name]["utilization"], nan=-1.0))
+        if clean(line):
+            used[name] = float(np.nan_to_num(line["utilization"], nan=-1.0))
     worst = max(depths, key=depths.__getitem__, default=BASELINE)
     best = max(used, key=used.__getitem__, default=worst)
     return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
