@@ -6,8 +6,8 @@ checkers only; importing a module imports the packages that contain it. The exit
 are more floors or parameters than allowed, if imports form a circle, if an import crosses the
 border between the core and its optional parts, or if a definition has no reference. Lines have no
 limit: a limit makes code denser, not simpler. Density has one: tokens per line of code, and the
-share of assignments that pack several values into one statement. Pages and words of README and docs
-are counted, too.
+share of assignments that pack several values into one statement. So has the size of the core, in
+tokens. Pages and words of README and docs are counted, too.
 """
 
 from __future__ import annotations
@@ -71,8 +71,12 @@ MAX_PARAMETERS = 8
 LONG_FILE = 300
 """Files with more lines are listed, but allowed."""
 
-MAX_TOKENS_PER_LINE = 9.5
-"""Largest density of the whole package; other packages of the field have 5 to 8."""
+MAX_TOKENS_PER_LINE = 8.5
+MAX_TOKENS_PER_LINE_OF_ROOM = 9.5
+"""Largest density of the whole package and of a room; other packages of the field have 5 to 8."""
+
+MAX_CORE_TOKENS = 255_000
+"""Largest size of the core. What a comparison of the basic laws does not need is a part."""
 
 MAX_PACKED = 0.02
 """Largest share of assignments of the form ``a, b = x, y``, swaps included."""
@@ -369,18 +373,24 @@ def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
     )
 
 
-def too_dense(modules: list[Module]) -> list[str]:
-    """Return a sentence for each limit of density that all files together exceed."""
-    code = sum(module.lines.code for module in modules)
-    if code <= FEW_LINES:
-        return []
-    density = Density(*map(sum, zip(*(module.density for module in modules), strict=True)))
-    per_line = density.tokens / code
-    share = density.packed / max(density.assignments, 1)
+def too_dense(modules: list[Module], rooms: dict[str, list[Module]]) -> list[str]:
+    """Return a sentence for each limit of density and size that the package exceeds."""
     sentences = []
-    if per_line > MAX_TOKENS_PER_LINE:
-        sentences.append(f"{per_line:.1f} tokens per line of code, {MAX_TOKENS_PER_LINE} allowed")
-    if share > MAX_PACKED:
+    limits = dict.fromkeys(rooms, MAX_TOKENS_PER_LINE_OF_ROOM)
+    for name, inside in {**rooms, "all": modules}.items():
+        code = sum(module.lines.code for module in inside)
+        per_line = sum(module.density.tokens for module in inside) / max(code, 1)
+        limit = limits.get(name, MAX_TOKENS_PER_LINE)
+        if code > FEW_LINES and per_line > limit:
+            sentences.append(f"{name}: {per_line:.2f} tokens per line of code, {limit} allowed")
+    core = [module for room in CORE for module in rooms.get(room, [])]
+    tokens = sum(module.density.tokens for module in core)
+    if tokens > MAX_CORE_TOKENS:
+        sentences.append(f"the core has {tokens} tokens, {MAX_CORE_TOKENS} allowed")
+    code = sum(module.lines.code for module in modules)
+    packed = sum(module.density.packed for module in modules)
+    share = packed / max(sum(module.density.assignments for module in modules), 1)
+    if code > FEW_LINES and share > MAX_PACKED:
         sentences.append(f"{share:.1%} of the assignments are packed, {MAX_PACKED:.0%} allowed")
     return sentences
 
@@ -425,7 +435,7 @@ def main(arguments: list[str]) -> int:
     if max(heights.values(), default=0) > MAX_FLOORS:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
     exceeded += crossings(modules, graph)
-    exceeded += too_dense([*modules.values()])
+    exceeded += too_dense([*modules.values()], rooms)
     exceeded += [
         f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)
     ]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import load
-from vsconstraints.compiled.memory import DEFAULT_LENGTHS, Workspace, zeros
+from vsconstraints.compiled.memory import Workspace, zeros
 from vsconstraints.compiled.signatures import INT, VECTOR, Reference, signature
 from vsconstraints.compiled.workspace import RowArrays, Size
 from vsconstraints.errors import InvalidInput
@@ -283,7 +283,7 @@ def test_an_axis_without_a_length_is_refused_by_its_name() -> None:
     assert zeros(RowArrays).Lg.shape == (1, 1)
     rows = zeros(RowArrays, {"m": 3, "n": 2, "limits": 0})
     assert (rows.Lg.shape, rows.qdd_min.shape) == ((3, 2), (0,))
-    assert zeros(RowArrays, {"m": 3, "n": 2}).qdd_max.shape == (DEFAULT_LENGTHS["limits"],)
+    assert zeros(RowArrays, {"m": 3, "n": 2, "limits": 0}).qdd_max.shape == (0,)
     for lengths, known in (({"m": 3}, "limits, rest, m"), ({}, "limits, rest")):
         missing = "n" if lengths else "m"
         with pytest.raises(InvalidInput, match=f"axis '{missing}' has no length; .* are {known}$"):

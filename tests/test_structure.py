@@ -68,8 +68,15 @@ def test_dense_code_is_named(tmp_path, capsys):
     text = "a, b = 1, 2\na, b = b, a\nc = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
     assert package(tmp_path, a=34 * text) == 1
     said = capsys.readouterr().out
-    assert "11.7 tokens per line of code, 9.5 allowed" in said
+    assert "all: 11.67 tokens per line of code, 8.5 allowed" in said
+    assert "a: 11.67 tokens per line of code, 9.5 allowed" in said
     assert "66.7% of the assignments are packed, 2% allowed" in said
+
+
+def test_a_core_that_grows_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(structure, "MAX_CORE_TOKENS", 5)
+    assert package(tmp_path, **{"rows.a": "first = 1\nsecond = 2\n"}) == 1
+    assert "the core has 6 tokens, 5 allowed" in capsys.readouterr().out
 
 
 def test_pages_and_words_are_counted(tmp_path, capsys):

@@ -38,11 +38,6 @@ def element_of(declared: Any) -> np.dtype[Any]:
     return record
 
 
-#: Lengths of axes that need not be given, since rows and task may have neither limits nor a rest
-#: acceleration: velocity laws set both arrays at each call.
-DEFAULT_LENGTHS = {"limits": 1, "rest": 1}
-
-
 def shape_of(declared: Any, lengths: Mapping[str, int] | None) -> tuple[int, ...]:
     """Return the shape of an array with declared axes such as ``"N m 3"``.
 
@@ -58,10 +53,10 @@ def _length_of(axis: str, lengths: Mapping[str, int] | None) -> int:
         return int(axis)
     if lengths is None:
         return 1
-    known = DEFAULT_LENGTHS | dict(lengths)
-    if axis not in known:
-        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are {', '.join(known)}")
-    return known[axis]
+    if axis not in lengths:
+        axes = ", ".join(lengths)
+        raise InvalidInput(f"the axis {axis!r} has no length; axes with one are {axes}")
+    return lengths[axis]
 
 
 def zeros(

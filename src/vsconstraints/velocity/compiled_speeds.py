@@ -65,7 +65,9 @@ class CompiledSpeeds(Wrapped):
             **options,
         }
         speed_laws = load(KERNELS)
-        own = zeros(speed_laws.SpeedArrays, {"k": 0, "m": 0, "n": 0}, known)
+        # every call sets the arrays of rows and task
+        lengths = {"k": 0, "m": 0, "n": 0, "limits": 0, "rest": 0}
+        own = zeros(speed_laws.SpeedArrays, lengths, known)
         super().__init__(solves, own, getattr(speed_laws, kernel), speeds=speeds)
         self._follow = load("laws").follow_whole.bind(self.workspace, typed=True)
 
