@@ -28,12 +28,6 @@ def symmetric_entry(M: Array, i: int, j: int) -> float:
 
 
 @in_place
-def limited(torque: float, effort: float) -> float:
-    """Clip a torque to the limit ±effort."""
-    return clip(torque, -effort, effort)
-
-
-@in_place
 def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
     """Return the error of a joint's speed loop: q̇_c − q̇ + κ (q_c − q)."""
     memory = arm.memory
@@ -98,7 +92,8 @@ def transmit_torque(arm: Arm) -> None:
     n = len(arm.commanded)
     newest = memory.at[0]
     for j in range(n):
-        under_way[newest, j] = limited(arm.commanded[j], drive.effort[j])
+        effort = drive.effort[j]
+        under_way[newest, j] = clip(arm.commanded[j], -effort, effort)
     # in the ring buffer, the oldest torque follows the newest one
     oldest = (newest + 1) % len(under_way)
     memory.at[0] = oldest

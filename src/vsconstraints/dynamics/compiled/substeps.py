@@ -7,12 +7,13 @@ takes 120 µs.
 from __future__ import annotations
 
 from ...compiled.compiler import IN_PLACE, compiled, in_place
+from ...compiled.linear import clip
 from ...compiled.memory import zeros
 from ...compiled.parts import address, call_int_pointer, checked, struct_loader
 from ...compiled.signatures import FLAG, INT, MATRIX, VOID, signature
 from ...rows import Array
 from .arm import Arm
-from .drives import command_torque, drive, limited, transmit_torque
+from .drives import command_torque, drive, transmit_torque
 from .inertia import accelerate, evaluate, update_gravity, update_motion
 
 BOUND = 1e4  #: Joint speed beyond which the motion counts as unbounded [rad/s or m/s].
@@ -108,7 +109,7 @@ def begin(arm_address: int, x: Array) -> None:
     update_motion(arm, q, qd)
     command_torque(arm, q, qd, at_rest)
     for j in range(len(q)):
-        torque = limited(arm.commanded[j], effort[j])
+        torque = clip(arm.commanded[j], -effort[j], effort[j])
         memory.torque[j] = torque
         for i in range(len(memory.under_way)):
             memory.under_way[i, j] = torque

@@ -22,7 +22,7 @@ from ...compiled.laws import (
     is_answer,
     load_law,
 )
-from ...compiled.linear import finite
+from ...compiled.linear import finite, largest
 from ...compiled.memory import zeros
 from ...compiled.parts import call_int_pointer, set_fields, struct_loader
 from ...compiled.resolving import checkable, valid
@@ -102,10 +102,7 @@ def speed_before(law: LawArrays, task: TaskArrays, j: int) -> float:
 def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
     """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v, with ∂s/∂t = ė − J q̇."""
     error = task.error
-    largest = 0.0
-    for i in range(error.size):
-        largest = max(largest, abs(error[i]))
-    gain = adaptive_gain(largest, own.gain_at_zero, own.gain, own.slope_at_zero)
+    gain = adaptive_gain(largest(error), own.gain_at_zero, own.gain, own.slope_at_zero)
     for i in range(error.size):
         total = -task.error_rate[i] - gain * error[i]
         for j in range(task.qd.size):
@@ -305,7 +302,7 @@ def write_box(own: SpeedArrays, law: LawArrays, rows: RowArrays, task: TaskArray
 
 
 @in_place
-def damping_rows(own: SpeedArrays, n: int) -> int:
+def damping_row_count(own: SpeedArrays, n: int) -> int:
     """Return the number of rows √μ q̇ = 0 of the program's task."""
     return n if own.damping > 0.0 else 0
 
@@ -318,10 +315,10 @@ def has_room(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> bool:
     """
     k, n = task.J.shape
     m = rows.phi.size
-    task_rows = k + damping_rows(own, n)
-    rescaled_rows = m if own.speed > 0.0 else 0
-    of_task = task_rows * (n + 1)
-    of_rows = rescaled_rows * n + 2 * m
+    task_row_count = k + damping_row_count(own, n)
+    rescaled_row_count = m if own.speed > 0.0 else 0
+    of_task = task_row_count * (n + 1)
+    of_rows = rescaled_row_count * n + 2 * m
     return bool(of_task + of_rows <= own.scratch.numbers.size)
 
 
@@ -380,9 +377,9 @@ def write_program(own: SpeedArrays, rows: RowArrays, task: TaskArrays) -> None:
     k, n = task.J.shape
     m = rows.phi.size
     none = rows.phi[:0]
-    task_rows = k + damping_rows(own, n)
-    v = vector(own.scratch, task_rows)
-    J = matrix(own.scratch, task_rows, n)
+    task_row_count = k + damping_row_count(own, n)
+    v = vector(own.scratch, task_row_count)
+    J = matrix(own.scratch, task_row_count, n)
     write_damped_task(own, task, v, J)
     phi = vector(own.scratch, m)
     drift = vector(own.scratch, m)
