@@ -59,10 +59,11 @@ rendered images; a study of ``paper`` is a campaign, and its figures show scenes
 
 NAMED = {
     "vsconstraints": {"view"},
+    "vsconstraints.controllers": {"prediction", "velocity"},
     "vsconstraints.plugins.earlier_names": {*PARTS, "controllers"},
 }
-"""Modules that may name modules of further rooms: what the package exports for notebooks, and the
-names under which modules were found earlier. Both are imported at their first use."""
+"""Modules that may name modules of further rooms: what packages export for notebooks and as laws,
+and the names under which modules were found earlier. All are imported at their first use."""
 
 MAX_FLOORS = 15
 """Twelve of the core, and three of parts that import one another: bench, view and paper."""
@@ -402,7 +403,11 @@ def main(arguments: list[str]) -> int:
     if not modules:
         print(f"there is no Python file in {root}", file=sys.stderr)
         return 2
-    graph = {name: imports(module, {*modules}) for name, module in modules.items()}
+    graph = {}
+    for name, module in modules.items():
+        later = NAMED.get(name, set())
+        targets = imports(module, {*modules})
+        graph[name] = {target for target in targets if room_of(target) not in later}
     rooms: dict[str, list[Module]] = {}
     for module in modules.values():
         rooms.setdefault(room_of(module.name), []).append(module)

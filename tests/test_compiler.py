@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from vsconstraints import compiled as kernels
-from vsconstraints.compiled import cache, checksums
+from vsconstraints.compiled import checksums
+from vsconstraints.compiled.cache import CachedFunction, sources, state_of
 
 SCRIPT = """
 import sys, numpy as np
@@ -299,14 +300,21 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     """
     compiler = kernels.load("compiler")
     package = Path(kernels.__file__).parents[1]
-    files = {file.relative_to(package).with_suffix("").as_posix() for file in cache.sources()}
+    files = {file.relative_to(package).with_suffix("").as_posix() for file in sources()}
     types = {"rows", "errors"}  # neither holds constants
-    for kernel in (package / "compiled").glob("*.py"):
-        assert f"compiled/{kernel.stem}" in files
+    compiled = [*package.glob("compiled/*.py"), *package.glob("**/kernels/*.py")]
+    assert {kernel.parent.parent.name for kernel in compiled} >= {
+        "dynamics",
+        "prediction",
+        "velocity",
+    }
+    for kernel in compiled:
+        own = kernel.relative_to(package).with_suffix("")
+        assert own.as_posix() in files
         if kernel.stem in PYTHON:
             continue
         for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.level == 2:
+            if isinstance(node, ast.ImportFrom) and node.level == len(own.parts):
                 module = (node.module or "").replace(".", "/")
                 if module in types:
                     continue
@@ -316,11 +324,9 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
                     else [module]
                 )
                 assert set(names) <= files, f"{kernel.name} imports from {names}"
-    assert all(file.is_file() for file in cache.sources())
+    assert all(file.is_file() for file in sources())
     folder = compiler.interface.cache_folder(kernels.load("polylines").search.py_func)
-    state = cache.state_of(
-        f"{compiler.numba.__version__} {sys.version} {compiler.interface.settings()}"
-    )
+    state = state_of(f"{compiler.numba.__version__} {sys.version} {compiler.interface.settings()}")
     assert any(folder.glob(f"polylines.search_{state}-*.nbi"))
 
 
@@ -380,7 +386,7 @@ def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
             checksums.sum_file(file).touch()
             os.utime(checksums.sum_file(file), (1e9 + i, 1e9 + i))
     (tmp_path / "test_compiler.laws_0123456789abcdef-1.py311.nbi").touch()
-    cache.CachedFunction(law, "0123456789abcdef", tmp_path).remove_old(8)
+    CachedFunction(law, "0123456789abcdef", tmp_path).remove_old(8)
     kept = {path.name.partition("-")[0] for path in tmp_path.iterdir()}
     last = {f"test_compiler.law_{i:016}" for i in range(4, 12)}
     assert kept == {"test_compiler.laws_0123456789abcdef", *last}
@@ -395,7 +401,7 @@ def test_of_several_that_need_a_function_one_compiles_it(tmp_path, monkeypatch):
         with made.lock():
             order.append("second")
 
-    made = cache.CachedFunction(other, "0123456789abcdef", tmp_path)
+    made = CachedFunction(other, "0123456789abcdef", tmp_path)
 
     waiting = threading.Thread(target=other)
     with made.lock():

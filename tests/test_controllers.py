@@ -585,8 +585,8 @@ SMALL = {
     "delay",
     "from_state",
     "follower",
-    "vsconstraints.prediction.compiled.plan_arrays",
-    "vsconstraints.prediction.compiled.predictive_arrays",
+    "vsconstraints.prediction.kernels.plan_arrays",
+    "vsconstraints.prediction.kernels.predictive_arrays",
 }
 
 

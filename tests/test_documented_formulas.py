@@ -22,7 +22,7 @@ from documents import DOCS, blocks
 from vsconstraints import Camera
 from vsconstraints.constraints import FieldOfView, JointRange, JointSpeed, Manipulability
 from vsconstraints.controllers import make_controller
-from vsconstraints.dynamics.compiled.drives import dry_friction
+from vsconstraints.dynamics.kernels.drives import dry_friction
 from vsconstraints.formulas.tracking import funnel
 from vsconstraints.robots import ready_made
 from vsconstraints.vision.motion import Motion

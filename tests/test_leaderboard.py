@@ -274,7 +274,9 @@ def test_a_check_says_how_many_runs_it_repeated_by_which_secret_seed(
 def test_kept_runs_are_what_laws_do_now(
     kept: Path, share: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Up to nine of them, made again; more in the whole gate, which repeats a hundredth of the study."""
+    """Up to nine of them, made again; a five-hundredth in slow tests. A hundredth of the study is a
+    step of the whole gate.
+    """
     monkeypatch.chdir(ROOT)  # weights of a policy are found from there
     study = Study.load(kept, custom_laws=True)
     assert not made_again(study, TestSet.load(), share, trust=True).differences

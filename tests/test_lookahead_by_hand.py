@@ -24,14 +24,14 @@ from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.controllers import PredictiveControl, Range
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.prediction.compiled import (
+from vsconstraints.prediction.kernels import (
     last_plan,
     plan_cost,
     plan_rows,
     predicted_program,
     predictive,
 )
-from vsconstraints.prediction.compiled.plan_arrays import Cost
+from vsconstraints.prediction.kernels.plan_arrays import Cost
 from vsconstraints.prediction.planner import Planner
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.rows.tolerances import PULLING

@@ -4,6 +4,7 @@ them.
 
 from __future__ import annotations
 
+import csv
 import math
 import subprocess
 import sys
@@ -262,7 +263,9 @@ def test_damaged_coverage_is_made_again(tree: Path) -> None:
 
 
 def test_what_is_listed_is_there() -> None:
-    """Every mutant that is called equivalent is one, and every named mistake can be made."""
+    """Every mutant that is called equivalent is one, every named mistake can be made, and what must
+    be noticed is a mutant or a named mistake.
+    """
     every = {mutant.key for file in files_named(ROOT) for mutant in mutants_of(ROOT, file)}
     lists = {
         name: tomllib.loads((ROOT / "checks/mutation" / name).read_text("utf-8"))["mutant"]
@@ -273,5 +276,8 @@ def test_what_is_listed_is_there() -> None:
         for table in lists["equivalent.toml"]
         if (table["file"], table["old"], table["new"]) not in every
     ] == []
-    for table in lists["named.toml"]:
-        edited(ROOT, **table)
+    named = {edited(ROOT, **table).key for table in lists["named.toml"]}
+    with (ROOT / "checks/mutation/noticed.tsv").open(encoding="utf-8", newline="") as file:
+        lines = csv.DictReader(file, delimiter="\t")
+        noticed = {(line["file"], line["old"], line["new"]) for line in lines}
+    assert noticed - every - named == set()

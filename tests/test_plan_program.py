@@ -9,8 +9,8 @@ from scipy.optimize import linprog
 
 from vsconstraints.compiled.codes import RELAXED_ROWS, SOLVED
 from vsconstraints.compiled.memory import zeros
-from vsconstraints.prediction.compiled import plan_program
-from vsconstraints.prediction.compiled.plan_arrays import Cost, Factor, Limits, Space, lengths_of
+from vsconstraints.prediction.kernels import plan_program
+from vsconstraints.prediction.kernels.plan_arrays import Cost, Factor, Limits, Space, lengths_of
 from vsconstraints.rows import Array
 
 T = 0.05

@@ -18,7 +18,7 @@ from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.prediction.compiled import last_plan
+from vsconstraints.prediction.kernels import last_plan
 from vsconstraints.prediction.planner import Planner
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario

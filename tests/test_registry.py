@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from importlib import import_module
@@ -183,17 +184,83 @@ def test_everything_that_own_parts_name_exists() -> None:
     assert {*registry.scenario_types("sensor")} == {"images"}
 
 
-def test_registered_laws_have_their_own_names() -> None:
-    """A law's name in files is that under which results are stored."""
-    core = [law.name for law in controllers.LAWS]
-    added = registered("laws")
-    assert [*controllers.CONTROLLERS] == [*core, *added]
-    assert len({*core, *added}) == len(core) + len(added)
+def test_laws_are_registered_in_the_order_in_which_they_are_shown() -> None:
+    assert [*controllers.CONTROLLERS] == [
+        "sliding-mode",
+        "potential-field",
+        "hierarchical-qp",
+        "tracking",
+        "sliding-mode-ahead",
+        "implicit-switch",
+        "implicit-switch-with-drift",
+        "boundary-layer",
+        "super-twisting",
+        "implicit-super-twisting",
+        "robust-hierarchical-qp",
+        "cbf-filter",
+        "law",
+        "predictive",
+        "robust-predictive",
+        "resolved-rate",
+        "resolved-rate-avoidance",
+        "velocity-qp",
+        "velocity-hierarchical-qp",
+        "velocity-damper",
+    ]
+    assert [*controllers.CONTROLLERS.values()] == [*controllers.LAWS]
+    assert [*controllers.LAWS][-5:] == [*controllers.VELOCITY_LAWS]
     for name, law in controllers.CONTROLLERS.items():
         assert issubclass(law, controllers.Controller)
         assert law.name == name
     with pytest.raises(AttributeError, match="has no attribute 'Nothing'"):
-        controllers.Nothing  # noqa: B018
+        getattr(controllers, "Nothing")  # noqa: B009
+    assert {*registry.WITH_LAWS} == {name for name in OWN if load_part(name).laws}
+
+
+def load_part(name: str) -> Part:
+    part: Part = registry.load(f"vsconstraints.{name}.part:PART")
+    return part
+
+
+@pytest.mark.parametrize(
+    "package",
+    [
+        "arms",
+        "cli",
+        "controllers",
+        "dynamics",
+        "paper",
+        "prediction",
+        "score",
+        "stacks",
+        "velocity",
+    ],
+)
+def test_a_package_lists_what_it_exports_and_has_it(package: str) -> None:
+    module = import_module(f"vsconstraints.{package}")
+    assert {*module.__all__} <= {*dir(module)}
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+
+
+def test_a_law_is_read_by_its_earlier_module() -> None:
+    law = controllers.VelocityQP(gain=3.0)
+    text = pickle.dumps(law, protocol=0)
+    earlier = text.replace(b"vsconstraints.velocity.", b"vsconstraints.controllers.velocity.")
+    assert earlier != text
+    assert pickle.loads(earlier).gain == 3.0
+
+
+def test_a_law_of_another_package_may_import_laws_of_parts(tmp_path: Path) -> None:
+    """In the module of its part, too."""
+    code = f"from vsconstraints.controllers import VelocityQP\n{THEIRS}\nclass Soft(VelocityQP):\n    name = 'soft'\n"
+    program = """
+from vsconstraints.controllers import make_controller
+from vsconstraints.plugins.registry import parts
+print(make_controller("theirs:Soft").name, len(parts()))
+"""
+    done = python(installed(tmp_path, code), program)
+    assert done.stdout.startswith("soft "), done.stderr
 
 
 def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,7 +276,7 @@ def test_order_is_that_of_the_parts_but_where_a_name_goes_before_another() -> No
 
 
 def test_an_earlier_name_is_the_module_of_today() -> None:
-    """In a process that has imported neither before."""
+    """In a process that has imported none of them before, and also as an attribute."""
     program = """
 from importlib import import_module
 from vsconstraints.plugins.earlier_names import MOVED
@@ -218,6 +285,9 @@ for earlier, today in MOVED.items():
     now = import_module(today)
     assert before is now, earlier
     assert now.__name__ == now.__spec__.name == today
+for name in [*MOVED, *MOVED.values()]:
+    package, _, module = name.rpartition(".")
+    assert getattr(import_module(package), module) is import_module(name), name
 print(len(MOVED))
 """
     done = python(dict(os.environ), program)

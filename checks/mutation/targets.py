@@ -48,15 +48,15 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/prediction/planner.py",
         "src/vsconstraints/prediction/predictive.py",
         "src/vsconstraints/prediction/robust_predictive.py",
-        "src/vsconstraints/prediction/compiled/last_plan.py",
-        "src/vsconstraints/prediction/compiled/plan_arrays.py",
-        "src/vsconstraints/prediction/compiled/plan_cost.py",
-        "src/vsconstraints/prediction/compiled/plan_program.py",
-        "src/vsconstraints/prediction/compiled/plan_rows.py",
-        "src/vsconstraints/prediction/compiled/plan_search.py",
-        "src/vsconstraints/prediction/compiled/predicted_program.py",
-        "src/vsconstraints/prediction/compiled/predictive.py",
-        "src/vsconstraints/prediction/compiled/predictive_arrays.py",
+        "src/vsconstraints/prediction/kernels/last_plan.py",
+        "src/vsconstraints/prediction/kernels/plan_arrays.py",
+        "src/vsconstraints/prediction/kernels/plan_cost.py",
+        "src/vsconstraints/prediction/kernels/plan_program.py",
+        "src/vsconstraints/prediction/kernels/plan_rows.py",
+        "src/vsconstraints/prediction/kernels/plan_search.py",
+        "src/vsconstraints/prediction/kernels/predicted_program.py",
+        "src/vsconstraints/prediction/kernels/predictive.py",
+        "src/vsconstraints/prediction/kernels/predictive_arrays.py",
         "src/vsconstraints/controllers/delay.py",
         "src/vsconstraints/compiled/delay.py",
         "controllers/goal_governor.py",
@@ -64,7 +64,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "velocity": (
         "src/vsconstraints/controllers/velocity_controller.py",
         "src/vsconstraints/velocity/avoidance.py",
-        "src/vsconstraints/velocity/compiled_speeds.py",
+        "src/vsconstraints/velocity/compiled.py",
         "src/vsconstraints/velocity/damper.py",
         "src/vsconstraints/velocity/gain.py",
         "src/vsconstraints/velocity/quadratic.py",
@@ -85,7 +85,13 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "statistics": ("src/vsconstraints/bench/statistics", "src/vsconstraints/comparisons/rates.py"),
 }
 
-NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")
+NAMED_TOO = (
+    "src/vsconstraints/compiled",
+    "src/vsconstraints/velocity/kernels",
+    "src/vsconstraints/dynamics/kernels",
+    "src/vsconstraints/constraints",
+    "src/vsconstraints/qp",
+)
 """Folders that have named mutants, but no required share."""
 
 COMPILER = (

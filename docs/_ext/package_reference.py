@@ -25,10 +25,11 @@ from sphinx.util.nodes import make_refnode
 
 
 def modules(name: str) -> list[str]:
-    """Return a module and, if it is a package, the public modules in it."""
+    """Return a module and, if it is a package, the public modules in it; no compiled functions."""
     paths = getattr(importlib.import_module(name), "__path__", ())
     inside = [module.name for module in pkgutil.walk_packages(paths, f"{name}.")]
-    return [name, *(module for module in inside if not module.rpartition(".")[2].startswith("_"))]
+    public = [module for module in inside if not module.rpartition(".")[2].startswith("_")]
+    return [name, *(module for module in public if ".kernels" not in module)]
 
 
 class Package(SphinxDirective):

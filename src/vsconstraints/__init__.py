@@ -23,9 +23,5 @@ _MODULES = {
     "run": "view.notebooks",
 }
 # importing Pinocchio alone takes longer than the whole of ``--help``
-__getattr__ = exported(__name__, _MODULES)
+__getattr__, __dir__ = exported(__name__, _MODULES)
 install()
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *_MODULES]

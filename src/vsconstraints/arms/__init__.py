@@ -41,7 +41,7 @@ __all__ = [
     "store",
     "trajectory_of",
 ]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "Address": "driver",

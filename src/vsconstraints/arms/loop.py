@@ -68,8 +68,8 @@ class Job:
 def run_on_arm(job: Job, keep: Callable[[ArmLog], None] | None = None) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until an error; end at rest.
 
-    The run is over then, and nothing resumes it. A person starts a new run, which checks again that
-    the arm is at rest and at the start.
+    After a stop the run is over, and nothing resumes it. A person starts a new run, which checks
+    again that the arm is at rest and at the start.
 
     ``keep`` saves the log. It is called once the arm stands, before signals are obeyed again.
     Returns the setup with the arm's actual start, and the log. Before anything moves, raises

@@ -23,10 +23,7 @@ from .driver import Joints
 
 @dataclass(frozen=True)
 class Supervision(Plausible):
-    """Bounds beyond which the arm is braked; :class:`.Plausible` has those on measurements.
-
-    A stop is final: see :func:`vsconstraints.arms.loop.run_on_arm`.
-    """
+    """Bounds beyond which the arm is braked; :class:`.Plausible` has those on measurements."""
 
     start_rad: float = 0.02  #: Greatest distance of a joint from the scenario's start [rad or m].
     rest_rad_s: float = 0.01  #: Greatest speed of a joint before the start [rad/s or m/s].

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 # the application imports all commands, and these import modules of this package
-__getattr__ = exported(__name__, {"app": "application"})
+__getattr__, __dir__ = exported(__name__, {"app": "application"})
 
 
 def main() -> None:

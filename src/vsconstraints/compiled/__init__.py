@@ -12,7 +12,7 @@ compiler.
   are resolvers.
 - ``closed_loop`` runs step, law and robot together. ``samples`` scores and records each sample.
 - ``sensing`` computes the measurements of the controller.
-- Parts of the package have further folders ``compiled``, with the functions that they alone need.
+- Parts of the package have folders ``kernels``, with the compiled functions that they alone need.
 - ``compiler`` compiles these functions, or leaves them to Python for debugging.
   ``numba_interface`` contains what it asks of numba, and ``accelerator`` private parts of numba
   that it can do without.

@@ -32,15 +32,15 @@ Formulas = Sequence[Callable[..., Any]]
 KEPT = 8
 KEPT_WITH_FORMULAS = 64
 HASH = 16  #: Length of the hash in the names of functions.
-#: Files outside folders ``compiled`` and ``formulas`` that define constants of compiled code.
-#: Compiled code contains no reference to them.
+#: Files outside the folders ``compiled``, ``kernels`` and ``formulas`` that define constants of
+#: compiled code, which contains no reference to them.
 OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
 
 
 def sources() -> list[Path]:
     """List every file that compiled code may be made of."""
     package = Path(__file__).parent.parent
-    folders = (*sorted(package.glob("**/compiled")), package / "formulas")
+    folders = (package / "compiled", *sorted(package.glob("*/kernels")), package / "formulas")
     files = (file for folder in folders for file in sorted(folder.glob("*.py")))
     return [*files, *(package / other for other in OTHERS)]
 

@@ -32,7 +32,7 @@ class FieldOfView(ImageConstraint):
     cannot be inverted.
 
     Whoever changes the formula gives this class another one, and leaves ``superellipse`` as it is:
-    the obstacle ``hyperellipse`` is made of it. These change with it:
+    ``hyperellipse``, the formula of an obstacle, calls it. These change with it:
 
     - ``formula`` and ``curvature_formula``, in :mod:`vsconstraints.formulas.curves`, and
       ``parameters`` below;
@@ -40,7 +40,7 @@ class FieldOfView(ImageConstraint):
       lens, which calls that one;
     - ``_can_invert_lens``, which finds the boundary from the value on a rectangle;
     - :mod:`vsconstraints.simulation.start`, for which a field of view is convex and inside the
-      image; curves are searched for in the area ``AROUND`` of :mod:`.image_constraint`;
+      image, and the areas ``AROUND`` there and in :mod:`.image_constraint`, which are searched;
     - adapters of stacks, which keep markers in the rectangle ``half_size``
       (:mod:`vsconstraints.stacks.description`).
     """

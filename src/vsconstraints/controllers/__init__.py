@@ -10,13 +10,16 @@ import inspect
 from collections.abc import Callable, Collection, Mapping
 from contextlib import chdir
 from functools import cache
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
 from ..plugins.classes import beside, folder_of_neighbours, imported_class
-from ..plugins.registry import load, registered
+from ..plugins.earlier_names import EarlierNames
+from ..plugins.registry import load
+from ..plugins.registry import registered_laws as laws_of_parts
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller, Wrapper, innermost
@@ -87,13 +90,24 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from ..prediction import PredictiveControl, RobustPredictive
+    from ..velocity import (
+        ResolvedRate,
+        ResolvedRateAvoidance,
+        VelocityDamper,
+        VelocityHierarchicalQP,
+        VelocityQP,
+    )
+
     #: Controllers by their name in files and on the command line.
     CONTROLLERS: dict[str, type[Controller]]
     #: Those that command joint speeds.
     VELOCITY_LAWS: tuple[type[VelocityController], ...]
+    #: All laws.
+    LAWS: tuple[type[Controller], ...]
 
 #: Laws of the core.
-LAWS: tuple[type[Controller], ...] = (
+CORE_LAWS: tuple[type[Controller], ...] = (
     SlidingMode,
     PotentialField,
     HierarchicalQP,
@@ -118,22 +132,29 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 @cache
 def registered_laws() -> dict[str, type[Controller]]:
     """Return all laws by name: those of the core, then those of parts."""
-    laws = {law.name: law for law in LAWS}
-    for name, reference in registered("laws").items():
-        laws[name] = load(reference)
+    laws = {law.name: law for law in CORE_LAWS}
+    laws.update({name: load(reference) for name, reference in laws_of_parts().items()})
     return laws
 
 
-def __getattr__(name: str) -> Any:
-    """Return an exported object that depends on the laws of parts."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    laws = registered_laws()
+def _exported(name: str) -> Any:
+    """Return an object that depends on the laws of parts, or a module that moved."""
     if name == "CONTROLLERS":
-        return laws
+        return registered_laws()
+    if name == "LAWS":
+        return tuple(registered_laws().values())
     if name == "VELOCITY_LAWS":
-        return tuple(law for law in laws.values() if issubclass(law, VelocityController))
-    return {law.__name__: law for law in laws.values()}[name]
+        laws = registered_laws().values()
+        return tuple(law for law in laws if issubclass(law, VelocityController))
+    if name in __all__:
+        return {law.__name__: law for law in registered_laws().values()}[name]
+    if EarlierNames.today(f"{__name__}.{name}"):
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+if not TYPE_CHECKING:  # type checkers know all names that exist, and no others
+    __getattr__ = _exported
 
 
 def __dir__() -> list[str]:

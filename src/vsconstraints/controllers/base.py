@@ -97,7 +97,10 @@ class Controller(Part, ABC):
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Modules that this law needs and that compile slowly, see :func:`.compiled.load`."""
+        """Modules that this law needs and that compile slowly.
+
+        See :func:`vsconstraints.compiled.load`.
+        """
         return ()
 
     def unused(self) -> str:

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import InvalidInput, SolverError, format_value
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .base import Controller, innermost, require_known
-from .compiled import BoundLaw, in_usual_layout
+from .compiled import BoundLaw, CompiledAnswer, in_usual_layout
 from .ranges import positive_number
+
+
+class CompiledForm(Protocol):
+    """Compiled form of a velocity law, such as a :class:`.Wrapped` law."""
+
+    labels: tuple[str, ...]
+    remark: str
+
+    def __call__(self, rows: Rows, task: Task) -> CompiledAnswer:
+        """Compute the answer for these rows and this task."""
+
+    def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
+        """Return the command of an answer; None if it is none."""
 
 
 class VelocityController(Controller):
@@ -29,9 +42,7 @@ class VelocityController(Controller):
     period: float | None = None  #: T_s [s] of the last :meth:`reset` with one; None before.
     #: (n,) last commanded q̇, NaN before the first, in the array that compiled functions write.
     _speeds: Array = UNKNOWN
-    #: Compiled form of the law: an object with the methods of :class:`.Wrapped`, ``command`` and a
-    #: call that computes an answer.
-    _compiled: Any = None
+    _compiled: CompiledForm | None = None
     #: No command depends on u⁺.
     ignores: tuple[str, ...] = ("switching_gain", "speed_gain")
 
@@ -93,7 +104,7 @@ class VelocityController(Controller):
             law = self._compiled_for(rows, task)
             if law is None:
                 return None
-            command: Command | None = law.command(law(rows, task), rows.labels)
+            command = law.command(law(rows, task), rows.labels)
         # numba may raise anything for other array types or layouts, and for invalid labels
         except Exception:
             usual = in_usual_layout(rows, task)
@@ -109,11 +120,11 @@ class VelocityController(Controller):
         law = self._compiled_for(rows, task)
         return None if law is None else BoundLaw(law, law, rows, task, acted, qdd)
 
-    def compiled_form(self, rows: Rows, n: int) -> Any:
+    def compiled_form(self, rows: Rows, n: int) -> CompiledForm | None:
         """Create the compiled form for rows like these and n joints; None if there is none."""
         return None
 
-    def _compiled_for(self, rows: Rows, task: Task) -> Any:
+    def _compiled_for(self, rows: Rows, task: Task) -> CompiledForm | None:
         """Return the compiled form for these rows and this task; None if there is none."""
         law = self._compiled
         if law is not None and law.labels is rows.labels:

@@ -18,7 +18,7 @@ __all__ = [
     "Payload",
     "Rods",
 ]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "Equivalent": "equivalent",

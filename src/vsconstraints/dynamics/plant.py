@@ -18,7 +18,7 @@ from ..rows import Array, IntArray
 from ..simulation.disturbances import Disturbances
 from ..simulation.follower import LowLevelLoop
 from ..simulation.plant import Plant, cubic
-from .compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
+from .kernels.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
 from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
@@ -264,7 +264,7 @@ class DynamicPlant(Plant):
         self.workspace = Workspace(self.arm)
         self._mujoco = None
         self._loop = loop
-        self._compiled = load("vsconstraints.dynamics.compiled.substeps")
+        self._compiled = load("vsconstraints.dynamics.kernels.substeps")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:

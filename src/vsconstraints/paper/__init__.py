@@ -23,7 +23,7 @@ __all__ = [
     "redraw",
     "reproduce",
 ]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "Reproduction": "report",

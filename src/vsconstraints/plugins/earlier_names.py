@@ -15,8 +15,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, cast
 
-#: Modules and packages by their earlier names. Those within a package are found, too; one that has
-#: another place stands before its package.
+#: Modules and packages by their earlier names. Those within a package are found, too. A module that
+#: moved elsewhere than its package stands before it: the first name that fits counts.
 MOVED = {
     "vsconstraints.comparisons.difference": "vsconstraints.bench.difference",
     "vsconstraints.comparisons.evidence": "vsconstraints.bench.evidence",
@@ -27,7 +27,6 @@ MOVED = {
     "vsconstraints.controllers.predictive": "vsconstraints.prediction.predictive",
     "vsconstraints.controllers.robust_predictive": "vsconstraints.prediction.robust_predictive",
     "vsconstraints.controllers.velocity.base": "vsconstraints.controllers.velocity_controller",
-    "vsconstraints.controllers.velocity.compiled": "vsconstraints.velocity.compiled_speeds",
     "vsconstraints.controllers.velocity": "vsconstraints.velocity",
     "vsconstraints.learning": "vsconstraints.bench.learning",
     "vsconstraints.reports.evidence": "vsconstraints.bench.reports",
@@ -36,6 +35,7 @@ MOVED = {
     "vsconstraints.reports.replay": "vsconstraints.view.replay",
     "vsconstraints.scenarios.families": "vsconstraints.bench.families",
     "vsconstraints.simulation.dynamics": "vsconstraints.dynamics",
+    "vsconstraints.velocity.base": "vsconstraints.controllers.velocity_controller",
     "vsconstraints.vision.images": "vsconstraints.images",
 }
 

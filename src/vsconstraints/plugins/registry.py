@@ -38,6 +38,8 @@ OWN = (
     "images",
     "stacks",
 )
+#: Those of them that register laws. Making a law imports no other part.
+WITH_LAWS = ("prediction", "velocity")
 GROUP = "vsconstraints.parts"  #: Group of the entry points of other packages.
 
 
@@ -74,7 +76,10 @@ class Listing(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """Extensions by one part; every function and class is given as ``module:name``."""
+    """Extensions by one part; every function and class is given as ``module:name``.
+
+    Parts of other packages have all of them but laws.
+    """
 
     #: Commands by name; ``testset run`` is the command ``run`` of the group ``testset``.
     commands: Mapping[str, Command] = field(default_factory=dict)
@@ -85,9 +90,9 @@ class Part:
     #: Types of the scenario tables ``plant`` and ``sensor``: by table and by type the class whose
     #: fields are the table's keys, see :mod:`vsconstraints.simulation.settings`.
     scenario_tables: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    #: Laws by name: classes of :class:`vsconstraints.controllers.Controller`. Only this package
-    #: registers them. Those of other packages are named as ``module:Class``, so that results depend
-    #: on their files.
+    #: Laws by name: classes of :class:`vsconstraints.controllers.Controller`, of the parts
+    #: :data:`WITH_LAWS` of this package. Laws of other packages are named as ``module:Class``, so
+    #: that results depend on their files.
     laws: Mapping[str, str] = field(default_factory=dict)
     #: Controllers of special tables, by the name of their kind: ``stack`` is that of tables with a
     #: command or an adapter, which run a program in a process of its own.
@@ -183,6 +188,14 @@ def registered(kind: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for part in parts():
         _add(found, kind, getattr(part, kind))
+    return found
+
+
+def registered_laws() -> dict[str, str]:
+    """Return the classes of the laws that parts of this package register, by name."""
+    found: dict[str, str] = {}
+    for name in WITH_LAWS:
+        _add(found, "laws", load(f"vsconstraints.{name}.part:PART").laws)
     return found
 
 

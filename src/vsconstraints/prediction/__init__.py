@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .robust_predictive import RobustPredictive
 
 __all__ = ["PredictiveControl", "RobustPredictive"]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {"PredictiveControl": "predictive", "RobustPredictive": "robust_predictive"},
 )

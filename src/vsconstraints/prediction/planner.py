@@ -27,7 +27,7 @@ from ..controllers.resolver import Priority, row_weights
 from ..errors import SolverError
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
 
-KERNELS = "vsconstraints.prediction.compiled"  #: Package of the compiled functions.
+KERNELS = "vsconstraints.prediction.kernels"  #: Package of the compiled functions.
 ABSENT = -1  #: First entry of a quantity that is not predicted.
 
 

@@ -6,4 +6,4 @@ use.
 
 from ..plugins.lazy import exported
 
-__getattr__ = exported(__name__, {"write_report": "report"})
+__getattr__, __dir__ = exported(__name__, {"write_report": "report"})

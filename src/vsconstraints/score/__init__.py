@@ -17,7 +17,7 @@ __all__ = [
     "store",
 ]
 
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "NAME_OF_LAW": "scored",

@@ -48,8 +48,8 @@ def intersample_clearance(
 
     An inspected period is evaluated at its quarters. A part is halved further only if a row may be
     violated in it more deeply than anywhere else in the run: the run's greatest depth is searched
-    for, and a short violation of smaller depth may lie between the quarters. By then the changes
-    within the period are known, and a part is taken to dip by no more than the largest of them.
+    for, and a short violation of smaller depth may lie between the quarters. A part is assumed to
+    dip by no more than the largest change between two quarters of its period, halved with it.
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .stack import NoAnswer, Stack
 
 __all__ = ["USES", "ExternalStack", "NoAnswer", "Stack", "StackFailedError"]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "USES": "protocol",

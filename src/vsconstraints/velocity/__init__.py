@@ -26,7 +26,7 @@ __all__ = [
     "adaptive_gain",
     "commands_velocity",
 ]
-__getattr__ = exported(
+__getattr__, __dir__ = exported(
     __name__,
     {
         "VELOCITY_LAWS": ".controllers",

@@ -14,7 +14,7 @@ from ..controllers.velocity_controller import VelocityController
 from ..errors import ConfigurationError
 from ..formulas.velocity import adaptive_gain
 from ..rows import Array, Rows, Task
-from .compiled_speeds import KERNELS, CompiledSpeeds
+from .compiled import KERNELS, CompiledSpeeds
 
 
 class VelocityLaw(VelocityController):

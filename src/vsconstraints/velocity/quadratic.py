@@ -19,7 +19,7 @@ from ..formulas import where
 from ..formulas.row import Row
 from ..formulas.velocity import UNBOUNDED
 from ..rows import UNKNOWN, Array, Command, Rows, Task
-from .compiled_speeds import reason_of
+from .compiled import reason_of
 from .gain import VelocityLaw
 
 #: Damping of the inner program, of no effect: its task contains the damping of the law already.

@@ -150,7 +150,7 @@ OUTCOMES: Mapping[str, Outcome] = {
 }
 
 #: Ending of a run without violation, by status; any other status is a failure. The ending ``slow``
-#: is wider than the status of this name.
+#: also contains runs with the status ``unfinished``.
 ENDINGS: Mapping[str, str] = {
     "converged": "success",
     "trapped": "stuck",

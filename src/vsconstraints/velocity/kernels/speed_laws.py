@@ -2,7 +2,7 @@
 
 They are called like any law. The joint speeds q̇ are written to ``speeds`` of :class:`.LawArrays`,
 and q̈, the change from the speeds commanded before, to the answer. A closed loop replaces this q̈
-by the change from the speeds of the robot (``go_to_speeds`` in :mod:`.compiled.samples`).
+by the change from the speeds of the robot (``go_to_speeds`` in ``compiled/samples.py``).
 """
 
 from __future__ import annotations

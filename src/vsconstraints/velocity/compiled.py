@@ -24,7 +24,7 @@ from ..controllers.resolver import Resolver
 from ..rows import Array, Command, Rows, Task, at_end
 
 #: Module of the compiled functions of these laws.
-KERNELS = "vsconstraints.velocity.compiled.speed_laws"
+KERNELS = "vsconstraints.velocity.kernels.speed_laws"
 
 
 def reason_of(answer: Command, unit: str) -> str:
