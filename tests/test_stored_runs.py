@@ -690,4 +690,4 @@ def test_what_laws_need_is_compiled_before_runs_and_no_code_of_own_laws_is_run(
             ControllerSpec("mine", "nowhere:Law"),
         ]
     )
-    assert asked == [("predictive", "task_priority")]
+    assert asked == [("task_priority", "vsconstraints.prediction.kernels.predictive")]
