@@ -1053,6 +1053,8 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
         f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes
     }
     assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
+    for suffix in suffixes:
+        assert text.count(f"(figures/trade-off{suffix}.png)") == 1
     for first in ("controller", "challenged rows", "rows that limited the arm"):
         found = [t for t in tables_of(text) if first in t[0] and len(t) > 5]
         assert found

@@ -91,11 +91,11 @@ def repeat(
     """Repeat a share of a study's runs, drawn by ``seed``, and report those that differ.
 
     Numbers differ if they deviate by more than :data:`TOLERANCE`. A run counts as decided by
-    rounding if every result that differs also changes, by any amount, when the start is moved by
-    :data:`NUDGE`. A fault of such a result is not told apart; therefore the sentences also show
-    the result from the moved start. A run that differs from the study and from its own repetition
-    here is not reproducible, which is a difference. Raises ConfigurationError for laws that do not
-    come with the package, unless they are trusted.
+    rounding if every result that differs from the stored one also differs from that of a run whose
+    start coordinates are changed by a relative :data:`NUDGE`. A fault of such a result is not told
+    apart; therefore the sentences also show the result from the moved start. A run that differs
+    from the study and from its own repetition here is not reproducible, which is a difference.
+    Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:
@@ -161,7 +161,7 @@ def repeat_run(
 ) -> tuple[list[str], bool]:
     """Repeat the run of a line, in a worker.
 
-    Return sentences on the differences, and True if rounding decides the run.
+    Return sentences on the differences, and True if the run counts as decided by rounding.
     """
     made = repeat_once(line, family, law, seed)
     found = _differences(line, made)

@@ -203,8 +203,8 @@ class MetricInputs:
     def band(self) -> Band:
         """Band of φ and its bound T_s u⁺, for the row with the largest ratio; NaN if none."""
         bounds = self.switching_step
-        bands = map(_band, self.run.phi.T, bounds)
-        widths = np.array(list(bands))
+        each = zip(self.run.phi.T, bounds, strict=True)
+        widths = np.array([_band(phi, bound) for phi, bound in each])
         if len(self.run.t) < 2 or not np.isfinite(widths).any():
             return Band(np.nan, np.nan)
         widest = np.nanargmax(widths / bounds)

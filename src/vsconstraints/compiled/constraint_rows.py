@@ -251,9 +251,9 @@ def image_rows(
             # factors of the camera's v and ω in K ∇σ ṡ
             per_x = K * slope_u * focal[0]
             per_y = K * slope_v * focal[1]
-            x = marker.xy[0]
-            y = marker.xy[1]
-            linear, angular = interaction(per_x, per_y, x, y, marker.depth)
+            image_x = marker.xy[0]
+            image_y = marker.xy[1]
+            linear, angular = interaction(per_x, per_y, image_x, image_y, marker.depth)
             for j in range(len(step.qd)):
                 camera_v, camera_omega = camera_column(step, j)
                 step.rows.Lg[row, j] = pair_of_rows(linear, camera_v, angular, camera_omega)

@@ -181,8 +181,8 @@ def solve_in_span(
     G, X, qr, rank, gain = aim
     n = X.shape[1]
     w = walls.held.size
-    least_gain = 2.0 * max(tolerance, np.sqrt(damping))
-    if not gain > least_gain * np.sqrt(squares(G, n)):
+    least_relative_gain = 2.0 * max(tolerance, np.sqrt(damping))
+    if not gain > least_relative_gain * np.sqrt(squares(G, n)):
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):
@@ -195,7 +195,7 @@ def solve_in_span(
     code, steps = solve_stage(walls, G, Q, rank, undamped, X, point, scratch)
     found = code == SOLVED
     for i in range(w):
-        if walls.held[i] and moves(walls.normals, i, aim, row):
+        if found and walls.held[i] and moves(walls.normals, i, aim, row):
             found = False
     if not found:
         copy_vector(walls.limits, walls.sides)
@@ -380,9 +380,10 @@ def descend_levels(
         return FAILED, False, total
     if code == NO_CHOICE:
         return SOLVED, False, 0
-    is_damped = is_redundant and levels.damped(aim.G, aim.X, point)
-    if code == SOLVED and not is_damped:
-        return SOLVED, False, total
+    if code == SOLVED:
+        is_damped = is_redundant and levels.damped(aim.G, aim.X, point)
+        if not is_damped:
+            return SOLVED, False, total
     may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
     return SOLVED, may_improve, total + steps
 

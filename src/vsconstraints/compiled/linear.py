@@ -31,7 +31,7 @@ def clip(x: float, least: float, greatest: float) -> float:
 
 
 @in_place
-def largest(x: Array) -> float:
+def largest_magnitude(x: Array) -> float:
     """Return the largest |xⱼ| of a vector, 0 if it is empty."""
     greatest = 0.0
     for j in range(x.size):

@@ -54,7 +54,7 @@ def _length_of(axis: str, lengths: Mapping[str, int] | None) -> int:
     if lengths is None:
         return 1
     if axis not in lengths:
-        axes = ", ".join(lengths)
+        axes = ", ".join(lengths) or "none"
         raise InvalidInput(f"the axis {axis!r} has no length; axes with one are {axes}")
     return lengths[axis]
 

@@ -10,7 +10,7 @@ from ..rows import Array
 from .codes import NEEDS_PYTHON, SOLVED, TOLERANCE
 from .compiler import compiled, in_place
 from .laws import RESOLVER, fits, load_law
-from .linear import ONE, START, add, constant, largest
+from .linear import ONE, START, add, constant, largest_magnitude
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, valid
 from .scratch import blank, emptied
@@ -32,11 +32,11 @@ ROWS_OF_X = constant(3)
 def direction(J: Array, e: Array, X: Array, along: Array) -> float:
     """Write J z to ``along`` (k,) and Jᵀe / ‖Jᵀe‖, or 0, to X[UNIT]; return ‖e‖."""
     n = J.shape[1]
-    size_of_error = largest(e)
+    largest_entry = largest_magnitude(e)
     # e is divided by its largest entry, so that no square leaves the range of floating point
     squared_error = 0.0
     for i in range(e.size):
-        share = e[i] / size_of_error if size_of_error > 0.0 else 0.0
+        share = e[i] / largest_entry if largest_entry > 0.0 else 0.0
         squared_error += share * share
         for j in range(n):
             along[i] += J[i, j] * X[Z, j]
@@ -48,7 +48,7 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
         size = np.sqrt(squared)
         for j in range(n):
             X[UNIT, j] /= size
-    norm: float = size_of_error * np.sqrt(squared_error)
+    norm: float = largest_entry * np.sqrt(squared_error)
     return norm
 
 

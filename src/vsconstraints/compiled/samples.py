@@ -16,7 +16,7 @@ from ..formulas.motion import pose_difference, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .compiler import in_place
-from .linear import largest
+from .linear import largest_magnitude
 from .records import LOOP_PARTS, Records
 from .workspace import Answer, RowArrays, TaskArrays
 
@@ -395,7 +395,7 @@ def score_goal(loop: Loop, k: int) -> None:
     kept.camera_error[camera, 0] = distance
     kept.camera_error[camera, 1] = turn
     kept.feature_error[camera] = away
-    speed = largest(loop.plant.x[1])
+    speed = largest_magnitude(loop.plant.x[1])
     tolerance = goals.tolerance[goal]
     by_pose = goals.by_pose[0]
     is_reached = reached(distance, turn, away, speed, tolerance, by_pose)

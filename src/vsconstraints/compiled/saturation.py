@@ -99,8 +99,8 @@ def missed(J: Array, X: Array) -> bool:
     for i in range(J.shape[0]):
         along = away(J, i, X, WHOLE, X, TRACKING)
         residual += along * along
-    size_of_task = np.sqrt(squares(J, n))
-    increased: bool = np.sqrt(residual) > STRICT * size_of_task * np.sqrt(far)
+    norm = np.sqrt(squares(J, n))
+    increased: bool = np.sqrt(residual) > STRICT * norm * np.sqrt(far)
     return increased
 
 

@@ -238,7 +238,7 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> Surface:
         centre = np.zeros((1, 1, 3))
         return Surface(centre, float(geometry.radius))
     if isinstance(geometry, coal.Cylinder):
-        apothem = float(np.cos(np.pi / SIDES))  # of a prism around which the radius is 1
+        apothem = float(np.cos(np.pi / SIDES))  # of a prism in a cylinder of radius 1
         slack = geometry.radius * (1.0 - apothem)
         triangles = _cylinder(geometry.radius, geometry.halfLength)
         return Surface(_divided(triangles, longest), slack)

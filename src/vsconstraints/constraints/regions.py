@@ -293,12 +293,12 @@ class RegionAroundAxis(KnownRegion):
             raise ConfigurationError(
                 f"start and end of a {self.kind} must be different points, not both {start}"
             )
-        half = 0.5 * size
+        half_length = 0.5 * size
         width = self.radius
         if self.kind == "cylinder":
-            width = min(self.radius, half)
+            width = min(self.radius, half_length)
         middle = 0.5 * (start + end)
-        self.place(frame_along(along / size), middle, width, self.radius, half)
+        self.place(frame_along(along / size), middle, width, self.radius, half_length)
 
 
 class ForbiddenCylinder(RegionAroundAxis):

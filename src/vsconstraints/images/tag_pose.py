@@ -136,8 +136,8 @@ def board_pose(
     import cv2
 
     points = in_space(flat)
-    no_lens = np.eye(3)
-    found, turn, shift = cv2.solvePnP(points, normalised, no_lens, None, flags=cv2.SOLVEPNP_IPPE)
+    identity = np.eye(3)
+    found, turn, shift = cv2.solvePnP(points, normalised, identity, None, flags=cv2.SOLVEPNP_IPPE)
     if not found:
         return None, np.nan
     # poses of the board in the camera's frame
@@ -174,7 +174,7 @@ def _refined(points: Array, normalised: Array, start: Pose) -> Pose:
 
     turn, _ = cv2.Rodrigues(start.R)
     shift = start.t[:, None]
-    no_lens = np.eye(3)
-    turn, shift = cv2.solvePnPRefineLM(points, normalised, no_lens, None, turn, shift)
+    identity = np.eye(3)
+    turn, shift = cv2.solvePnPRefineLM(points, normalised, identity, None, turn, shift)
     R, _ = cv2.Rodrigues(turn)
     return Pose(R, shift.ravel())

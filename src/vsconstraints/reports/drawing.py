@@ -277,8 +277,8 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
     for group in results.groups:
         shown = shown_runs(results, group.controllers)
         left_out = 0
-    for name, runs in shown.items():
-        left_out += len(results.all_runs(name)) - len(runs)
+        for name, runs in shown.items():
+            left_out += len(results.all_runs(name)) - len(runs)
         remark = ""
         if left_out:
             remark = (

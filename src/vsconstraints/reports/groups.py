@@ -68,7 +68,7 @@ def information_text(required: Sequence[str] | None) -> str:
 def implementation_text(is_compiled: Sequence[bool], external: bool) -> str:
     """Return how a controller runs: compiled, in NumPy, or external (in its own process).
 
-    ``is_compiled`` has the implementation of each of its runs.
+    ``is_compiled`` has the implementation of each of its runs, of which there is at least one.
     """
     if external:
         return "external"

@@ -116,7 +116,7 @@ class Results:
         return implementation_text(is_compiled, controller in self.external)
 
     @cached_property
-    def declared_uses(self) -> dict[str, tuple[str, ...]]:
+    def declared_by_stacks(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
         reasons = {}
         for name in self.competitors:
@@ -126,7 +126,7 @@ class Results:
     @property
     def stacks(self) -> list[str]:
         """Controllers that get measurements instead of rows and a task."""
-        programs = self.external | self.declared_uses.keys()
+        programs = self.external | self.declared_by_stacks.keys()
         return [name for name in self.competitors if name in programs]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:

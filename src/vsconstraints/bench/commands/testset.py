@@ -143,7 +143,7 @@ def leaderboard(
     demand("evidence", "the leaderboard")
     from ..evidence import processes
     from ..families.frozen import TestSet
-    from ..repetition import NUDGE, repeat, secret_seed
+    from ..repetition import NUDGE, TOLERANCE, repeat, secret_seed
     from ..reports.leaderboard import leaderboard as board
     from ..study import Study
 
@@ -200,8 +200,10 @@ def leaderboard(
         if repetition.by_rounding:
             errors.print(
                 f"warning: {name}: a run counts as decided by rounding if every result that "
-                f"differs also changes, by any amount, when its start is moved by {NUDGE:g}. This "
-                "can hide a fault of these results: compare the three values of each above"
+                f"differs from the stored one also changes by more than {TOLERANCE:g} when the "
+                f"start coordinates are changed by a relative {NUDGE:g}. This can hide a fault "
+                "of these results: compare the values above (stored, repeated, from the moved "
+                "start)"
             )
     for repetition in repetitions.values():
         if repetition.differences or repetition.changed_files:

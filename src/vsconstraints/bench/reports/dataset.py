@@ -206,10 +206,11 @@ class Dataset:
         return plain
 
     @cached_property
-    def package_uses(self) -> dict[str, tuple[str, ...] | None]:
-        """Information that each controller of the package requires beyond rows and task.
+    def uses_of_laws(self) -> dict[str, tuple[str, ...] | None]:
+        """Information that each controller requires beyond rows and task.
 
-        It is None for a custom controller, whose code defines it, and for a stack.
+        It is known for controllers of the package. It is None for a custom controller, whose code
+        defines it, and for a stack.
         """
         entries = self.configuration["controllers"]
         uses = {}
@@ -218,7 +219,7 @@ class Dataset:
         return uses
 
     @cached_property
-    def declared_uses(self) -> dict[str, tuple[str, ...]]:
+    def declared_by_stacks(self) -> dict[str, tuple[str, ...]]:
         """Data that each stack declared as used in its runs, by controller."""
         reasons = {}
         for name in self.laws:
@@ -227,7 +228,7 @@ class Dataset:
 
     def uses_of(self, law: str) -> tuple[str, ...] | None:
         """Return the required information of a controller or stack; None if it is unknown."""
-        return self.declared_uses.get(law, self.package_uses[law])
+        return self.declared_by_stacks.get(law, self.uses_of_laws[law])
 
     def implementation(self, law: str) -> str:
         """Return how a controller runs, see :func:`.implementation_text`."""

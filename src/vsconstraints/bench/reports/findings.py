@@ -100,7 +100,7 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         return []
     known = {}
     for law in ranked.laws:
-        uses = dataset.package_uses[law]
+        uses = dataset.uses_of_laws[law]
         if uses is not None:
             known[law] = uses
     several = []

@@ -52,8 +52,8 @@ def rates(
     lines = []
     for group, group_runs in _groups(runs.assign(flag=flags), key):
         result = rate(group_runs["flag"].to_numpy(bool), confidence)
-        interval = (result.share, result.low, result.high)
-        lines.append((*group, result.count, result.of, *interval))
+        counts = (result.count, result.of)
+        lines.append((*group, *counts, result.share, result.low, result.high))
     return _frame((*key, "count", "of", "share", "low", "high"), lines)
 
 

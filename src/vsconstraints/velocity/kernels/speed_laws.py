@@ -22,7 +22,7 @@ from ...compiled.laws import (
     is_answer,
     load_law,
 )
-from ...compiled.linear import finite, largest
+from ...compiled.linear import finite, largest_magnitude
 from ...compiled.memory import zeros
 from ...compiled.parts import call_int_pointer, set_fields, struct_loader
 from ...compiled.resolving import checkable, valid
@@ -102,7 +102,7 @@ def speed_before(law: LawArrays, task: TaskArrays, j: int) -> float:
 def write_task(own: SpeedArrays, task: TaskArrays, v: Array) -> None:
     """Write v = −λ e − ∂s/∂t (k,) of the task J q̇ = v, with ∂s/∂t = ė − J q̇."""
     error = task.error
-    gain = adaptive_gain(largest(error), own.gain_at_zero, own.gain, own.slope_at_zero)
+    gain = adaptive_gain(largest_magnitude(error), own.gain_at_zero, own.gain, own.slope_at_zero)
     for i in range(error.size):
         total = -task.error_rate[i] - gain * error[i]
         for j in range(task.qd.size):

@@ -247,8 +247,8 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     (loaded,) = scenarios_of([scenario])
     requested = RunSpec(loaded, spec, trial=trial, seed=seed)
     finished = perform(requested, by_public_call=True, to_the_goal=True)
-    place = (loaded.name, loaded.title, loaded.folder)
-    return NotebookRun(finished.setup, finished.record, spec.name, *place)
+    of_scenario = (loaded.name, loaded.title, loaded.folder)
+    return NotebookRun(finished.setup, finished.record, spec.name, *of_scenario)
 
 
 # --- Data frames and tables ---
