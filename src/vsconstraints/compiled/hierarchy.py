@@ -380,10 +380,9 @@ def descend_levels(
         return FAILED, False, total
     if code == NO_CHOICE:
         return SOLVED, False, 0
-    if code == SOLVED:
-        is_damped = is_redundant and levels.damped(aim.G, aim.X, point)
-        if not is_damped:
-            return SOLVED, False, total
+    # whether the damping matters is asked only of a solution
+    if code == SOLVED and not (is_redundant and levels.damped(aim.G, aim.X, point)):
+        return SOLVED, False, total
     may_improve, steps = solve_task_separately(walls, aim, priorities, kept, point, qdd, scratch)
     return SOLVED, may_improve, total + steps
 
