@@ -19,7 +19,7 @@ class Cautious(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         qdd = self.tracking.solve(rows, task).qdd
         near = rows.phi > -self.distance * rows.scale
-        # several times: what one row gets may be another's
+        # several times: the correction of one row may violate another one
         for i in np.tile(np.flatnonzero(near), 10):
             excess = rows.Lf[i] + rows.Lg[i] @ qdd + self.rate * rows.phi[i]
             if excess > 0.0:

@@ -39,7 +39,7 @@ NOT_RUN: dict[tuple[str, str], str] = {
     ): "what a message says",
     (
         "structure.md",
-        " errors → rows   plugins        what all others use: errors; rows φ ≤ 0, task, command; "
+        " errors → rows, plugins         what all others use: errors; rows φ ≤ 0, task, command; "
         "registry of parts",
     ): "a drawing",
     (

@@ -1,10 +1,12 @@
 """The code's structure: nothing imports in circles, and what counts is counted."""
 
 import ast
+import csv
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -225,6 +227,32 @@ def test_the_page_on_structure_names_what_is_there():
     assert {f"{file.parent.name}/" for file in package.glob("*/__init__.py")} <= set(paths)
     text = "".join(file.read_text(encoding="utf-8") for file in (root / "tests").glob("test_*.py"))
     assert [test for test in tests if f"def {test}(" not in text] == []
+
+
+def test_the_page_on_structure_states_the_limits_and_counts_the_named_mutants():
+    root = Path(__file__).parents[1]
+    page = " ".join((root / "docs" / "structure.md").read_text(encoding="utf-8").split())
+    mutation = root / "checks" / "mutation"
+    with (mutation / "noticed.tsv").open(encoding="utf-8", newline="") as file:
+        noticed = {
+            (line["file"], line["old"], line["new"])
+            for line in csv.DictReader(file, delimiter="\t")
+        }
+    reasoned = {
+        (mutant["file"], mutant["old"], mutant["new"])
+        for mutant in tomllib.loads((mutation / "named.toml").read_text(encoding="utf-8"))["mutant"]
+    }
+    assert f"`--named`: {len(noticed)} mutants, each against one test" in page
+    assert f"{len(reasoned)} of the named mutants have a reason" in page
+    limits = (
+        f"{structure.MAX_TOKENS_PER_LINE} of the package, "
+        f"{structure.MAX_TOKENS_PER_LINE_OF_ROOM} of a folder",
+        f"{structure.MAX_PACKED:.0%}".replace("%", " %"),
+        f"{structure.MAX_CORE_TOKENS:,}",
+        str(structure.MAX_FLOORS),
+    )
+    for limit in limits:
+        assert f"| {limit} |" in page
 
 
 def test_what_stands_twice_says_so_beside_it():
