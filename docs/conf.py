@@ -77,7 +77,7 @@ suppress_warnings = ["ref.python"]  # in aliases of types, names that two module
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
     # compiled when imported, and defined by what they stand for
-    ("py:.*", r"vsconstraints\.compiled\..*"),
+    ("py:.*", r"vsconstraints\.(compiled|\w+\.kernels)\..*"),
 ]
 nitpick_ignore = [
     ("py:class", "Path"),

@@ -56,7 +56,7 @@ class PlanningLaw(Protocol):
 
 
 class Planner(Wrapped):
-    """The compiled law for the rows of a model, see :mod:`.compiled.predictive`.
+    """The compiled law for the rows of a model, see ``kernels/predictive.py``.
 
     ``compiled`` is true if the model is compiled too. Otherwise Python predicts, between two calls
     of the compiled law.

@@ -36,10 +36,10 @@ def reason_of(answer: Command, unit: str) -> str:
 
 
 class CompiledSpeeds(Wrapped):
-    """Compiled law of joint speeds: a function of :mod:`.speed_laws`.
+    """Compiled law of joint speeds: a function of ``kernels/speed_laws.py``.
 
     It is called with the ``program``, a demand and a resolver, and ``options``, fields of
-    :class:`.SpeedArrays`; those that are left out have no effect.
+    ``SpeedArrays``; those that are left out have no effect.
     Every call writes ``speeds`` (n,), the last commanded q̇. ``unit_of_excess`` is that of violated
     rows in reasons.
     """

@@ -35,7 +35,7 @@ class VelocityLaw(VelocityController):
     #: The drift of rows is a matter of accelerations; only with a dead time does it change φ.
     ignores = (*VelocityController.ignores, "observer")
     ranges: ClassVar[Mapping[str, Declared]] = {"gain": Range(0.2, 20.0), "K": Range(0.3, 10.0)}
-    #: Function of :mod:`.speed_laws` for exactly this class; subclasses may
+    #: Function of ``kernels/speed_laws.py`` for exactly this class; subclasses may
     #: override any method, and have none unless they declare it.
     kernel: ClassVar[str] = ""
     #: Unit in which violations of rows that contradict each other are measured and reported.
@@ -71,7 +71,7 @@ class VelocityLaw(VelocityController):
         raise NotImplementedError
 
     def compiled_options(self, rows: Rows, n: int) -> dict[str, Any]:
-        """Return the law's fields of :class:`.SpeedArrays`."""
+        """Return the law's fields of ``SpeedArrays``."""
         at_zero = self.gain if self.gain_at_zero is None else self.gain_at_zero
         return {
             "period": self.period,
