@@ -183,6 +183,7 @@ TESTS = (
     "tests/test_plan_program.py",
     "tests/test_predictive.py",
     "tests/test_qp_solvers.py",
+    "tests/test_recorded_pixels.py",
     "tests/test_recorded_runs.py",
     "tests/test_reports.py",
     "tests/test_reproduction.py",
@@ -190,6 +191,7 @@ TESTS = (
     "tests/test_rest.py",
     "tests/test_samples_by_hand.py",
     "tests/test_saturation.py",
+    "tests/test_score_run.py",
     "tests/test_scores_by_hand.py",
     "tests/test_simulation.py",
     "tests/test_stacks.py",
@@ -200,10 +202,10 @@ TESTS = (
     "tests/test_workspace.py",
 )
 
-QUICK = 1.0
+QUICK = 2.0
 """Time limit of a test without the compiler [s]; longer ones are left out."""
 
-WATCHED = 10.0
+WATCHED = 25.0
 """Time [s] for which the tests of a file are watched, those of the quick suite first."""
 
 RUNS = "tests/test_reproduction.py"

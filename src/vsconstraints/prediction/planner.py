@@ -161,8 +161,7 @@ class Planner(Wrapped):
             raise SolverError("numbers are beyond the range of floating point")
         plans = self.plans
         predicted, requested, _, outcome = plans.outcome.tolist()
-        has_program = predicted >= FEWEST_INSTANTS
-        if has_program and outcome == RANK_LOSS:
+        if outcome == RANK_LOSS:
             raise SolverError(
                 f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}"
             )
@@ -172,11 +171,11 @@ class Planner(Wrapped):
                 f"no more than {plans.times[predicted]:.3g} s are predicted, since a marker is "
                 f"then not in front of the camera"
             )
-        if has_program and outcome != FAILED:
+        if outcome != FAILED:
             command = self._answer(qdd, acted, slack)
         else:
             why = f"braking: {short}"
-            if has_program:
+            if predicted >= FEWEST_INSTANTS:
                 why = "the previous plan is continued: no better one passes the check"
             command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
