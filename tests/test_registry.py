@@ -243,6 +243,16 @@ def test_a_package_lists_what_it_exports_and_has_it(package: str) -> None:
         assert getattr(module, name) is not None
 
 
+def test_modules_of_an_earlier_package_can_be_imported_from_it() -> None:
+    program = """
+from vsconstraints.controllers import planner, predictive, robust_predictive, velocity
+from vsconstraints.controllers.velocity import base, compiled, gain
+print(base.VelocityController.__name__, compiled.CompiledSpeeds.__name__, gain.VelocityLaw.__name__)
+"""
+    done = python(dict(os.environ), program)
+    assert done.stdout == "VelocityController CompiledSpeeds VelocityLaw\n", done.stderr
+
+
 def test_a_law_is_read_by_its_earlier_module() -> None:
     law = controllers.VelocityQP(gain=3.0)
     text = pickle.dumps(law, protocol=0)
