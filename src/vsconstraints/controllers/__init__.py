@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
 from ..plugins.classes import beside, folder_of_neighbours, imported_class
 from ..plugins.earlier_names import EarlierNames
-from ..plugins.registry import load
-from ..plugins.registry import registered_laws as laws_of_parts
+from ..plugins.registry import laws_of_parts, load
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller, Wrapper, innermost

@@ -191,7 +191,7 @@ def registered(kind: str) -> dict[str, Any]:
     return found
 
 
-def registered_laws() -> dict[str, str]:
+def laws_of_parts() -> dict[str, str]:
     """Return the classes of the laws that parts of this package register, by name."""
     found: dict[str, str] = {}
     for name in WITH_LAWS:
