@@ -2,7 +2,8 @@
 
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room
 that it imports. An import counts anywhere, at the top of a file, inside a function or for type
-checkers only; importing a module imports the packages that contain it. The exit code is 1 if there
+checkers only, except those of :data:`NAMED`; importing a module imports the packages that contain
+it. The exit code is 1 if a limit of density or size below is exceeded, if there
 are more floors or parameters than allowed, if imports form a circle, if an import crosses the
 border between the core and its optional parts, or if a definition has no reference. Lines have no
 limit: a limit makes code denser, not simpler. Density has one: tokens per line of code, and the
@@ -405,9 +406,9 @@ def main(arguments: list[str]) -> int:
         return 2
     graph = {}
     for name, module in modules.items():
-        later = NAMED.get(name, set())
+        at_first_use = NAMED.get(name, set())  # such imports make no circle
         targets = imports(module, {*modules})
-        graph[name] = {target for target in targets if room_of(target) not in later}
+        graph[name] = {target for target in targets if room_of(target) not in at_first_use}
     rooms: dict[str, list[Module]] = {}
     for module in modules.values():
         rooms.setdefault(room_of(module.name), []).append(module)

@@ -107,7 +107,7 @@ def _compiled_files(folder: Path, beginning: str) -> list[Path]:
 
 
 def is_compiled(folder: Path, state: str) -> bool:
-    """True if a function without formulas is compiled in this state of the code.
+    """True if any function without formulas is compiled in this state of the code.
 
     Numba writes to a folder for each folder of sources: a ``__pycache__`` in it, or a folder in
     ``NUMBA_CACHE_DIR``.

@@ -102,7 +102,7 @@ if TYPE_CHECKING:
     CONTROLLERS: dict[str, type[Controller]]
     #: Those that command joint speeds.
     VELOCITY_LAWS: tuple[type[VelocityController], ...]
-    #: All laws.
+    #: The values of :data:`CONTROLLERS`.
     LAWS: tuple[type[Controller], ...]
 
 #: Laws of the core.

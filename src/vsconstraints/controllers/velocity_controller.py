@@ -24,7 +24,7 @@ class CompiledForm(Protocol):
         """Compute the answer for these rows and this task."""
 
     def command(self, answer: CompiledAnswer, labels: tuple[str, ...]) -> Command | None:
-        """Return the command of an answer; None if it is none."""
+        """Return the command of an answer; None if the answer gives none."""
 
 
 class VelocityController(Controller):

@@ -192,7 +192,10 @@ def registered(kind: str) -> dict[str, Any]:
 
 
 def laws_of_parts() -> dict[str, str]:
-    """Return the classes of the laws that parts of this package register, by name."""
+    """Return references to the laws that parts of this package register, by name.
+
+    Raises as :func:`registered`.
+    """
     found: dict[str, str] = {}
     for name in WITH_LAWS:
         _add(found, "laws", load(f"vsconstraints.{name}.part:PART").laws)
@@ -200,7 +203,7 @@ def laws_of_parts() -> dict[str, str]:
 
 
 def scenario_types(table: str) -> dict[str, str]:
-    """Return the classes of a scenario table, by type. Raises as :func:`registered`."""
+    """Return references to the classes of a scenario table, by type. Raises as :func:`registered`."""
     found: dict[str, str] = {}
     for part in parts():
         _add(found, f"types of {table}", part.scenario_tables.get(table, {}))

@@ -144,7 +144,7 @@ class Planner(Wrapped):
         return Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """Compute the command.
+        """Compute the command; ``suboptimal`` if the law brakes or continues its previous plan.
 
         Raises SolverError if a number leaves the range of floating point, or if the plan has no
         unique optimum.
