@@ -203,7 +203,10 @@ def laws_of_parts() -> dict[str, str]:
 
 
 def scenario_types(table: str) -> dict[str, str]:
-    """Return references to the classes of a scenario table, by type. Raises as :func:`registered`."""
+    """Return references to the classes of a scenario table, by type.
+
+    Raises as :func:`registered`.
+    """
     found: dict[str, str] = {}
     for part in parts():
         _add(found, f"types of {table}", part.scenario_tables.get(table, {}))
