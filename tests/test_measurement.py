@@ -13,7 +13,7 @@ from numpy_form import NumpyStep
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.formulas.innovation import image_innovation
+from vsconstraints.formulas.innovation import depth_innovation, image_innovation
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.measurement import Plausible
@@ -262,6 +262,15 @@ def test_shape_by_hand():
     assert image_innovation(square[:1], 0.1 * square[:1], 10.0, 10.0) == pytest.approx(
         (2**0.5, 0.0)
     )
+
+
+def test_depths_by_hand():
+    """Twice and half of the model's depth are off by 1; unmeasured depths are off by nothing."""
+    nan = np.nan
+    assert depth_innovation(np.array([1.0, 2.0, nan])) == pytest.approx(1.0)
+    assert depth_innovation(np.array([1.5, 0.5])) == pytest.approx(1.0)
+    assert depth_innovation(np.array([1.0, 1.0])) == 0.0
+    assert depth_innovation(np.array([nan, nan])) == 0.0
 
 
 @pytest.mark.parametrize("compiled", [True, False])

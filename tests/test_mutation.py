@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import subprocess
 import sys
 import tomllib
@@ -18,7 +19,15 @@ sys.path.insert(0, str(ROOT))
 
 from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
-from checks.mutation.targets import files_named, suffices  # noqa: E402
+from checks.mutation.targets import (  # noqa: E402
+    COMPILED_TOO,
+    Mode,
+    files_named,
+    mode_of,
+    suffices,
+)
+
+from vsconstraints.compiled.cache import sources  # noqa: E402
 
 LISTS = ("equivalent.toml", "named.toml")
 
@@ -85,14 +94,17 @@ from pathlib import Path
 from checks.mutation import run
 from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of
+from checks.mutation.targets import Mode
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
 named = edited(tree, "src/module.py", "- [1, 2]", "- [1, 9]", "a name")
 runner = run.Runner(
     Path(sys.argv[2]), ["tests/test_module.py"], 2, tree, cache=Path(sys.argv[3])
 )
-tests = list(runner.reached)
+reached = runner.reached[Mode.COMPILED]
+tests = list(reached)
 assert len(tests) == 2
-assert runner.failing_without_mutant(tests) == ""
+assert runner.reached[Mode.UNCOMPILED].keys() == reached.keys()
+assert runner.failing_without_mutant(Mode.COMPILED, tests) == ""
 assert list(runner.judge([named], until=0.0)) == []
 runner.longest = 0.0
 assert len(runner.tests_for(named)) == 1
@@ -102,7 +114,7 @@ broken.write_text("import no_such_module", encoding="utf-8")
 wrong = [f"tests/{name}" for name in ("test_broken.py::test_a", "test_gone.py::test_b", "test_module.py::test_c")]
 assert runner.missing_tests([*tests, *wrong]) == wrong
 runner.known = {named.key: wrong[2]}
-runner.reached |= {wrong[2]: Reached(0.1)}
+reached[wrong[2]] = Reached(0.1)
 try:
     list(runner.judge([named]))
 except RuntimeError as error:
@@ -110,11 +122,11 @@ except RuntimeError as error:
 else:
     raise AssertionError("a test that does not exist has noticed a mutant")
 runner.known = None
-del runner.reached[wrong[2]]
+del reached[wrong[2]]
 for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
     print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 late = run.Runner(Path(sys.argv[2]) / "late", ["tests/test_module.py"], 2, tree, watch_until=0.0)
-assert late.unwatched == ["tests/test_module.py"]
+assert late.unwatched == [(mode, "tests/test_module.py") for mode in Mode]
 assert [verdict.state for verdict in late.judge([named])] == ["undecided"]
 """
 
@@ -143,6 +155,21 @@ def test_every_mistake_is_made_once_and_texts_are_left_alone(tree: Path) -> None
         assert [i + 1 for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [
             mutant.line
         ]
+
+
+def test_all_that_compiled_code_is_made_of_runs_as_python() -> None:
+    package = ROOT / "src/vsconstraints"
+    files = set(sources())
+    files |= {
+        path
+        for path in package.rglob("*.py")
+        if re.search(r"^ *(@formula|def formula\()", path.read_text(encoding="utf-8"), re.M)
+    }
+    names = {path.relative_to(ROOT).as_posix() for path in files}
+    assert {name for name in names if mode_of(name) is Mode.UNCOMPILED} == names
+    listed = {name for name in COMPILED_TOO if (ROOT / name).is_file()}
+    assert listed == set(COMPILED_TOO) <= names
+    assert mode_of("src/vsconstraints/simulation/plant.py") is Mode.COMPILED
 
 
 def test_a_named_mistake_must_be_found(tree: Path) -> None:

@@ -2,7 +2,9 @@
 
 Small mistakes are put into the code, one at a time. Mistakes that no test notices are listed. The
 exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample: if a share of 95 %
-is improbable), or if a named one is not. Compiled functions run as Python here.
+is improbable), or if a named one is not. In mistakes of what compiled code is made of, and in named
+ones, compiled functions run as Python; for the others, compiled code is read from beside the
+sources, where a run of the tests has left it.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
 With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the
@@ -21,9 +23,7 @@ from __future__ import annotations
 import os
 
 # before NumPy is imported: matrices are small, and a fork with threads is unsafe
-os.environ.update(
-    VSCONSTRAINTS_COMPILE="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg"
-)
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg")
 
 import argparse
 import csv
@@ -43,7 +43,7 @@ from pathlib import Path
 from .coverage import cache_folder
 from .mutants import Mutant, edited, mutants_of, sampled
 from .run import ROOT, Runner, Verdict
-from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
+from .targets import GROUPS, LEAST, TESTS, Mode, files_named, files_of, suffices
 
 HERE = Path(__file__).parent
 NOTICED = HERE / "noticed.tsv"
@@ -137,6 +137,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         known_tests = {mutant.key: tests[mutant.key] for mutant in named if mutant.key in tests}
         is_limited = chosen.renew or math.isfinite(chosen.minutes)
         named_by = Counter(test.partition("::")[0] for test in tests.values())
+        # tests of named mutants are quick without the compiler, whatever the mutated file is
+        modes = [Mode.UNCOMPILED] if chosen.named or chosen.renew else list(Mode)
         runner = Runner(
             Path(folder),
             sorted(TESTS, key=lambda test_file: -named_by[test_file]),
@@ -145,14 +147,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             longest=LONGEST if is_limited else math.inf,
             cache=cache_folder(),
             watch_until=started + WATCHING * 60.0 * chosen.minutes,
+            modes=modes,
         )
-        if runner.unwatched:
-            print(f"not watched in time: {len(runner.unwatched)} of {len(TESTS)} test files")
-        print(
-            f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s",
-            file=sys.stderr,
-            flush=True,
-        )
+        _print_watched(runner, time.monotonic() - started)
         # of a sample a missing test is noticed when it is to run
         missing = []
         if chosen.named and not chosen.sample:
@@ -166,8 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             runner, wanted_mutants, started + 60.0 * chosen.minutes, chosen.verbose
         )
         verdicts = [verdict for verdict in every_verdict if verdict.state != "undecided"]
-        noticing = {verdict.by for verdict in verdicts if verdict.by}
-        failing = "" if chosen.named else runner.failing_without_mutant(sorted(noticing))
+        failing = "" if chosen.named else _failing_without_mutant(runner, verdicts)
         os.chdir(ROOT)
     print(
         f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
@@ -194,6 +190,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed)
     )
     return 0 if good and not missed and not stale else 1
+
+
+def _print_watched(runner: Runner, seconds: float) -> None:
+    """Print how many tests are known, and which are not."""
+    for mode in runner.modes:
+        unwatched = sum(where is mode for where, _ in runner.unwatched)
+        if unwatched:
+            print(f"not watched in time, {mode}: {unwatched} of {len(TESTS)} test files")
+    counts = " and ".join(f"{len(runner.reached[mode])} {mode}" for mode in runner.modes)
+    print(f"tests: {counts}, {seconds:.0f} s", file=sys.stderr, flush=True)
+
+
+def _failing_without_mutant(runner: Runner, verdicts: Sequence[Verdict]) -> str:
+    """Return the first test of the verdicts that fails without a mutant, or an empty string."""
+    noticing: dict[Mode, set[str]] = defaultdict(set)
+    for verdict in verdicts:
+        if verdict.by:
+            noticing[runner.mode_of(verdict.mutant.file)].add(verdict.by)
+    failing = (
+        runner.failing_without_mutant(mode, sorted(tests)) for mode, tests in noticing.items()
+    )
+    return next(filter(None, failing), "")
 
 
 def _judged(

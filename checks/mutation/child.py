@@ -20,7 +20,7 @@ import pytest
 
 from .coverage import ENTERED, Instrumented
 from .mutants import Mutant
-from .targets import COMPARED, QUICK, RUNS, WATCHED
+from .targets import COMPARED, QUICK, RUNS, WATCHED, Mode
 
 IMPORTS = 300
 """Time limit of importing the test files on a busy machine [s]."""
@@ -61,7 +61,7 @@ def fork(work: Callable[[], int], output: Path) -> int:
     os._exit(code)
 
 
-def watch(test_file: str, sources: Instrumented, result: Path) -> int:
+def watch(test_file: str, sources: Instrumented, mode: Mode, result: Path) -> int:
     """Run the tests of a file and write which functions each of them enters, as places in a list.
 
     Tests that fail, or are not quick, are left out, and those that are left when the time of a file
@@ -69,7 +69,8 @@ def watch(test_file: str, sources: Instrumented, result: Path) -> int:
     CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
     while tests were collected. If the file cannot be imported, nothing is written.
     """
-    watcher = _Watcher(len(sources.functions))
+    _choose(mode)
+    watcher = _Watcher(len(sources.functions), mode)
     builtins.__dict__[ENTERED] = watcher.flags
     _replace_sources(sources.code)
     ended = pytest.main([*QUIET, test_file], plugins=[watcher])
@@ -80,13 +81,16 @@ def watch(test_file: str, sources: Instrumented, result: Path) -> int:
     return 0
 
 
-def judge(mutant: Mutant | None, root: Path, limits: Mapping[str, float], result: Path) -> int:
+def judge(
+    mutant: Mutant | None, root: Path, mode: Mode, limits: Mapping[str, float], result: Path
+) -> int:
     """Run tests, in this order, on a mutant, or on the tree as it is; return 0 if none fails.
 
     The name of the test that fails is written to ``result``. ``limits`` [s] are those of the tests:
     SIGALRM ends the process if one takes longer. If none of the tests can be run, the result is
     :data:`NOTHING_RUN`: it is not that the tests have noticed the mutant.
     """
+    _choose(mode)
     if mutant is not None:
         _replace_sources({str(root / mutant.file): mutant.source})
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
@@ -107,8 +111,13 @@ def list_missing(tests: Iterable[str], result: Path) -> int:
     return 0
 
 
+def _choose(mode: Mode) -> None:
+    """Let functions be compiled or not; this precedes the import of the package."""
+    os.environ["VSCONSTRAINTS_COMPILE"] = "1" if mode is Mode.COMPILED else "0"
+
+
 def _late(*_: object) -> None:
-    raise TimeoutError(f"longer than {QUICK} s without the compiler")
+    raise TimeoutError("longer than a quick test")
 
 
 def _may_be_quick(item: pytest.Item) -> bool:
@@ -121,8 +130,10 @@ def _may_be_quick(item: pytest.Item) -> bool:
 class _Watcher:
     """Pytest plugin that notes which functions each quick test enters, and its CPU time."""
 
-    def __init__(self, n_functions: int) -> None:
+    def __init__(self, n_functions: int, mode: Mode) -> None:
         self.flags = bytearray(n_functions)
+        self.quick = QUICK[mode]
+        self.watched = WATCHED[mode]
         self.tests: dict[str, tuple[float, list[int]]] = {}
         self.passed: set[str] = set()
         self.ever: set[int] = set()
@@ -140,7 +151,7 @@ class _Watcher:
         items[:] = sorted(quick, key=lambda item: item.get_closest_marker("full") is not None)
 
     def pytest_runtest_setup(self) -> None:
-        if self.seconds > WATCHED:
+        if self.seconds > self.watched:
             pytest.skip("the time of the file is over")
 
     @pytest.hookimpl(hookwrapper=True)
@@ -149,7 +160,7 @@ class _Watcher:
         started = time.process_time()
         signal.signal(signal.SIGPROF, _late)
         # CPU time: other work on the machine does not change which tests are quick
-        signal.setitimer(signal.ITIMER_PROF, QUICK)
+        signal.setitimer(signal.ITIMER_PROF, self.quick)
         yield
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         seconds = time.process_time() - started

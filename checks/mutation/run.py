@@ -18,20 +18,23 @@ from pathlib import Path
 from typing import Literal
 
 from .child import NOTHING_RUN, fork, judge, list_missing, watch
-from .coverage import CoverageCache, Reached, instrumented
+from .coverage import CoverageCache, Instrumented, Reached, instrumented
 from .mutants import Mutant
-from .targets import QUICK, RUNS, WATCHED
+from .targets import QUICK, RUNS, WATCHED, Mode, mode_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
 COPIED = ("src", "tests", "controllers", "examples", "comparisons", "README.md", "pyproject.toml")
 
-THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp",
-               "osqp", "proxsuite",
-               "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel", "typer", "rich.console",
-               "rich.table",
-               "rich.progress", "numpy.testing", "pandas", "scipy.stats", "statsmodels.api",
-               "scikit_posthocs")  # fmt: skip
+WATCHED_FOLDERS = ("src", "controllers")
+"""Folders of sources of which it is found which tests enter their functions."""
+
+THIRD_PARTY = (
+    "numpy", "numba", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers",
+    "daqp", "osqp", "proxsuite", "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel",
+    "typer", "rich.console", "rich.table", "rich.progress", "numpy.testing", "pandas",
+    "scipy.stats", "statsmodels.api", "scikit_posthocs",
+)  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
 SLACK = 20.0
@@ -83,6 +86,8 @@ class Runner:
     known
         The one test to run for each mutant, by the mutant's key; by default all tests that reach it
         run.
+    modes
+        Modes in which tests run: all, or :attr:`Mode.UNCOMPILED` for every mutant.
     longest
         Time limit [s] of all tests of a mutant together, by the time that they take without it: the
         quickest that reach it are run.
@@ -93,8 +98,10 @@ class Runner:
 
     Attributes
     ----------
+    reached
+        Duration and coverage of each test, by mode.
     unwatched
-        Test files of which it is not known which functions they enter.
+        Modes and test files of which it is not known which functions they enter.
     """
 
     def __init__(
@@ -107,18 +114,20 @@ class Runner:
         longest: float = math.inf,
         cache: Path | None = None,
         watch_until: float = math.inf,
+        modes: Sequence[Mode] = tuple(Mode),
     ) -> None:
         self.folder = folder.resolve()
         self.jobs = jobs
         self.longest = longest
         self.watch_until = watch_until
-        self.unwatched: list[str] = []
+        self.modes = modes
+        self.unwatched: list[tuple[Mode, str]] = []
+        # compiled code is read from beside the sources, and copied with them
+        os.environ.pop("NUMBA_CACHE_DIR", None)
         for name in COPIED:
             there = root / name
             if there.is_dir():
-                shutil.copytree(
-                    there, self.folder / name, ignore=shutil.ignore_patterns("__pycache__")
-                )
+                shutil.copytree(there, self.folder / name, ignore=shutil.ignore_patterns("*.pyc"))
             elif there.exists():
                 shutil.copy(there, self.folder / name)
         if known is not None:
@@ -134,7 +143,9 @@ class Runner:
         if known is None:
             self.reached = self._coverage(tests, cache)
         else:
-            self.reached = {test: Reached(QUICK) for test in known.values()}
+            self.reached = {
+                mode: {test: Reached(QUICK[mode]) for test in known.values()} for mode in modes
+            }
 
     def _keep_runs(self, root: Path) -> None:
         """Simulate the runs that tests of claims judge, once and compiled."""
@@ -146,66 +157,86 @@ class Runner:
         environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "1", "PYTHONPATH": paths}
         subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
-    def _coverage(self, tests: Sequence[str], cache: Path | None) -> dict[str, Reached]:
+    def mode_of(self, file: str) -> Mode:
+        """Return the mode for mutants of a source file."""
+        mode = mode_of(file)
+        return mode if mode in self.modes else Mode.UNCOMPILED
+
+    def _coverage(self, tests: Sequence[str], cache: Path | None) -> dict[Mode, dict[str, Reached]]:
         """Return the coverage of each test; test files without a kept one are watched."""
-        limits = f"at most {QUICK} s, {WATCHED} s a file"
-        kept = None if cache is None else CoverageCache(cache, self.folder, limits)
-        reached: dict[str, Reached] = {}
+        kept = {}
+        if cache is not None:
+            for mode in self.modes:
+                limits = f"at most {QUICK[mode]} s, {WATCHED[mode]} s a file"
+                kept[mode] = CoverageCache(cache / mode, self.folder, limits)
+        reached: dict[Mode, dict[str, Reached]] = {mode: {} for mode in self.modes}
         unknown = []
         for test_file in tests:
-            coverage = None if kept is None else kept.get(test_file)
-            if coverage is None:
-                unknown.append(test_file)
-            else:
-                reached |= coverage
-        if cache is not None:
+            for mode in self.modes:
+                coverage = kept[mode].get(test_file) if kept else None
+                if coverage is None:
+                    unknown.append((mode, test_file))
+                else:
+                    reached[mode] |= coverage
+        if kept:
+            total = len(self.modes) * len(tests)
             print(
-                f"coverage: {len(tests) - len(unknown)} of {len(tests)} test files kept in {cache}",
+                f"coverage: {total - len(unknown)} of {total} kept in {cache}",
                 file=sys.stderr,
                 flush=True,
             )
-        for test_file, found, sources in self._watch(unknown):
-            reached |= found
-            if kept is not None:
-                kept.put(test_file, found, sources)
+        for mode, test_file, found, sources in self._watch(unknown):
+            reached[mode] |= found
+            if kept:
+                kept[mode].put(test_file, found, sources)
         return reached
 
-    def _watch(self, tests: Sequence[str]) -> Iterator[tuple[str, dict[str, Reached], set[str]]]:
+    def _instrumented(self, mode: Mode) -> Instrumented:
+        """Return the sources whose functions run as Python in a mode."""
+        files = []
+        for folder in WATCHED_FOLDERS:
+            for path in sorted((self.folder / folder).rglob("*.py")):
+                file = path.relative_to(self.folder).as_posix()
+                if mode is Mode.UNCOMPILED or self.mode_of(file) is Mode.COMPILED:
+                    files.append(file)
+        return instrumented(self.folder, files)
+
+    def _watch(
+        self, tests: Sequence[tuple[Mode, str]]
+    ) -> Iterator[tuple[Mode, str, dict[str, Reached], set[str]]]:
         """Watch test files; yield each with its tests and the source files that these enter.
 
         Those that are not begun in time are noted as unwatched.
         """
         if not tests:
             return
-        python_files = sorted((self.folder / "src").rglob("*.py"))
-        sources = instrumented(
-            self.folder, [file.relative_to(self.folder).as_posix() for file in python_files]
-        )
+        every = {mode: self._instrumented(mode) for mode in self.modes}
         running = {}
-        waiting = list(enumerate(tests))
+        waiting = list(tests)
         while waiting or running:
             if time.monotonic() >= self.watch_until:
-                self.unwatched += [test for _, test in waiting]
+                self.unwatched += waiting
                 waiting.clear()
             while waiting and len(running) < self.jobs:
-                i, test = waiting.pop(0)
-                result = self.folder / f"reached-{i}.json"
-                output = self.folder / f"reached-{i}.log"
-                process = fork(lambda t=test, r=result: watch(t, sources, r), output)
-                running[process] = (test, result, output)
+                mode, test = waiting.pop(0)
+                result = self.folder / f"reached-{mode}-{Path(test).stem}.json"
+                output = result.with_suffix(".log")
+                process = fork(lambda m=mode, t=test, r=result: watch(t, every[m], m, r), output)
+                running[process] = (mode, test, result, output)
             if not running:
                 break
-            test, result, output = running.pop(os.waitpid(-1, 0)[0])
+            mode, test, result, output = running.pop(os.waitpid(-1, 0)[0])
             if not result.exists():
                 raise RuntimeError(
                     f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}"
                 )
             found = json.loads(result.read_text(encoding="utf-8"))
+            sources = every[mode]
             reached = {
                 name: Reached(seconds, {sources.functions[place] for place in entered})
                 for name, (seconds, entered) in found["tests"].items()
             }
-            yield test, reached, {sources.functions[place][0] for place in found["ever"]}
+            yield mode, test, reached, {sources.functions[place][0] for place in found["ever"]}
 
     def tests_for(self, mutant: Mutant) -> list[str]:
         """Tests that enter the mutated function, the quickest first; then others of their files.
@@ -216,45 +247,45 @@ class Runner:
         if self.known is not None:
             return [self.known[mutant.key]] if mutant.key in self.known else []
         file = mutant.file
+        mode = self.mode_of(file)
+        known = self.reached[mode]
         place = {(file, mutant.function)}
         if not mutant.function:
             place = {
                 entered
-                for reached in self.reached.values()
+                for reached in known.values()
                 for entered in reached.functions
                 if entered[0] == file
             }
-        first = [test for test, reached in self.reached.items() if reached.functions & place]
+        first = [test for test, reached in known.items() if reached.functions & place]
         if not first and not mutant.function:
-            first = list(self.reached)
+            first = list(known)
         files = {test.split("::")[0] for test in first}
-        others = [test for test in self.reached if test.split("::")[0] in files]
-        first.sort(key=self._seconds)
-        others.sort(key=self._seconds)
+        others = [test for test in known if test.split("::")[0] in files]
+        first.sort(key=lambda test: known[test].seconds)
+        others.sort(key=lambda test: known[test].seconds)
         chosen: list[str] = []
         seconds = 0.0
         for test in dict.fromkeys([*first, *others]):
-            seconds += self._seconds(test)
+            seconds += known[test].seconds
             if chosen and seconds > self.longest:
                 break
             chosen.append(test)
         return chosen
 
-    def _seconds(self, test: str) -> float:
-        return self.reached[test].seconds
-
-    def limits(self, tests: Iterable[str]) -> dict[str, float]:
+    def limits(self, mode: Mode, tests: Iterable[str]) -> dict[str, float]:
         """Return the time limit [s] of each test."""
-        return {test: SLACK + FACTOR * self._seconds(test) for test in tests}
+        known = self.reached[mode]
+        return {test: SLACK + FACTOR * known[test].seconds for test in tests}
 
-    def failing_without_mutant(self, tests: Sequence[str]) -> str:
+    def failing_without_mutant(self, mode: Mode, tests: Sequence[str]) -> str:
         """Return the first of these tests that fails on the tree as it is, or an empty string."""
         if not tests:
             return ""
         result = self.folder / "unchanged.txt"
-        limits = self.limits(tests)
+        limits = self.limits(mode, tests)
         output = Path(f"{result}.log")
-        process = fork(lambda: judge(None, self.folder, limits, result), output)
+        process = fork(lambda: judge(None, self.folder, mode, limits, result), output)
         status = os.waitpid(process, 0)[1]
         if status == 0:
             return ""
@@ -287,13 +318,15 @@ class Runner:
                 while waiting and len(running) < self.jobs:
                     number, mutant = waiting.pop()
                     tests = self.tests_for(mutant)
+                    mode = self.mode_of(mutant.file)
                     if not tests:
-                        yield Verdict(mutant, "undecided" if self.unwatched else "not reached")
+                        is_unknown = any(unwatched == mode for unwatched, _ in self.unwatched)
+                        yield Verdict(mutant, "undecided" if is_unknown else "not reached")
                         continue
                     result = self.folder / f"mutant-{number}.txt"
-                    limits = self.limits(tests)
+                    limits = self.limits(mode, tests)
                     process = fork(
-                        lambda m=mutant, t=limits, r=result: judge(m, self.folder, t, r),
+                        lambda m=mutant, w=mode, t=limits, r=result: judge(m, self.folder, w, t, r),
                         Path(f"{result}.log"),
                     )
                     running[process] = mutant, result

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from enum import StrEnum
+from pathlib import Path, PurePath
 
 from scipy.stats import binomtest
 
@@ -108,6 +109,40 @@ COMPILER = (
 """Files on the compilation of functions, which does not happen here."""
 
 
+class Mode(StrEnum):
+    """How the tests of a mutant run."""
+
+    COMPILED = "compiled"
+    UNCOMPILED = "uncompiled"
+
+
+COMPILED_FOLDERS = ("compiled", "formulas", "kernels")
+COMPILED_TOO = (
+    "src/vsconstraints/constraints/by_formula.py",
+    "src/vsconstraints/controllers/barriers.py",
+    "src/vsconstraints/controllers/demands.py",
+    "src/vsconstraints/controllers/resolver.py",
+    "src/vsconstraints/rows/checks.py",
+    "src/vsconstraints/rows/tolerances.py",
+    "src/vsconstraints/velocity/quadratic.py",
+    "src/vsconstraints/vision/distortion.py",
+    "src/vsconstraints/vision/scene.py",
+)
+"""Files outside these folders with formulas or constants of compiled code."""
+
+
+def mode_of(file: str) -> Mode:
+    """Return the mode for mutants of a source file.
+
+    What compiled code is made of runs as Python, since to compile it for each mutant would take
+    minutes. For mutants of all other files, compiled code is read from the cache, and many more
+    tests are quick.
+    """
+    if PurePath(file).parent.name in COMPILED_FOLDERS or file in COMPILED_TOO:
+        return Mode.UNCOMPILED
+    return Mode.COMPILED
+
+
 def files_of(root: Path, names: Sequence[str]) -> list[str]:
     """Return files, and the files in folders."""
     found = []
@@ -202,10 +237,10 @@ TESTS = (
     "tests/test_workspace.py",
 )
 
-QUICK = 2.0
-"""Time limit of a test without the compiler [s]; longer ones are left out."""
+QUICK = {Mode.COMPILED: 10.0, Mode.UNCOMPILED: 2.0}
+"""Time limit of a test [s]; longer ones are left out."""
 
-WATCHED = 25.0
+WATCHED = {Mode.COMPILED: 60.0, Mode.UNCOMPILED: 25.0}
 """Time [s] for which the tests of a file are watched, those of the quick suite first."""
 
 RUNS = "tests/test_reproduction.py"

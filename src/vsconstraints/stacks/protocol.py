@@ -120,7 +120,7 @@ def checked_declaration(uses: object, output: object) -> tuple[tuple[str, ...], 
 
     Raises StackFailedError, with the candidates, if a name is unknown.
     """
-    if isinstance(uses, str) or not isinstance(uses, list | tuple):
+    if not isinstance(uses, list | tuple):
         raise StackFailedError(f"uses must be a list of names, not {format_value(uses)}")
     for name in uses:
         if name not in USES:
