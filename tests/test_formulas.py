@@ -25,6 +25,7 @@ from vsconstraints.formulas import (
     row,
     vectors,
 )
+from vsconstraints.formulas.velocity import rate_factor
 from vsconstraints.rows import Array
 
 RNG = np.random.default_rng(7)
@@ -184,6 +185,10 @@ def test_a_point_in_the_image_moves_as_differences_say() -> None:
     same(found[:2], [0.2, -0.2 / 1.5])
     same(found[2:4], slope(seen, 1e-3), rtol=1e-8)
     same(found[4:], second_slope(seen, 1e-3), rtol=1e-6)
+
+
+def test_a_row_on_speeds_is_not_divided_by_its_gain_of_zero() -> None:
+    np.testing.assert_array_equal(rate_factor(np.array([0.0, 0.5, 2.0])), [1.0, 0.5, 2.0])
 
 
 def test_the_error_of_a_pose_is_that_of_homogeneous_matrices() -> None:

@@ -6,6 +6,7 @@ import csv
 import subprocess
 import sys
 from collections.abc import Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from vsconstraints.score import (
     read_recording,
     recorded_trajectory,
 )
+from vsconstraints.score.plausible import sustained_speeds, time_questions
 from vsconstraints.score.recording import names_in_file
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
@@ -632,6 +634,24 @@ def test_a_slow_log_without_noise_of_an_arm_at_rest_is_not_questioned(
 ) -> None:
     columns = {"t": 0.1 * np.arange(50), **{f"q{i + 1}": np.full(50, 0.3) for i in range(6)}}
     assert read_recording(write(tmp_path / "run.csv", columns), robot).remarks == ()
+
+
+def test_milliseconds_are_only_likely_if_the_robot_can_be_that_fast(robot: Robot) -> None:
+    """Joints of at most 1 rad/s: 2.9 mrad/s may be 2.9 rad/s in error, 3.1 mrad/s may not."""
+    slow = copy(robot)
+    slow.qd_max = np.ones(6)
+    t = 0.1 * np.arange(400)
+    for speed, is_likely in ((2.9e-3, True), (3.1e-3, False)):
+        q = speed * t[:, None] * np.ones(6)
+        speeds = sustained_speeds(t, q)
+        np.testing.assert_allclose(speeds, speed, rtol=1e-9)
+        questions = time_questions(Path("run.csv"), slow, t, q, speeds)
+        if is_likely:
+            with pytest.raises(ConfigurationError, match="milliseconds"):
+                list(questions)
+        else:
+            (question,) = questions
+            assert "milliseconds" in question
 
 
 @pytest.mark.parametrize("name", ["t_s", "time_s", "timestamp_s"])
