@@ -16,7 +16,7 @@ from vsconstraints.bench.study import Study
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.controllers import CONTROLLERS, MOVED, controller_class, make_controller
+from vsconstraints.controllers import CONTROLLERS, FORMER_LAWS, controller_class, make_controller
 from vsconstraints.errors import ConfigurationError
 
 ROOT = FOLDER.parent
@@ -79,7 +79,7 @@ def test_a_path_begins_in_the_folder_that_is_given_or_else_in_the_working_direct
         ("laws:late.py", "must be module:Class or FILE.py:Class"),
         ("laws/\0.py:Late", "must be module:Class or FILE.py:Class"),
         ("laws/late.py", "unknown controller 'laws/late.py'"),
-        *((name, re.escape(f"it is {file}")) for name, file in MOVED.items()),
+        *((name, re.escape(f"it is {file}")) for name, file in FORMER_LAWS.items()),
     ],
 )
 def test_names_of_no_law_are_refused_with_what_is_right(
@@ -155,7 +155,7 @@ def test_every_file_of_the_folder_is_tested_and_listed() -> None:
     assert laws == set(FOLDER_LAWS.values())
     for name, file in FOLDER_LAWS.items():
         assert controller_class(file).name == name
-    for name, file in MOVED.items():
+    for name, file in FORMER_LAWS.items():
         assert FOLDER_LAWS[name] == f"{ROOT}/{file}"
         assert name not in CONTROLLERS
 
@@ -169,9 +169,9 @@ def test_the_guide_shows_the_files_as_they_are(name: str) -> None:
 
 def test_kept_runs_of_laws_that_moved_are_shown_and_not_repeated() -> None:
     study = Study.load(ROOT / "comparisons" / "laws.parquet")
-    assert moved_laws(study) == MOVED
+    assert moved_laws(study) == FORMER_LAWS
     runs = study.runs["controller"].value_counts()
-    assert all(runs[name] > 0 for name in MOVED)
+    assert all(runs[name] > 0 for name in FORMER_LAWS)
     lines = drawn_lines(study, 0.05, seed=1)
     assert lines
-    assert not {line["controller"] for line in lines} & {*MOVED}
+    assert not {line["controller"] for line in lines} & {*FORMER_LAWS}

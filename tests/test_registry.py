@@ -14,7 +14,7 @@ import pytest
 from vsconstraints import controllers
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import registry
-from vsconstraints.plugins.earlier_names import MOVED
+from vsconstraints.plugins.earlier_names import MOVED_MODULES
 from vsconstraints.plugins.registry import OWN, Part, in_order, parts, registered
 
 ROOT = Path(__file__).parents[1]
@@ -289,19 +289,19 @@ def test_an_earlier_name_is_the_module_of_today() -> None:
     """In a process that has imported none of them before, and also as an attribute."""
     program = """
 from importlib import import_module
-from vsconstraints.plugins.earlier_names import MOVED
-for earlier, today in MOVED.items():
+from vsconstraints.plugins.earlier_names import MOVED_MODULES
+for earlier, today in MOVED_MODULES.items():
     before = import_module(earlier)
     now = import_module(today)
     assert before is now, earlier
     assert now.__name__ == now.__spec__.name == today
-for name in [*MOVED, *MOVED.values()]:
+for name in [*MOVED_MODULES, *MOVED_MODULES.values()]:
     package, _, module = name.rpartition(".")
     assert getattr(import_module(package), module) is import_module(name), name
-print(len(MOVED))
+print(len(MOVED_MODULES))
 """
     done = python(dict(os.environ), program)
-    assert done.stdout == f"{len(MOVED)}\n", done.stderr
+    assert done.stdout == f"{len(MOVED_MODULES)}\n", done.stderr
 
 
 def test_an_earlier_constant_is_what_its_function_returns() -> None:

@@ -51,7 +51,7 @@ PARTS = {
 }
 
 #: Tables of a configuration that contain one table per name.
-NAMED = ("scenarios", "controllers", "families")
+NAMED_TABLES = ("scenarios", "controllers", "families")
 
 #: Desired outcomes, with a function that flags the runs that have them.
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
@@ -270,7 +270,7 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
         for path, before, after in different(a.get(key), b.get(key)):
             compared = repr((before, after))
             names: tuple[str, ...] = ()
-            if key == "configuration" and len(path) > 1 and path[0] in NAMED:
+            if key == "configuration" and len(path) > 1 and path[0] in NAMED_TABLES:
                 table, name, *steps = path
                 names = (name,)
                 path = (table, *(step for step in steps if step != "tables"))

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..comparisons.runs.pool import Failure, OpenWorkers, processes
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
-from ..controllers import MOVED
+from ..controllers import FORMER_LAWS
 from ..plugins.classes import untrusted
 from .evidence import Batch, scored
 from .evidence.own_files import changed, current_hashes, own_folders
@@ -138,8 +138,8 @@ def moved_laws(study: Study) -> dict[str, str]:
     """Return the laws that are no longer part of the package, with their file and class."""
     moved = {}
     for name, law in study.laws.items():
-        if law.law in MOVED:
-            moved[name] = MOVED[law.law]
+        if law.law in FORMER_LAWS:
+            moved[name] = FORMER_LAWS[law.law]
     return moved
 
 

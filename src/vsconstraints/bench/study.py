@@ -10,7 +10,7 @@ from typing import Any
 
 from .. import __version__
 from ..comparisons.runs.spec import BASELINE, ControllerSpec
-from ..controllers import MOVED
+from ..controllers import FORMER_LAWS
 from ..errors import ConfigurationError, VsconstraintsError, format_value
 from ..plugins.provenance import Files
 from ..scenarios import Scenario
@@ -175,7 +175,7 @@ class Study:
         """
         for name, law in self.laws.items():
             try:
-                if ":" not in law.law and law.law not in MOVED:
+                if ":" not in law.law and law.law not in FORMER_LAWS:
                     law.make()
             except VsconstraintsError as error:
                 raise ConfigurationError(

@@ -106,7 +106,7 @@ def _compiled_files(folder: Path, beginning: str) -> list[Path]:
     return []
 
 
-def is_compiled(folder: Path, state: str) -> bool:
+def any_compiled(folder: Path, state: str) -> bool:
     """True if any function without formulas is compiled in this state of the code.
 
     Numba writes to a folder for each folder of sources: a ``__pycache__`` in it, or a folder in

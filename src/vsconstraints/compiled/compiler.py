@@ -19,7 +19,7 @@ import numpy as np
 
 from ..formulas import FORMULAS
 from . import COMPLAINT, MODULES, VARIABLE
-from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, is_compiled, state_of
+from .cache import KEPT, KEPT_WITH_FORMULAS, CachedFunction, Formulas, any_compiled, state_of
 from .checksums import remove_damaged, seal
 from .signatures import Signature, flatten
 
@@ -175,7 +175,7 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
     if made.files:
         made.note_use()
     else:
-        _announce(function, formulas, made.folder, is_compiled(made.folder, state_of(settings)))
+        _announce(function, formulas, made.folder, any_compiled(made.folder, state_of(settings)))
         made.remove_old((KEPT_WITH_FORMULAS if formulas else KEPT) - 1)
     with made.lock(), interface.accelerator.without_vectorization():
         remove_damaged(made.files)

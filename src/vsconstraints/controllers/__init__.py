@@ -116,7 +116,7 @@ CORE_LAWS: tuple[type[Controller], ...] = (
 )
 
 #: Laws that were part of the package, by their former name: the file and class in the repository.
-MOVED: dict[str, str] = {
+FORMER_LAWS: dict[str, str] = {
     "goal-governor": "controllers/goal_governor.py:GoalGovernor",
     "barrier-governor": "controllers/goal_governor.py:BarrierGovernor",
     "mppi": "controllers/mppi.py:PathIntegralControl",
@@ -177,10 +177,10 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 
 def unknown_controller(name: str, candidates: Collection[str]) -> ConfigurationError:
     """Return the error for a name that is none of the candidates."""
-    if name in MOVED:
+    if name in FORMER_LAWS:
         return ConfigurationError(
-            f"{name!r} is no longer part of the package: it is {MOVED[name]}, in the repository's "
-            f"folder controllers (docs/controllers.md)"
+            f"{name!r} is no longer part of the package: it is {FORMER_LAWS[name]}, in the "
+            f"repository's folder controllers (docs/controllers.md)"
         )
     return unknown_name("controller", name, candidates)
 

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 #: Modules and packages by their earlier names. Those within a package are found, too. A module that
 #: moved elsewhere than its package stands before it: the first name that fits counts.
-MOVED = {
+MOVED_MODULES = {
     "vsconstraints.comparisons.difference": "vsconstraints.bench.difference",
     "vsconstraints.comparisons.evidence": "vsconstraints.bench.evidence",
     "vsconstraints.comparisons.statistics": "vsconstraints.bench.statistics",
@@ -55,7 +55,7 @@ class EarlierNames:
     def today(name: str) -> str | None:
         """Return the name of today of a module that moved; None for any other module."""
         if name.startswith("vsconstraints."):
-            for earlier, today in MOVED.items():
+            for earlier, today in MOVED_MODULES.items():
                 if name == earlier or name.startswith(f"{earlier}."):
                     return f"{today}{name.removeprefix(earlier)}"
         return None

@@ -65,14 +65,14 @@ def information_text(required: Sequence[str] | None) -> str:
     return plain(", ".join(required)) or "none"
 
 
-def implementation_text(is_compiled: Sequence[bool], external: bool) -> str:
+def implementation_text(were_compiled: Sequence[bool], external: bool) -> str:
     """Return how a controller runs: compiled, in NumPy, or external (in its own process).
 
-    ``is_compiled`` has the implementation of each of its runs, of which there is at least one.
+    ``were_compiled`` says of each of its runs, of which there is at least one, if it was compiled.
     """
     if external:
         return "external"
-    share = sum(is_compiled) / len(is_compiled)
+    share = sum(were_compiled) / len(were_compiled)
     if share == 0.0:
         return "NumPy"
     if share == 1.0:

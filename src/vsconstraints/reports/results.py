@@ -110,10 +110,10 @@ class Results:
         See :func:`.implementation_text`. It is empty for recorded runs, whose times are unknown.
         """
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        is_compiled = [bool(line.get("compiled")) for line in lines if _was_timed(line)]
-        if not is_compiled:
+        were_compiled = [bool(line.get("compiled")) for line in lines if _was_timed(line)]
+        if not were_compiled:
             return ""
-        return implementation_text(is_compiled, controller in self.external)
+        return implementation_text(were_compiled, controller in self.external)
 
     @cached_property
     def declared_by_stacks(self) -> dict[str, tuple[str, ...]]:

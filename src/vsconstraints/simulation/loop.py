@@ -146,8 +146,8 @@ class Run:
 
     def _render(self, k: int) -> None:
         """Measure sample k in a rendered image, for a compiled step."""
-        is_compiled = self.bound is not None and self.loop.parts["evaluate"][0] != 0
-        if not is_compiled:
+        step_is_compiled = self.bound is not None and self.loop.parts["evaluate"][0] != 0
+        if not step_is_compiled:
             return
         assert self.bound is not None
         seen = self.sensor.measured(k, self.plant.q, self.plant.qd)

@@ -233,8 +233,8 @@ class Dataset:
     def implementation(self, law: str) -> str:
         """Return how a controller runs, see :func:`.implementation_text`."""
         entry = self.configuration["controllers"].get(law, {})
-        is_compiled = self.of_law(law)["compiled"].astype(bool).to_list()
-        return implementation_text(is_compiled, entry.get("type") == stack_law())
+        were_compiled = self.of_law(law)["compiled"].astype(bool).to_list()
+        return implementation_text(were_compiled, entry.get("type") == stack_law())
 
     def of_law(self, law: str) -> pd.DataFrame:
         """Return all runs of a controller."""
