@@ -101,7 +101,7 @@ class VelocityController(Controller):
         that is requested by name.
         """
         try:
-            law = self._compiled_for(rows, task)
+            law = self._compile(rows, task)
             if law is None:
                 return None
             command = law.command(law(rows, task), rows.labels)
@@ -117,15 +117,19 @@ class VelocityController(Controller):
         """See :class:`.Controller`."""
         if type(self).command is not VelocityController.command:
             return None
-        law = self._compiled_for(rows, task)
+        law = self._compile(rows, task)
         return None if law is None else BoundLaw(law, law, rows, task, acted, qdd)
 
     def compiled_form(self, rows: Rows, n: int) -> CompiledForm | None:
         """Create the compiled form for rows like these and n joints; None if there is none."""
         return None
 
-    def _compiled_for(self, rows: Rows, task: Task) -> CompiledForm | None:
-        """Return the compiled form for these rows and this task; None if there is none."""
+    def _compile(self, rows: Rows, task: Task) -> CompiledForm | None:
+        """Return the compiled form for these rows and this task; None if there is none.
+
+        It is created where the last one does not fit these rows. If there is no last command, the
+        array in which the commanded q̇ are kept is allocated before.
+        """
         law = self._compiled
         if law is not None and law.labels is rows.labels:
             return law
