@@ -7,14 +7,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import pyarrow as pa
 import pytest
 from typer.testing import CliRunner
 
 from test_evidence import here
 from test_testset import quiet
-from vsconstraints.bench.evidence import Campaign, Evidence, Plan, collect
+from vsconstraints.bench.evidence import Batch, Campaign, Evidence, Plan, collect
 from vsconstraints.bench.families import Family
 from vsconstraints.bench.families.frozen import TestSet
 from vsconstraints.bench.repetition import (
@@ -22,6 +24,7 @@ from vsconstraints.bench.repetition import (
     Repetition,
     drawn_lines,
     repeat,
+    repeat_once,
     repeat_run,
 )
 from vsconstraints.bench.reports.leaderboard import leaderboard
@@ -342,6 +345,31 @@ def test_rounding_excuses_only_numbers_that_it_changes_itself(
     assert by_rounding == decided_by_rounding
 
 
+def test_a_start_of_zeros_is_moved_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 1e-13 rad; other coordinates by as large a share of themselves."""
+    family = Family.load("planar-arm")
+    drawn = family.scene(1, "held-out", 0)
+    starts: list[list[float]] = []
+
+    def scored(batch: Batch) -> Any:
+        assert batch.drawn is not None
+        starts.extend(table["q0"] for table in batch.drawn.tables.values())
+        return SimpleNamespace(runs=pa.Table.from_pylist([{"controller": "sliding-mode"}]))
+
+    monkeypatch.setattr("vsconstraints.bench.repetition.scored", scored)
+    line = {"scene": 1, "half": "held-out", "condition": "nominal"}
+    for start, moved in (
+        ([0.0, 0.0, 0.0], [1e-13, 1e-13, 1e-13]),
+        ([0.3, -2.0, 6e-17], [0.3 * (1.0 + 1e-13), -2.0 * (1.0 + 1e-13), 6e-17 + 1e-13]),
+    ):
+        tables = {name: {**table, "q0": start} for name, table in drawn.tables.items()}
+        scene = replace(drawn, tables=tables)
+        monkeypatch.setattr(Family, "scene", lambda *_, scene=scene: scene)
+        starts.clear()
+        repeat_once(line, family, ControllerSpec("sliding-mode"), 0, NUDGE)
+        assert starts == [moved] * len(tables)
+
+
 def test_runs_decided_by_rounding_are_listed_with_the_rule_that_decides(
     study: Study, frozen: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -351,7 +379,8 @@ def test_runs_decided_by_rounding_are_listed_with_the_rule_that_decides(
     command = ["testset", "leaderboard", str(table), "--rerun", "0.3"]
     rule = (
         "if every result that differs from the stored one also changes by more than 1e-09 when the "
-        f"start coordinates are changed by a relative {NUDGE:g}"
+        f"start coordinates are changed by a relative {NUDGE:g}, or by {NUDGE:g} rad or m where "
+        "they are zero"
     )
     for by_rounding in (
         (),

@@ -19,7 +19,7 @@ from .families import Family
 from .study import CONDITION, OUTCOME, SCENE, Study
 
 TOLERANCE = 1e-9  #: Relative difference up to which numbers of two machines count as equal.
-NUDGE = 1e-13  #: Relative change of the start that reveals runs decided by rounding.
+NUDGE = 1e-13  #: Change of the start that reveals runs decided by rounding, see :func:`nudged`.
 MAX_SECRET = 2**32  #: Secret seeds are below this number.
 #: Runs per call: the law and its baseline, both once more, and both from the moved start.
 RUNS_OF_CALL = 6
@@ -92,7 +92,7 @@ def repeat(
 
     Numbers differ if they deviate by more than :data:`TOLERANCE`. A run counts as decided by
     rounding if every result that differs from the stored one also differs from that of a run whose
-    start coordinates are changed by a relative :data:`NUDGE`. A fault of such a result is not told
+    start coordinates are :func:`nudged` by :data:`NUDGE`. A fault of such a result is not told
     apart; therefore the sentences also show the result from the moved start. A run that differs
     from the study and from its own repetition here is not reproducible, which is a difference.
     Raises ConfigurationError for laws that do not come with the package, unless they are trusted.
@@ -170,21 +170,21 @@ def repeat_run(
     unstable = _differences(made, repeat_once(line, family, law, seed))
     if unstable:
         return [f"not reproducible here: {sentence}" for sentence in unstable.values()], False
-    nudged = repeat_once(line, family, law, seed, NUDGE)
-    changed_by_nudge = _differences(made, nudged)
+    from_moved_start = repeat_once(line, family, law, seed, NUDGE)
+    changed_by_nudge = _differences(made, from_moved_start)
     unexplained = [text for column, text in found.items() if column not in changed_by_nudge]
     if unexplained:
         return unexplained, False
     sentences = []
     for column, text in found.items():
-        sentences.append(f"{text}, and {nudged[column]!r} from the moved start")
+        sentences.append(f"{text}, and {from_moved_start[column]!r} from the moved start")
     return sentences, True
 
 
 def repeat_once(
     line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0
 ) -> Line:
-    """Make the run of a line once, from a start that is moved by a relative change ``nudge``."""
+    """Make the run of a line once, from a start that is :func:`nudged` by ``nudge``."""
     number = line["scene"]
     half = line["half"]
     laws = (ControllerSpec(BASELINE), law)
@@ -192,13 +192,24 @@ def repeat_once(
     if nudge:
         scene = family.scene(number, half, seed)
         start = scene.scenario().tables["q0"]
-        moved = [(1.0 + nudge) * coordinate for coordinate in start]
+        moved = [nudged(coordinate, nudge) for coordinate in start]
         tables = {}
         for condition, table in scene.tables.items():
             tables[condition] = {**table, "q0": moved}
         batch = replace(batch, drawn=replace(scene, tables=tables))
     runs: list[Line] = scored(batch).runs.to_pylist()
     return next(run for run in runs if run["controller"] == law.name)
+
+
+def nudged(coordinate: float, nudge: float) -> float:
+    """Return a start coordinate, changed by a relative ``nudge``.
+
+    A coordinate [rad or m] that is smaller than ``nudge``, such as zero, is changed by ``nudge``
+    itself: otherwise it would not move.
+    """
+    if abs(coordinate) < nudge:
+        return coordinate + nudge
+    return (1.0 + nudge) * coordinate
 
 
 def _differences(first: Line, second: Line) -> dict[str, str]:
