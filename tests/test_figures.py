@@ -10,6 +10,8 @@ import sys
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,7 +25,8 @@ from PIL import Image
 from vsconstraints.comparisons import RunRecord, StoredComparison, Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.drawing import remove_stale
+from vsconstraints.reports.drawing import draw_overview, remove_stale
+from vsconstraints.reports.figures import OVERVIEW
 from vsconstraints.reports.figures.overview import Centre, draw_trade_off, name_centres
 from vsconstraints.reports.figures.signals import draw_errors, draw_phi
 from vsconstraints.reports.figures.tracks import draw_tracks
@@ -31,6 +34,7 @@ from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.numbers import number as printed
 from vsconstraints.reports.numbers import percent
 from vsconstraints.reports.plots import (
+    FORMATS,
     WIDTH,
     Figure,
     Sheet,
@@ -369,6 +373,16 @@ def test_figures_of_another_format_are_stale(tmp_path: Path) -> None:
     remove_stale(tmp_path, ["a--tracks.png"], ("png", "pdf"))
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == ["a--tracks.pdf", "a--tracks.png", "a--tracks.txt", "mine.png"]
+
+
+def test_the_figure_of_an_earlier_comparison_is_removed_in_every_format(tmp_path: Path) -> None:
+    """Whatever the format of the new one; here there is no group of laws to draw."""
+    for kind in FORMATS:
+        (tmp_path / f"{OVERVIEW.name}.{kind}").touch()
+        (tmp_path / f"{OVERVIEW.name}--2.{kind}").touch()
+    (tmp_path / "mine.svg").touch()
+    assert draw_overview(cast(Results, SimpleNamespace(groups=())), tmp_path) == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.svg"]
 
 
 def test_no_label_is_cut_however_long_its_numbers(tmp_path: Path) -> None:

@@ -301,9 +301,10 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
 def remove_stale(
     folder: Path, kept: Iterable[str] = (), formats: Formats = PNG, figures: Sequence[Figure] = ()
 ) -> None:
-    """Remove the figures of an earlier report, except the ``kept`` files.
+    """Remove the files of an earlier report's figures, in every format that a report can have.
 
-    Without ``figures`` the figures of scenarios are removed.
+    The ``kept`` files stay, in these ``formats``. Without ``figures`` the figures of scenarios are
+    removed.
     """
     current = set[str]()
     for file in kept:
