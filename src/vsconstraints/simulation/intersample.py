@@ -15,8 +15,9 @@ from .setup import Setup
 #: where necessary.
 QUARTERS = 4
 FINEST = 2.0**-8  #: Smallest part, as a share of a period.
-#: Clearance, as a fraction of the characteristic length, up to which the smallest one of a run is
-#: searched for.
+#: Clearance below which a row is near its boundary, as a fraction of the characteristic length.
+#: The smallest clearance of a run is also searched for between the samples if it may be below this;
+#: if it is greater, that of the samples is precise enough.
 NEAR = 0.05
 
 DIP_FACTOR = 2.0
@@ -40,11 +41,14 @@ def intersample_clearance(
 ) -> Array:
     """Return the smallest clearance (N, m) within the period after each sample.
 
-    It is infinite if the period was not inspected, or if the scene is seen nowhere within it. A
-    period is inspected if a row may be violated in it or may have its smallest clearance of the run
-    there. This is the case if the clearance might reach zero at its rate of change there
-    (:data:`DIP_FACTOR`), however far the samples are from the boundary, or if a joint reverses
-    within the period (``BACK_ANYWHERE``). Samples have states (N, s, n) and clearances (N, m).
+    It is infinite if the period was not inspected, or if the scene is seen nowhere within it.
+    Samples have states (N, s, n) and clearances (N, m). A period is inspected in two cases:
+
+    - At its rate of change (:data:`DIP_FACTOR`), the clearance of a row may fall below zero in it,
+      or below the least sample of the row. The latter counts only if it may also fall below
+      :data:`NEAR`.
+    - A joint moves out and back in it: by more than ``BACK_ANYWHERE``, or by more than
+      ``BACK_NEAR_A_BOUNDARY`` if a row is below :data:`NEAR`.
 
     An inspected period is evaluated at its quarters. A part is halved further only if a row may be
     violated in it more deeply than anywhere else in the run: the run's greatest depth is searched
@@ -113,13 +117,13 @@ def intersample_clearance(
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
     """Return the numbers of the periods in which a row may be lower inside than at both ends.
 
-    They are those whose lower end may dip below the least clearance of the row, or below zero, and
-    those in which a joint moves out and back, near a boundary or far.
+    The two cases are those of :func:`intersample_clearance`.
     """
     length = setup.constraints.characteristic_length
     least = clearance.min(axis=0)
     lower_end = np.minimum(clearance[:-1], clearance[1:])
     dip = _greatest_dips(clearance, length)
+    # periods count in which a row may fall below this
     near_least = np.clip(least, 0.0, NEAR * length)
     may_be_least = lower_end < near_least + dip
     # a row that is deeply violated at both ends is also violated inside
