@@ -22,7 +22,7 @@ Kind = Literal["number", "time", "text", "flag"]
 Better = Literal["less", "more"]
 Group = Literal["outcome", "task", "chattering", "time"]
 Judged = Literal["any", "inside", "sliding"]
-Style = Literal["number", "error", "percent", "count"]
+NumberStyle = Literal["number", "error", "percent", "count"]
 Condensed = Literal["median", "worst"]
 
 
@@ -60,7 +60,7 @@ class Metric:
     group: Group = "chattering"
     judged: Judged = "inside"
     factor: float = 1.0
-    style: Style = "number"
+    style: NumberStyle = "number"
     over: str = ""
     overall: str = ""
     condensed: Condensed = "median"
@@ -80,7 +80,7 @@ class Metric:
             "kind": Kind,
             "group": Group,
             "judged": Judged,
-            "style": Style,
+            "style": NumberStyle,
             "condensed": Condensed,
         }
         if self.better is not None:

@@ -93,17 +93,17 @@ def draw_tracks(run: Run) -> Sheet:
     entries = paper.draw_tracks(ax, run)
     start = run.trajectory.features_px[0]
     for name, corners, colour in (("start", start, paper.GREEN), ("goal", _goal(run), INK)):
-        look = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
+        style = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
         u, v = np.vstack((corners, corners[:1])).T
-        ax.plot(u, v, **look, zorder=3.5)
-        entries.append(look)
+        ax.plot(u, v, **style, zorder=3.5)
+        entries.append(style)
     sheet.side_legend(entries)
     return sheet
 
 
 def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
     """Draw Figs. 16 and 19: without and with errors in the gradient vector."""
-    looks = (
+    styles = (
         line("no errors", paper.BLUE),
         line("30 % error in the gradient", paper.MAGENTA, paper.DASHED),
     )
@@ -113,29 +113,29 @@ def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
     )
     sheet = Sheet(paper.LEFT)
     if is_image_based(exact):
-        sheet.legend(looks)
+        sheet.legend(styles)
         (ax,) = sheet.panels(1, height=2.3, labels=("time [s]", ""))
-        for run, look in runs:
+        for run, style in runs:
             for values in image_errors(run).T:
-                signal(ax, run.t, values, **look, linewidth=1.2)
+                signal(ax, run.t, values, **style, linewidth=1.2)
         paper.over_time(ax, exact, "visual feature errors [px]")
     else:
         (ax,) = sheet.views(paper.image_size(exact, 3.0))
         plane = Plane.of(exact.setup)
         plane.draw(ax)
-        for run, look in runs:
-            tracks(ax, run.trajectory.features_px, **look, linewidth=1.8, zorder=4)
+        for run, style in runs:
+            tracks(ax, run.trajectory.features_px, **style, linewidth=1.8, zorder=4)
         u, v = exact.trajectory.features_px[0].T
         ax.plot(u, v, **symbol("o", *paper.START), zorder=6.2)
         start = symbol("o", *paper.START, label="start")
-        sheet.side_legend([*looks, start, *plane.entries("boundary")])
+        sheet.side_legend([*styles, start, *plane.entries("boundary")])
     n = exact.trajectory.qd.shape[1]
     speeds = sheet.panels(n, 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", ""))
     for k, ax in enumerate(speeds):
         shown = []
-        for run, look in runs:
+        for run, style in runs:
             speed = run.trajectory.qd[:, k]
-            signal(ax, run.t, speed, **look, linewidth=1.3)
+            signal(ax, run.t, speed, **style, linewidth=1.3)
             shown.append(speed)
         paper.over_time(ax, exact)
         paper.limits_around(ax, np.concatenate(shown), 0.15)

@@ -30,7 +30,7 @@ PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Components of the ca
 LEFT = 0.85
 
 
-def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
+def track(ax: Any, run: Run, marker: int, **style: Any) -> None:
     """Draw the path of a marker (counted from 0) in the image.
 
     Symbols mark its start and the end of each phase.
@@ -39,8 +39,8 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
     u, v = tracks[:, marker].T
     marks = "o*" if tracks.shape[1] == 2 else "o^s*"
     mark = marks[marker]
-    style = {"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look}
-    ax.plot(u, v, **style)
+    usual = {"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4}
+    ax.plot(u, v, **{**usual, **style})
     for goal in run.setup.task.goals[1:]:
         k = int(np.searchsorted(run.t, goal.from_time - 1e-9))
         ax.plot(u[k], v[k], **symbol(mark, *SWITCH), zorder=5.9)
@@ -77,12 +77,12 @@ def over_time(ax: Any, run: Run, label: str = "") -> None:
 
 
 def signals(
-    ax: Any, run: Run, values: Array, names: Iterable[str], label: str, **look: Any
+    ax: Any, run: Run, values: Array, names: Iterable[str], label: str, **style: Any
 ) -> None:
     """Draw signals (N, k) of a run over time, in the order of the colours."""
     for k, name in enumerate(names):
         usual = {"color": COLOURS[k % len(COLOURS)], "label": name, "linewidth": 1.3}
-        signal(ax, run.t, values[:, k], **{**usual, **look})
+        signal(ax, run.t, values[:, k], **{**usual, **style})
     over_time(ax, run, label)
 
 
@@ -97,12 +97,12 @@ def pose_errors(
     for ax, (label, components) in zip(panels, kinds, strict=True):
         shown = [part for part in components if part in parts]
         for part, dash in zip(shown, ("-", "--", ":"), strict=False):
-            look = {
+            style = {
                 "color": (BLUE, MAGENTA, RED)[part % 3],
                 "linestyle": dash,
                 "label": f"$e_{{{PARTS[part]}}}$",
             }
-            signal(ax, run.t, run.trajectory.error[:, part], **look)
+            signal(ax, run.t, run.trajectory.error[:, part], **style)
         over_time(ax, run, label)
         legend(ax, len(shown))
 
@@ -118,13 +118,13 @@ def phi_axis(ax: Any, run: Run, limits: tuple[float, ...], label: str) -> None:
 def phi_panel(
     ax: Any,
     run: Run,
-    looks: Mapping[str, Style],
+    styles: Mapping[str, Style],
     limits: tuple[float, ...],
     label: str = "constraint\nfunction $\\phi$",
 ) -> None:
     """Draw φ of some of a run's rows, each with its own style."""
-    for row, look in looks.items():
-        signal(ax, run.t, run.phi(row), **look | {"linewidth": 1.2})
+    for row, style in styles.items():
+        signal(ax, run.t, run.phi(row), **style | {"linewidth": 1.2})
     phi_axis(ax, run, limits, label)
     inside_legend(ax, place="lower right")
 

@@ -76,13 +76,13 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
         ax.plot(u, v, **FASTER, linewidth=2.0, zorder=4.5)
     sheet.side_legend([*entries, line("both features, $u^+$ = 50", **FASTER)])
     whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
-    looks = (
+    styles = (
         (fast, {"color": paper.BLUE, "label": "$u^+$ = 10"}),
         (high, {"color": FASTER["color"], "label": "$u^+$ = 50"}),
     )
     for ax in (whole, near):
-        for run, look in looks:
-            signal(ax, run.t, run.phi(SECOND), **look, linewidth=1.4)
+        for run, style in styles:
+            signal(ax, run.t, run.phi(SECOND), **style, linewidth=1.4)
     paper.phi_axis(whole, fast, (-1.1, 0.3), r"$\phi_{V,2}$")
     paper.phi_axis(near, fast, (-0.3, 0.2), r"$\phi_{V,2}$, near zero")
     bound = fast.bound(SECOND)
@@ -137,15 +137,15 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     sheet.side_legend(entries)
     panels = sheet.panels(4 if met.other else 3, height=1.2, labels=("time [s]", ""))
     paper.pose_errors(panels[:2], run, PLANAR)
-    looks = {SECOND: line("FOV, second feature", paper.CYAN)}
-    looks[met.row] = line(f"{met.name}, first feature", paper.GREEN, "-.")
-    paper.phi_panel(panels[2], run, looks, met.phi)
+    styles = {SECOND: line("FOV, second feature", paper.CYAN)}
+    styles[met.row] = line(f"{met.name}, first feature", paper.GREEN, "-.")
+    paper.phi_panel(panels[2], run, styles, met.phi)
     if met.other:  # some of its rows leave their bands by orders of magnitude
         bound = run.bound(met.other)
-        looks = {met.other: line(f"{met.name}, second feature", paper.MAGENTA)}
-        looks[met.row] = line(f"{met.name}, first feature", paper.GREEN)
+        styles = {met.other: line(f"{met.name}, second feature", paper.MAGENTA)}
+        styles[met.row] = line(f"{met.name}, first feature", paper.GREEN)
         band(panels[3], -bound, bound, paper.BAND)
-        paper.phi_panel(panels[3], run, looks, (), f"$\\phi$ of the {met.name}")
+        paper.phi_panel(panels[3], run, styles, (), f"$\\phi$ of the {met.name}")
         logarithmic(panels[3].yaxis, (-1e4, -1e2, -1.0, 0.0, 1.0, 1e2), bound, 1.0)
         panels[3].set_ylim(top=1e4)
     return sheet
@@ -224,8 +224,8 @@ def _joint_panel(ax: Any, run: Run, values: Array, texts: tuple[str, str], event
     # active limit: value of the row's joint plus its clearance
     clearance = run.trajectory.clearance[:, run.index(limited)]
     limit = float(np.median(values[:, joint - 1] + clearance))
-    look = {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}
-    ax.axhline(limit, **plots.REFERENCE | look, zorder=1.7)
+    style = {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}
+    ax.axhline(limit, **plots.REFERENCE | style, zorder=1.7)
     plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
 
 

@@ -107,16 +107,16 @@ def add_panels(
     return panels
 
 
-def look_of(label: str, color: str = INK, **more: Any) -> Style:
+def style_of(label: str, color: str = INK, **more: Any) -> Style:
     """Return the style of a series; its symbols have edges in a darker colour."""
-    look = {"label": label, "color": color, "linewidth": 1.4, "markersize": 5.0}
-    return {**look, "markeredgecolor": darker(color), "markeredgewidth": 0.6, **more}
+    style = {"label": label, "color": color, "linewidth": 1.4, "markersize": 5.0}
+    return {**style, "markeredgecolor": darker(color), "markeredgewidth": 0.6, **more}
 
 
-def law_look(law: str, **more: Any) -> Style:
+def law_style(law: str, **more: Any) -> Style:
     """Return the style of a law, with its usual colour and symbol."""
     usual = LOOKS[law]
-    return look_of(law, usual.colour, marker=usual.marker, **more)
+    return style_of(law, usual.colour, marker=usual.marker, **more)
 
 
 def shown(points: Iterable[Point], column: str) -> Points:
@@ -129,7 +129,7 @@ def shown(points: Iterable[Point], column: str) -> Points:
 
 
 def draw_line(
-    ax: Any, points: Points, x: str, y: str, look: Style, least: float = -math.inf
+    ax: Any, points: Points, x: str, y: str, style: Style, least: float = -math.inf
 ) -> None:
     """Draw points from left to right, joined by lines.
 
@@ -137,18 +137,18 @@ def draw_line(
     """
     finite = [point for point in shown(points, y) if math.isfinite(point[x])]
     pairs = sorted((max(point[x], least), point[y]) for point in finite)
-    ax.plot(*np.array(pairs).reshape(-1, 2).T, **look)
+    ax.plot(*np.array(pairs).reshape(-1, 2).T, **style)
 
 
-def draw_levels(ax: Any, points: Points, y: str, look: Style) -> None:
+def draw_levels(ax: Any, points: Points, y: str, style: Style) -> None:
     """Draw a line across the panel at the value of each point."""
     for point in shown(points, y):
-        ax.axhline(point[y], **look)
+        ax.axhline(point[y], **style)
 
 
-def draw_crosses(ax: Any, points: Points, x: str, look: Style, shift: float = 0.0) -> None:
+def draw_crosses(ax: Any, points: Points, x: str, style: Style, shift: float = 0.0) -> None:
     """Draw crosses near the upper edge for runs that failed or were aborted."""
     values = [point[x] + shift for point in points if ended_early(point)]
     heights = [0.92] * len(values)
-    cross = {**look, **CROSS, "markeredgecolor": look["color"]}
+    cross = {**style, **CROSS, "markeredgecolor": style["color"]}
     ax.plot(values, heights, transform=ax.get_xaxis_transform(), **cross)

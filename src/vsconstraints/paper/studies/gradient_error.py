@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number, percent
 from ...reports.plots import Sheet, widths
-from .drawing import Measure, add_panels, draw_crosses, draw_line, law_look
+from .drawing import Measure, add_panels, draw_crosses, draw_line, law_style
 from .laws import LAWS
 from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance
@@ -131,18 +131,18 @@ class GradientError(Study):
         points = list(result.points)
         laws = list(grouped(points, "controller"))
         width = widths(laws, 1.8, 1.0)
-        looks = {law: law_look(law, linewidth=width[law]) for law in laws}
-        for look in looks.values():
-            look |= {"markersize": 4.5, "alpha": 0.9}
+        styles = {law: law_style(law, linewidth=width[law]) for law in laws}
+        for style in styles.values():
+            style |= {"markersize": 4.5, "alpha": 0.9}
         sheet = Sheet(left=0.9)
-        sheet.legend(list(looks.values()))
+        sheet.legend(list(styles.values()))
         below = "gradient error cₑ"
         for panel in add_panels(sheet, points, MEASURES, below, height=1.4, gap=0.6):
             for law, runs in grouped(panel.points, "controller").items():
-                draw_line(panel.ax, runs, "gradient_error", panel.measure, looks[law])
+                draw_line(panel.ax, runs, "gradient_error", panel.measure, styles[law])
                 if panel.measure == "deviation_px":
                     shift = SHIFT.get(law, 0.0)
-                    draw_crosses(panel.ax, runs, "gradient_error", looks[law], shift)
+                    draw_crosses(panel.ax, runs, "gradient_error", styles[law], shift)
             if panel.measure == "settling_time_s":
                 panel.ax.margins(y=0.17)
             MEASURES[panel.measure].finish(panel.ax)

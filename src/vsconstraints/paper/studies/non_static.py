@@ -12,7 +12,7 @@ from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
 from ...reports.plots import Sheet, logarithmic
 from ...scenarios import Scenario
-from .drawing import DASHED, SYMBOLS, Measure, add_panels, draw_line, look_of
+from .drawing import DASHED, SYMBOLS, Measure, add_panels, draw_line, style_of
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
 from .tables import (
@@ -87,15 +87,15 @@ SMALL_OBSTACLES = {
 
 #: Styles of outcomes and of depths.
 OUTCOMES = {
-    "kept": look_of("boundary kept", "#0072B2", marker="o"),
-    "violated": look_of("boundary violated", "#B2182B", marker="X"),
-    "failed": look_of("failed", "#000000", marker="x"),
+    "kept": style_of("boundary kept", "#0072B2", marker="o"),
+    "violated": style_of("boundary violated", "#B2182B", marker="X"),
+    "failed": style_of("failed", "#000000", marker="x"),
 }
-BOUND = look_of("bound (12)", linewidth=1.8, zorder=4)
+BOUND = style_of("bound (12)", linewidth=1.8, zorder=4)
 DEPTHS = {
-    "depth_known": look_of("velocity known", color="#0072B2", marker="o"),
-    "depth_unknown": look_of("velocity unknown", color="#D55E00", marker="s"),
-    "depth_expected": look_of("K times the speed", **DASHED),
+    "depth_known": style_of("velocity known", color="#0072B2", marker="o"),
+    "depth_unknown": style_of("velocity unknown", color="#D55E00", marker="s"),
+    "depth_expected": style_of("K times the speed", **DASHED),
 }
 MEASURES = {"switching_gain": Measure(), "depth": Measure(linear=True)}
 
@@ -215,9 +215,9 @@ class NonStatic(Study):
         points = list(result.points)
         known = where(points, known=True)
         outcomes = [outcome for outcome in OUTCOMES if where(known, outcome=outcome)]
-        looks = {outcome: OUTCOMES[outcome] | SYMBOLS for outcome in outcomes}
+        styles = {outcome: OUTCOMES[outcome] | SYMBOLS for outcome in outcomes}
         sheet = Sheet(left=0.8)
-        sheet.legend([*looks.values(), BOUND, *DEPTHS.values()])
+        sheet.legend([*styles.values(), BOUND, *DEPTHS.values()])
         below = "speed of the obstacle, relative to the scenario's"
         for panel in add_panels(sheet, points, MEASURES, below, height=2.0, gap=0.9):
             obstacle = OBSTACLES[panel.scenario]
@@ -225,12 +225,12 @@ class NonStatic(Study):
             panel.ax.margins(x=0.08)
             if panel.measure == "depth":
                 panel.ax.set_ylabel(f"depth of violation [{obstacle.unit}]")
-                for depth, look in DEPTHS.items():
-                    draw_line(panel.ax, by_speed, "speed", depth, look)
+                for depth, style in DEPTHS.items():
+                    draw_line(panel.ax, by_speed, "speed", depth, style)
                 continue
-            for outcome, look in looks.items():
+            for outcome, style in styles.items():
                 runs = where(panel.points, known=True, outcome=outcome)
-                draw_line(panel.ax, runs, "speed", "switching_gain", look)
+                draw_line(panel.ax, runs, "speed", "switching_gain", style)
             draw_line(panel.ax, by_speed, "speed", "bound_12", BOUND)
             panel.ax.set_ylabel(f"u⁺ [{obstacle.gain_unit}]")
             logarithmic(panel.ax.yaxis, obstacle.gains)

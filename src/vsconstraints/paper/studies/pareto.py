@@ -10,7 +10,7 @@ from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number, percent
 from ...reports.plots import Sheet, logarithmic
 from ...scenarios import Scenario
-from .drawing import Measure, add_panels, draw_line, law_look, look_of
+from .drawing import Measure, add_panels, draw_line, law_style, style_of
 from .laws import LAWS
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
@@ -99,7 +99,7 @@ NOT_KEPT: dict[str, Any] = {
     "zorder": 2.5,
     "clip_on": False,
 }
-FRONT = look_of("front", drawstyle="steps-post") | {"linewidth": 2.0, "zorder": 3}
+FRONT = style_of("front", drawstyle="steps-post") | {"linewidth": 2.0, "zorder": 3}
 
 
 class Pareto(Study):
@@ -201,15 +201,15 @@ class Pareto(Study):
     def figure(self, result: StudyResult) -> Sheet:
         """Draw both prices over the unused space, with the front of the first one."""
         points = list(result.points)
-        looks = {law: law_look(law) for law in grouped(points, "controller")}
+        styles = {law: law_style(law) for law in grouped(points, "controller")}
         sheet = Sheet(left=0.8)
-        sheet.legend([*(look | KEPT for look in looks.values()), FRONT])
+        sheet.legend([*(style | KEPT for style in styles.values()), FRONT])
         below = "allowed space left unused [%] (less →)"
         panels = add_panels(sheet, points, MEASURES, below, height=2.1, gap=0.75)
         for panel in panels:
-            for style, runs in ((KEPT, where(panel.points, not_kept="")), (NOT_KEPT, panel.points)):
+            for shown, runs in ((KEPT, where(panel.points, not_kept="")), (NOT_KEPT, panel.points)):
                 for law, of_law in grouped(runs, "controller").items():
-                    draw_line(panel.ax, of_law, "unused", panel.measure, looks[law] | style, LEAST)
+                    draw_line(panel.ax, of_law, "unused", panel.measure, styles[law] | shown, LEAST)
             if panel.measure == "acceleration_variation":
                 on_front = where(panel.points, front=True)
                 draw_line(panel.ax, on_front, "unused", panel.measure, FRONT, LEAST)

@@ -11,7 +11,7 @@ import numpy as np
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
 from ...reports.plots import Sheet, logarithmic
-from .drawing import BELOW_LEGEND, DASHED, Measure, draw_line, look_of
+from .drawing import BELOW_LEGEND, DASHED, Measure, draw_line, style_of
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
 from .tables import Numbers, Point, Points, about, greatest, grouped, where
@@ -36,8 +36,8 @@ TIMES = {
 SMALL_TIMES = {FAST: (2.5, 5.0, 10.0)}
 
 BANDS = {
-    SLOW: look_of("first example, u⁺ = 10 /s", marker="o"),
-    FAST: look_of("first example, fast, u⁺ = 50 /s", "#8A8A8A", marker="s"),
+    SLOW: style_of("first example, u⁺ = 10 /s", marker="o"),
+    FAST: style_of("first example, fast, u⁺ = 50 /s", "#8A8A8A", marker="s"),
 }
 ROWS = (
     ("#0072B2", "o"),
@@ -51,8 +51,8 @@ ROWS = (
 )
 """Colours and symbols of the rows of the case study."""
 BOUNDS = {
-    "bound_43": look_of("Tₛ u⁺ (43)", **DASHED),
-    "band_expected": look_of("Tₛ (u⁺ + push of tracking)", linestyle=":"),
+    "bound_43": style_of("Tₛ u⁺ (43)", **DASHED),
+    "band_expected": style_of("Tₛ (u⁺ + push of tracking)", linestyle=":"),
 }
 #: Ticks of the sampling times of the first example, and of the case study [ms].
 TICKS = (1.0, 2.5, 5.0, 10.0, 20.0, 40.0)
@@ -168,24 +168,24 @@ class SamplingTime(Study):
         points = list(result.points)
         bands = grouped(where(points, row="", scenario=[*BAND_SCENARIOS]), "scenario")
         rows = grouped([point for point in points if point["row"]], "row")
-        row_looks = {}
+        row_styles = {}
         for row, (colour, marker) in zip(rows, ROWS, strict=False):
-            row_looks[row] = look_of(row, colour, marker=marker) | {"markersize": 4.5}
-        band_looks = {name: look for name, look in BANDS.items() if name in bands}
+            row_styles[row] = style_of(row, colour, marker=marker) | {"markersize": 4.5}
+        band_styles = {name: style for name, style in BANDS.items() if name in bands}
         sheet = Sheet(left=0.65)
-        sheet.legend([*band_looks.values(), *row_looks.values(), *BOUNDS.values()])
+        sheet.legend([*band_styles.values(), *row_styles.values(), *BOUNDS.values()])
         sheet.bottom += BELOW_LEGEND
         labels = ("sampling time Tₛ [ms]", "")
         band, overshoot, longest = sheet.panels(3, 3, height=2.3, gap=0.62, labels=labels)
-        for name, look in band_looks.items():
-            draw_line(band, bands[name], "Ts_ms", "band", look)
-            draw_line(longest, bands[name], "Ts_ms", "longest_run", look)
-        for row, look in row_looks.items():
-            draw_line(overshoot, rows[row], "Ts_ms", "relative_overshoot", look)
-            draw_line(longest, rows[row], "Ts_ms", "longest_run", look)
-        for column, look in BOUNDS.items():
+        for name, style in band_styles.items():
+            draw_line(band, bands[name], "Ts_ms", "band", style)
+            draw_line(longest, bands[name], "Ts_ms", "longest_run", style)
+        for row, style in row_styles.items():
+            draw_line(overshoot, rows[row], "Ts_ms", "relative_overshoot", style)
+            draw_line(longest, rows[row], "Ts_ms", "longest_run", style)
+        for column, style in BOUNDS.items():
             for name, of_scenario in bands.items():
-                coloured = look | {"color": BANDS[name]["color"]}
+                coloured = style | {"color": BANDS[name]["color"]}
                 draw_line(band, of_scenario, "Ts_ms", column, coloured)
         band.set_title("band of φ while sliding")
         overshoot.set_title("case study: greatest φ / (Tₛ u⁺)")

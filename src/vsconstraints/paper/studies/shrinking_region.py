@@ -17,9 +17,9 @@ from .drawing import (
     draw_crosses,
     draw_levels,
     draw_line,
-    law_look,
-    look_of,
+    law_style,
     shown,
+    style_of,
 )
 from .laws import LAWS
 from .study import Found, Results, Study, StudyResult
@@ -59,8 +59,8 @@ MEASURES = {
         label="switching rate of the\nacting rows [Hz]", linear_below=1.0, low=-0.1, headroom=2.0
     ),
 }
-LOOKS = {blend: law_look(law) for blend, law in BLENDS.items()}
-SLIDING = look_of("sliding-mode", **DASHED, zorder=2)
+STYLES = {blend: law_style(law) for blend, law in BLENDS.items()}
+SLIDING = style_of("sliding-mode", **DASHED, zorder=2)
 
 
 class ShrinkingRegion(Study):
@@ -160,7 +160,7 @@ class ShrinkingRegion(Study):
         """Draw each measure over the region, beside that of the sliding-mode law."""
         points = list(result.points)
         sheet = Sheet(left=0.95)
-        sheet.legend([*LOOKS.values(), SLIDING])
+        sheet.legend([*STYLES.values(), SLIDING])
         below = "region δ, relative to the allowed range (smaller →)"
         for panel in add_panels(sheet, points, MEASURES, below, height=1.45, gap=0.75):
             ax = panel.ax
@@ -168,11 +168,11 @@ class ShrinkingRegion(Study):
             sliding = where(panel.points, law="sliding-mode")
             for point in shown(sliding, "step"):
                 ax.axvspan(point["step"], 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
-            for blend, look in LOOKS.items():
+            for blend, style in STYLES.items():
                 runs = where(panel.points, law=blend)
-                draw_line(ax, runs, "region", panel.measure, look)
+                draw_line(ax, runs, "region", panel.measure, style)
                 if is_distance:
-                    draw_crosses(ax, runs, "region", look)
+                    draw_crosses(ax, runs, "region", style)
             level = where(panel.points, law="halved") if is_distance else sliding
             draw_levels(ax, level, panel.measure, SLIDING)
             logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))

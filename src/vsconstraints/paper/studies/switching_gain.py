@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import number
 from ...reports.plots import Sheet, logarithmic
-from .drawing import DASHED, SYMBOLS, draw_line, look_of
+from .drawing import DASHED, SYMBOLS, draw_line, style_of
 from .study import Found, Results, Study, StudyResult
 from .summary import RunSummary
 from .tables import Numbers, Points, about, greatest, grouped, numbers_by, smallest_gain, where
@@ -34,19 +34,19 @@ GAINS = (
 )
 SMALL_GAINS = (5.0, 10.0, 20.0, 40.0)
 
-LOOKS = {
-    "violated": look_of("σ > 0: violated", "#B2182B", marker="X"),
-    "beyond band": look_of("σ ≤ 0, but φ > Tₛ u⁺", "#EF8A62", marker="s"),
-    "band, not sliding": look_of(
+STYLES = {
+    "violated": style_of("σ > 0: violated", "#B2182B", marker="X"),
+    "beyond band": style_of("σ ≤ 0, but φ > Tₛ u⁺", "#EF8A62", marker="s"),
+    "band, not sliding": style_of(
         "φ ≤ Tₛ u⁺, several samples in a row with φ ≥ 0", "#9BC4E2", marker="o"
     ),
-    "sliding": look_of("φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0", "#0072B2", marker="o"),
-    "failed": look_of("failed", "#000000", marker="x"),
+    "sliding": style_of("φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0", "#0072B2", marker="o"),
+    "failed": style_of("failed", "#000000", marker="x"),
 }
 _NEEDED = "what is needed to be back after one sample"
 BOUNDS = {
-    "bound_12": look_of("bound (12)", linewidth=1.8, zorder=4),
-    "bound_sampled": look_of(_NEEDED, **DASHED | {"linewidth": 1.8}, zorder=4),
+    "bound_12": style_of("bound (12)", linewidth=1.8, zorder=4),
+    "bound_sampled": style_of(_NEEDED, **DASHED | {"linewidth": 1.8}, zorder=4),
 }
 
 
@@ -156,15 +156,15 @@ class SwitchingGain(Study):
         """Draw the outcomes over speed and gain, and the bounds on the gain."""
         by_outcome = grouped(result.points, "outcome")
         by_speed = numbers_by(result.numbers, "Kp0")
-        looks = {name: LOOKS[name] | SYMBOLS for name in LOOKS if name in by_outcome}
+        styles = {name: STYLES[name] | SYMBOLS for name in STYLES if name in by_outcome}
         sheet = Sheet(left=0.8)
-        sheet.legend([*looks.values(), *BOUNDS.values()], 2)
+        sheet.legend([*styles.values(), *BOUNDS.values()], 2)
         labels = ("gain at zero error Kₚ(0) [1/s²]: faster motion →", "")
         (ax,) = sheet.panels(1, height=3.5, labels=labels)
-        for outcome, look in looks.items():
-            draw_line(ax, by_outcome[outcome], "Kp0", "switching_gain", look)
-        for bound, look in BOUNDS.items():
-            draw_line(ax, by_speed, "Kp0", bound, look)
+        for outcome, style in styles.items():
+            draw_line(ax, by_outcome[outcome], "Kp0", "switching_gain", style)
+        for bound, style in BOUNDS.items():
+            draw_line(ax, by_speed, "Kp0", bound, style)
         logarithmic(ax.xaxis, (20, 30, 40, 50, 80, 120))
         logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
         ax.set_xlim(17.6, 136.8)

@@ -23,7 +23,7 @@ from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
 from ...reports.plots import Sheet, Style
 from ...simulation.disturbances import GRADIENT_SIGNS
-from .drawing import Measure, add_panels, look_of, shown
+from .drawing import Measure, add_panels, shown, style_of
 from .study import Found, Results, Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 from .tables import Numbers, Point, Points, about, grouped, sentence_start, where
@@ -102,10 +102,10 @@ MEASURES = {
         top=10.0,
     ),
 }
-LOOKS = {
-    "plus": look_of("signs of (49)", "#0072B2"),
-    "minus": look_of("signs reversed", "#D55E00"),
-    "plus-action": look_of("signs of (49), in L_gφ alone", "#0072B2", linestyle=":"),
+STYLES = {
+    "plus": style_of("signs of (49)", "#0072B2"),
+    "minus": style_of("signs reversed", "#D55E00"),
+    "plus-action": style_of("signs of (49), in L_gφ alone", "#0072B2", linestyle=":"),
 }
 #: Style of the shipped scenes at the left edge.
 TRIANGLE = {"marker": "^", "linestyle": "none", "markersize": 6.0, "zorder": 4}
@@ -192,10 +192,10 @@ class UnselectedExperiments(Study):
                 f"{start}: rejected by geometry, {sum(by_geometry.values())} draws ({reasons}); "
                 f"by the run without an error, {runs}."
             )
-            for case, look in LOOKS.items():
+            for case, style in STYLES.items():
                 if of := about(numbers, scenario, case):
                     sentences.append(
-                        f"{start}, error of 30 %, {look['label']}: of {int(of['scenes'])} scenes "
+                        f"{start}, error of 30 %, {style['label']}: of {int(of['scenes'])} scenes "
                         f"very similar in {int(of['similar'])}, satisfactory in "
                         f"{int(of['satisfactory'])}, little difference of joint speeds in "
                         f"{int(of['little_speed'])}; medians: tracks "
@@ -207,32 +207,32 @@ class UnselectedExperiments(Study):
     def figure(self, result: StudyResult) -> Sheet:
         """Draw the distribution of each measure, and the shipped scenes at the left edge."""
         accepted = where(result.points, rejected="")
-        looks = {case: look for case, look in LOOKS.items() if where(accepted, case=case)}
+        styles = {case: style for case, style in STYLES.items() if where(accepted, case=case)}
         sheet = Sheet(left=0.95)
-        sheet.legend(list(looks.values()))
+        sheet.legend(list(styles.values()))
         below = "share of scenes with less"
         points = list(result.points)
         for panel in add_panels(sheet, points, MEASURES, below, height=1.7, gap=0.75):
-            for case, look in looks.items():
+            for case, style in styles.items():
                 runs = where(panel.points, case=case, rejected="")
                 shipped = where(runs, scene=SHIPPED)
                 draw_distribution(
-                    panel.ax, [run for run in runs if run not in shipped], panel.measure, look
+                    panel.ax, [run for run in runs if run not in shipped], panel.measure, style
                 )
                 values = [run[panel.measure] for run in shown(shipped, panel.measure)]
                 edge = panel.ax.get_yaxis_transform()
-                panel.ax.plot([0.02] * len(values), values, transform=edge, **look | TRIANGLE)
+                panel.ax.plot([0.02] * len(values), values, transform=edge, **style | TRIANGLE)
             MEASURES[panel.measure].finish(panel.ax)
             panel.ax.set_xlim(-0.03, 1.03)
         return sheet
 
 
-def draw_distribution(ax: Any, points: Points, column: str, look: Style) -> None:
+def draw_distribution(ax: Any, points: Points, column: str, style: Style) -> None:
     """Draw a column against the share of points with less; missing values count as infinite."""
     values = [point[column] for point in shown(points, column)]
     if values:
         missing = [math.inf] * (len(points) - len(values))
-        ax.ecdf(values + missing, orientation="horizontal", **look)
+        ax.ecdf(values + missing, orientation="horizontal", **style)
 
 
 def counted(points: Points) -> dict[str, float]:

@@ -73,7 +73,7 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
     zero_line(ax)
     low = -3.0
     high = 3.0
-    for name, run, look in view.lines():
+    for name, run, style in view.lines():
         trajectory = run.trajectory
         if label not in trajectory.labels:
             continue
@@ -84,7 +84,7 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
         is_shown = trajectory.t <= view.rows_end
         windows = windows_of(trajectory.t[is_shown], relative[is_shown], BINS)
         marks = view.marks(name, windows.t, view.rows_end)
-        ax.plot(windows.t, windows.greatest, **look, **marks)
+        ax.plot(windows.t, windows.greatest, **style, **marks)
         if name != BASELINE:
             high = max(high, float(np.nanmax(relative, initial=high)))
             area(
@@ -92,7 +92,7 @@ def _draw_row(ax: Any, view: View, label: str) -> None:
                 windows.t,
                 windows.least,
                 windows.greatest,
-                color=look["color"],
+                color=style["color"],
                 alpha=0.15,
                 linewidth=0.0,
                 zorder=3,
@@ -159,10 +159,10 @@ def draw_errors(view: View) -> Sheet:
         for error in quantity.errors.values():
             greatest = float(np.nanmax(error, initial=greatest))
         top = 2.0 * greatest
-        for name, run, look in view.lines():
+        for name, run, style in view.lines():
             t = run.trajectory.t
             error = np.maximum(quantity.errors[name], 1e-3 * floor)
-            signal(ax, t, error, **look, **view.marks(name, t, view.end))
+            signal(ax, t, error, **style, **view.marks(name, t, view.end))
         if quantity.decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
             note(ax, "tolerance", tolerance, above=False)

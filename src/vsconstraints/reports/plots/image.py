@@ -250,16 +250,16 @@ def _moving_style(moment: int, count: int) -> Style:
     return BOUNDARY | {"linestyle": "--", "alpha": alpha}
 
 
-def rectangle(ax: Any, centre: Array, half: Array | float, **look: Any) -> None:
+def rectangle(ax: Any, centre: Array, half: Array | float, **style: Any) -> None:
     """Draw the outline of a part of the image, by its centre (2,) and half its sides (2,) [px]."""
     outline = centre + half * CORNERS
-    ax.plot(*outline.T, **look)
+    ax.plot(*outline.T, **style)
 
 
-def tracks(ax: Any, pixels: Array, **look: Any) -> None:
+def tracks(ax: Any, pixels: Array, **style: Any) -> None:
     """Draw the paths (N, M, 2) of markers in the image."""
     for i in range(pixels.shape[1]):
-        ax.plot(*pixels[:, i].T, **look)
+        ax.plot(*pixels[:, i].T, **style)
 
 
 #: Symbol of markers with numbers; colour of violations and of markers beyond the shown part.

@@ -16,7 +16,9 @@ import numpy as np
 
 from ...rows import Array, IntArray
 
-Style = dict[str, Any]  #: Arguments of matplotlib that say how something is drawn.
+#: Keyword arguments of a function of matplotlib, such as ``color``: how one thing is drawn. Styles
+#: of what a law has in a figure follow from its :class:`Look`.
+Style = dict[str, Any]
 INK = "#222222"
 FAINT = "#444444"
 #: Style of bounds and references.
@@ -38,7 +40,11 @@ TUNED = "-tuned"  # suffix of a tuned law, after the name of the original law
 
 @dataclass(frozen=True)
 class Look:
-    """Colour, marker and line style of a controller."""
+    """Colour, marker and line by which a controller is recognised in all figures.
+
+    It is the same in every figure, see :func:`looks`; a :data:`Style` of it may differ, for example
+    in width.
+    """
 
     colour: str
     marker: str
@@ -167,28 +173,28 @@ def folded(name: str, most: int) -> str:
 # --- Common parts of panels ---
 
 
-def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> Style:
+def line(label: str, color: str, linestyle: Any = "-", **style: Any) -> Style:
     """Return the legend entry of a line."""
-    style = {
+    usual = {
         "label": label,
         "color": color,
         "linestyle": linestyle,
         "linewidth": 2.0,
     }
-    return style | look
+    return usual | style
 
 
-def patch(label: str, facecolor: str, **look: Any) -> Style:
+def patch(label: str, facecolor: str, **style: Any) -> Style:
     """Return the legend entry of an area."""
-    style = {
+    usual = {
         "label": label,
         "facecolor": facecolor,
         "linewidth": 0.0,
     }
-    return style | look
+    return usual | style
 
 
-def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> Style:
+def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **style: Any) -> Style:
     """Return the style of a symbol, as a mark or, with ``label``, as a legend entry."""
     factor = {"*": 1.5, "x": 0.95}.get(marker, 1.0)
     return {
@@ -198,17 +204,17 @@ def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: A
         "markerfacecolor": face,
         "markeredgecolor": edge,
         "markeredgewidth": 2.0 if marker == "x" else 0.9,
-        **look,
+        **style,
     }
 
 
-def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
+def signal(ax: Any, t: Array, values: Array, **style: Any) -> None:
     """Draw a signal (N,) over time (N,) [s]; matplotlib simplifies long lines but keeps peaks."""
-    ax.plot(t, values, **{"linewidth": 1.5, **look})
+    ax.plot(t, values, **{"linewidth": 1.5, **style})
 
 
 def time_axis(
-    ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any
+    ax: Any, end: float, events: Iterable[float] = (), label: str = "", **style: Any
 ) -> None:
     """Set the time axis from zero to the end [s], with dashed lines at events and a label."""
     ax.set_xlim(0.0, end)
@@ -217,7 +223,7 @@ def time_axis(
         "linestyle": (0, (4, 3)),
         "linewidth": 0.9,
         "zorder": 1.5,
-        **look,
+        **style,
     }
     for time in events:
         ax.axvline(time, **dashed)
@@ -260,17 +266,17 @@ def zero_line(ax: Any) -> None:
     ax.axhline(0.0, color=INK, linewidth=0.9, zorder=1.6)
 
 
-def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any) -> None:
+def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **style: Any) -> None:
     """Shade a range of values."""
-    style = {"color": colour, "linewidth": 0.0, "zorder": 0.5}
-    ax.axhspan(low, high, **style | look)
+    usual = {"color": colour, "linewidth": 0.0, "zorder": 0.5}
+    ax.axhspan(low, high, **usual | style)
 
 
-def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
+def area(ax: Any, t: Array, low: Array, high: Array, **style: Any) -> None:
     """Fill the area between two signals (N,) over time (N,) without changing the axes' limits."""
     limits = ax.dataLim.frozen()
     is_known = np.isfinite(low) & np.isfinite(high)
-    ax.fill_between(t, low, high, where=is_known, **look)
+    ax.fill_between(t, low, high, where=is_known, **style)
     ax.dataLim.set(limits)
 
 
