@@ -238,7 +238,7 @@ def test_the_first_table_is_one_and_begins_with_the_best() -> None:
     assert "\n\n" not in law_table(results_of(lines))
     assert [cells["implementation"] for cells in found.values()] == [
         "compiled",
-        "NumPy",
+        "uncompiled",
         "compiled",
     ]
 

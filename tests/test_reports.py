@@ -224,7 +224,7 @@ def test_every_number_of_a_scenario_is_one_of_results_csv(real: Path) -> None:
             if header in ("controller", "status", "violated rows"):
                 continue
             if header == "implementation":
-                assert text == ("compiled" if source["compiled"] == "true" else "NumPy")
+                assert text == ("compiled" if source["compiled"] == "true" else "uncompiled")
                 continue
             raw = SOURCES[header](source)
             expected = float(raw) if raw != "" else math.nan
@@ -668,8 +668,8 @@ def test_the_form_that_ran_is_told(tmp_path: Path) -> None:
         return found[1]
 
     assert told(True, True) == "compiled"
-    assert told(False, False) == "NumPy"
-    assert told(True, False) == "compiled in 1 of 2 runs; NumPy in some of own"
+    assert told(False, False) == "uncompiled"
+    assert told(True, False) == "compiled in 1 of 2 runs; uncompiled in some of own"
 
 
 def test_what_is_fair_is_said_of_what_the_comparison_has(tmp_path: Path) -> None:

@@ -908,4 +908,4 @@ def test_reports_do_not_call_a_stack_numpy_code():
     manifest = {"configuration": {"controllers": laws}}
     stored = SimpleNamespace(manifest=manifest, scenarios=["a"], results=lines, constraints=[])
     results = Results(stored)
-    assert [results.implementation(name) for name in laws] == ["NumPy", "external"]
+    assert [results.implementation(name) for name in laws] == ["uncompiled", "external"]

@@ -321,6 +321,7 @@ COMPARISON = ResultsKind(_write_comparison, _comparison)
 def print_laws(folder: Path) -> None:
     """Print the first table of a comparison's report."""
     from ..comparisons import StoredComparison
+    from ..reports.groups import UNCOMPILED
     from ..reports.results import Results
     from ..reports.summary import IMPLEMENTATION, law_table
 
@@ -341,9 +342,9 @@ def print_laws(folder: Path) -> None:
         print_columns(laws.header, laws.lines)
     why = "the controller failed a run that another one solved, or violated a constraint"
     print_paragraph(f"{timings}. In parentheses: excluded from the ranking, since {why}.")
-    slow = [name for name in results.competitors if "NumPy" in results.implementation(name)]
+    slow = [name for name in results.competitors if UNCOMPILED in results.implementation(name)]
     if slow:
         print_paragraph(
-            f"In NumPy, not compiled: {', '.join(slow)}. Such runs take some ten times as long; "
-            "without a compiler, some 200 times."
+            f"Uncompiled, since Python runs their law, rows or task: {', '.join(slow)}. Such runs "
+            "take some ten times as long; where there is no compiler, some 200 times."
         )

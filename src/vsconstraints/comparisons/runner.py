@@ -163,6 +163,7 @@ def compare(
             runs=len(runs),
             finished=len(scores),
             stored_before=stored_before,
+            # runs that are not compiled are stored as "NumPy", whatever the reason
             compiled={"compiled": compiled[True], "NumPy": compiled[False]},
             loaded=loaded_versions(),
         )

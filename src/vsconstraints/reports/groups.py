@@ -12,6 +12,8 @@ from .markdown import evenly_split, plain
 from .numbers import number
 
 MAX_LAWS = 8  #: Most controllers that a figure shows beside the unconstrained baseline.
+#: What reports call runs in which Python runs law, rows or task, or all of it without a compiler.
+UNCOMPILED = "uncompiled"
 
 
 class Group(NamedTuple):
@@ -66,7 +68,7 @@ def information_text(required: Sequence[str] | None) -> str:
 
 
 def implementation_text(were_compiled: Sequence[bool], external: bool) -> str:
-    """Return how a controller runs: compiled, in NumPy, or external (in its own process).
+    """Return how a controller runs: compiled, uncompiled, or external (in its own process).
 
     ``were_compiled`` says of each of its runs, of which there is at least one, if it was compiled.
     """
@@ -74,10 +76,10 @@ def implementation_text(were_compiled: Sequence[bool], external: bool) -> str:
         return "external"
     share = sum(were_compiled) / len(were_compiled)
     if share == 0.0:
-        return "NumPy"
+        return UNCOMPILED
     if share == 1.0:
         return "compiled"
-    return f"compiled in {100.0 * share:.0f} %, else NumPy"
+    return f"compiled in {100.0 * share:.0f} %, else {UNCOMPILED}"
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
