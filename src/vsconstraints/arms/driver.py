@@ -1,4 +1,4 @@
-"""Drivers: the interface to an arm, which reads joint states and sends setpoints."""
+"""Base class of drivers: the interface to an arm, which reads states and sends setpoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run with access to its rows by label, its execution, and the record of a run that failed."""
+"""One run: its rows by label, its execution, and its record if it failed."""
 
 from __future__ import annotations
 

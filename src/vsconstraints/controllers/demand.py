@@ -1,4 +1,4 @@
-"""Demands: bounds L_gφ q̈ ≤ c on the rows, each by an elementwise formula.
+"""Base class of demands: bounds L_gφ q̈ ≤ c on the rows, by an elementwise formula.
 
 A demand is one half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand
 is a formula, a class with its options, and a line in

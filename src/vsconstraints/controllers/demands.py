@@ -1,4 +1,4 @@
-"""Demands that files can name: sliding modes, boundary layers and potential fields.
+"""The demands that files can name: sliding modes, boundary layers and potential fields.
 
 For the formulas see :doc:`/laws`; barriers are in :mod:`vsconstraints.controllers.barriers`.
 """

@@ -1,4 +1,4 @@
-"""Laws composed of a demand and a resolver."""
+"""Base class of laws that consist of a demand and a resolver."""
 
 from __future__ import annotations
 

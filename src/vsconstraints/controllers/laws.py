@@ -1,4 +1,4 @@
-"""Laws by name: pairs of a demand and a resolver, some with additional options."""
+"""The laws of the core, by name: pairs of a demand and a resolver, some with further options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resolvers: methods that compute q̈ from the bounds of the rows and the task.
+"""Base class of resolvers, which compute q̈ from bounds and task; ``priority``, ``additive``.
 
 A resolver is one half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new
 resolver is a compiled function, a class with its options, and an entry in

@@ -1,4 +1,4 @@
-"""Resolvers that files can name: projections and quadratic programs.
+"""The resolvers that files can name: projections and quadratic programs.
 
 For the formulas see :doc:`/laws`.
 """

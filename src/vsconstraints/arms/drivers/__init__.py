@@ -1,4 +1,4 @@
-"""Drivers by the scheme of their address.
+"""The drivers of the package, by the scheme of their address.
 
 A new driver is a file here and a line in :data:`DRIVERS`.
 """

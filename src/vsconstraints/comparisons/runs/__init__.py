@@ -1,1 +1,1 @@
-"""Execution of runs: worker processes, time limits, signals, and data of unfinished commands."""
+"""Execution of many runs: specification, identity, worker processes, results folders."""
