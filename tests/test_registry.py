@@ -12,10 +12,12 @@ from pathlib import Path
 import pytest
 
 from vsconstraints import controllers
+from vsconstraints.cli.results import kind_in
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import registry
 from vsconstraints.plugins.earlier_names import MOVED_MODULES
 from vsconstraints.plugins.registry import OWN, Part, in_order, parts, registered
+from vsconstraints.reports.drawing import figures_of_scenarios
 
 ROOT = Path(__file__).parents[1]
 THEIRS = '''
@@ -126,7 +128,11 @@ except ConfigurationError as error:
         ("raise RuntimeError('no licence')", "theirs:PART", "no licence"),
         ("PART = 3", "theirs:PART", "must be a Part, not 3"),
         ("", "theirs:PART", "has no attribute 'PART'"),
-        (THEIRS.replace('"greet": ', '"compare": '), "theirs:PART", "two parts register compare"),
+        (
+            THEIRS.replace('"greet": ', '"compare": '),
+            "theirs:PART",
+            "two parts register compare as commands: those of vsconstraints.cli and theirs",
+        ),
         (
             THEIRS.replace("commands=", 'laws={"soft": "theirs:Soft"}, commands='),
             "theirs:PART",
@@ -274,10 +280,53 @@ print(make_controller("theirs:Soft").name, len(parts()))
 
 
 def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    twice = (Part(report_sections={"words": "a:b"}), Part(report_sections={"words": "c:d"}))
-    monkeypatch.setattr(registry, "parts", lambda: twice)
-    with pytest.raises(ConfigurationError, match="two parts register words as report sections"):
+    twice = [
+        ("mine", Part(report_sections={"words": "a:b"})),
+        ("theirs", Part(report_sections={"words": "c:d"})),
+    ]
+    monkeypatch.setattr(registry, "packages_with_parts", lambda: twice)
+    told = "two parts register words as report sections: those of mine and theirs"
+    with pytest.raises(ConfigurationError, match=told):
         registered("report_sections")
+
+
+def add_part(monkeypatch: pytest.MonkeyPatch, part: Part) -> None:
+    """Let a package ``theirs`` register a part beside all others."""
+    others = registry.packages_with_parts()
+    monkeypatch.setattr(registry, "packages_with_parts", lambda: [*others, ("theirs", part)])
+
+
+def test_a_part_must_not_replace_a_law_of_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No law is made then, by whatever name: a law would silently be another one."""
+    laws = {"tracking": "vsconstraints.prediction.predictive:PredictiveControl"}
+    monkeypatch.setattr(controllers, "laws_of_parts", lambda: laws)
+    controllers.registered_laws.cache_clear()
+    told = r"a part registers vsconstraints\.prediction\..* as the law tracking, .* law of the core"
+    try:
+        for name in ("tracking", "sliding-mode"):
+            with pytest.raises(ConfigurationError, match=told):
+                controllers.make_controller(name)
+    finally:
+        controllers.registered_laws.cache_clear()
+
+
+def test_a_part_must_not_replace_the_reports_of_comparisons(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    add_part(monkeypatch, Part(results={"a comparison": "theirs:KIND"}))
+    told = "register a comparison as results: those of vsconstraints.cli and theirs"
+    with pytest.raises(ConfigurationError, match=told):
+        kind_in(ROOT / "reports" / "default")
+
+
+def test_a_part_must_not_draw_a_figure_over_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files of both would have the same names."""
+    names = [figure.name for figure in figures_of_scenarios()]
+    assert len(names) == len({*names})
+    reference = "vsconstraints.reports.figures:PHI"
+    add_part(monkeypatch, Part(figures=(reference,)))
+    with pytest.raises(ConfigurationError, match=f"{reference}, a figure of theirs, .* name phi"):
+        figures_of_scenarios()
 
 
 def test_order_is_that_of_the_parts_but_where_a_name_goes_before_another() -> None:

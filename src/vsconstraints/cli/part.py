@@ -30,4 +30,5 @@ PART = Part(
         "shapes": Listing(f"{_LISTING}:shapes"),
         "metrics": Listing(f"{_LISTING}:metrics"),
     },
+    results={"a comparison": f"{_RESULTS}:COMPARISON"},
 )

@@ -72,7 +72,7 @@ class ResultsKind:
 
 
 def kind_in(folder: Path) -> ResultsKind:
-    """Return the kind of results in a folder: that of a part, or else a comparison."""
+    """Return the kind of results in a folder; a comparison if it cannot be told."""
     from ..comparisons.runs.folder import kind_of
 
     reference = registered("results").get(kind_of(folder) or "")

@@ -130,9 +130,18 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 
 @cache
 def registered_laws() -> dict[str, type[Controller]]:
-    """Return all laws by name: those of the core, then those of parts."""
+    """Return all laws by name: those of the core, then those of parts.
+
+    Raises ConfigurationError if a part registers a law with the name of one of the core.
+    """
     laws = {law.name: law for law in CORE_LAWS}
-    laws.update({name: load(reference) for name, reference in laws_of_parts().items()})
+    for name, reference in laws_of_parts().items():
+        if name in laws:
+            raise ConfigurationError(
+                f"a part registers {reference} as the law {name}, which is a law of the core: "
+                f"{laws[name].__module__}:{laws[name].__qualname__}"
+            )
+        laws[name] = load(reference)
     return laws
 
 

@@ -11,7 +11,7 @@ still has them. Another package registers its part by an entry point of the grou
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
@@ -120,8 +120,18 @@ def parts() -> tuple[Part, ...]:
 
     Raises ConfigurationError if a part of another package cannot be imported.
     """
-    included = [load(f"vsconstraints.{name}.part:PART") for name in OWN]
-    return (*included, *(installed.part for installed in parts_of_other_packages()))
+    return tuple(part for _, part in packages_with_parts())
+
+
+def packages_with_parts() -> list[tuple[str, Part]]:
+    """Return all :func:`parts`, each with the name of the package that it is from."""
+    found = []
+    for name in OWN:
+        package = f"vsconstraints.{name}"
+        found.append((package, load(f"{package}.part:PART")))
+    for installed in parts_of_other_packages():
+        found.append((installed.package, installed.part))
+    return found
 
 
 class InstalledPart(NamedTuple):
@@ -183,12 +193,10 @@ def load(reference: str) -> Any:
 def registered(kind: str) -> dict[str, Any]:
     """Return what all parts register of a kind, a field of :class:`Part`, by name.
 
-    Raises ConfigurationError if two parts register the same name.
+    Raises ConfigurationError, which names both packages, if two parts register the same name.
     """
-    found: dict[str, Any] = {}
-    for part in parts():
-        _add(found, kind, getattr(part, kind))
-    return found
+    tables = [(package, getattr(part, kind)) for package, part in packages_with_parts()]
+    return _joined(tables, kind.replace("_", " "))
 
 
 def laws_of_parts() -> dict[str, str]:
@@ -196,10 +204,11 @@ def laws_of_parts() -> dict[str, str]:
 
     Raises as :func:`registered`.
     """
-    found: dict[str, str] = {}
+    tables = []
     for name in WITH_LAWS:
-        _add(found, "laws", load(f"vsconstraints.{name}.part:PART").laws)
-    return found
+        package = f"vsconstraints.{name}"
+        tables.append((package, load(f"{package}.part:PART").laws))
+    return _joined(tables, "laws")
 
 
 def scenario_types(table: str) -> dict[str, str]:
@@ -207,22 +216,45 @@ def scenario_types(table: str) -> dict[str, str]:
 
     Raises as :func:`registered`.
     """
-    found: dict[str, str] = {}
-    for part in parts():
-        _add(found, f"types of {table}", part.scenario_tables.get(table, {}))
+    tables = []
+    for package, part in packages_with_parts():
+        tables.append((package, part.scenario_tables.get(table, {})))
+    return _joined(tables, f"types of {table}")
+
+
+def _joined(tables: Iterable[tuple[str, Mapping[str, Value]]], kind: str) -> dict[str, Value]:
+    """Return the entries of tables that packages register; raise ConfigurationError for a clash."""
+    found: dict[str, Value] = {}
+    packages: dict[str, str] = {}
+    for package, table in tables:
+        for name, value in table.items():
+            if name in found:
+                raise ConfigurationError(
+                    f"two parts register {name} as {kind}: those of {packages[name]} and {package}"
+                )
+            found[name] = value
+            packages[name] = package
     return found
 
 
-def _add(found: dict[str, Any], kind: str, more: Mapping[str, Any]) -> None:
-    for name, value in more.items():
-        if name in found:
-            raise ConfigurationError(f"two parts register {name} as {kind.replace('_', ' ')}")
-        found[name] = value
+def figures(others: Collection[str] = ()) -> list[Any]:
+    """Return the figures of scenarios that parts add to reports, beside others with these names.
 
-
-def figures() -> list[Any]:
-    """Return the figures of scenarios that parts add to reports."""
-    return [load(reference) for part in parts() for reference in part.figures]
+    Raises ConfigurationError, which names the package, if two figures would have the same name.
+    """
+    found = []
+    taken = {*others}
+    for package, part in packages_with_parts():
+        for reference in part.figures:
+            figure = load(reference)
+            if figure.name in taken:
+                raise ConfigurationError(
+                    f"{reference}, a figure of {package}, has the name {figure.name}, as another "
+                    "figure has"
+                )
+            taken.add(figure.name)
+            found.append(figure)
+    return found
 
 
 def added_metrics(table: Literal["metrics", "row_metrics"]) -> list[Metric]:

@@ -213,10 +213,15 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
         if view.competitors or len(job.groups) == 1:
             lanes = acting_in(job.rows.lanes, [runs[law] for law in view.competitors])
             views[group.suffix] = replace(view, lane_rows=lanes)
-    for figure in (*FIGURES, *figures_of_parts()):
+    for figure in figures_of_scenarios():
         for suffix, view in views.items():
             _draw_figure(job, figure, view, suffix, drawn)
     return drawn
+
+
+def figures_of_scenarios() -> list[Figure]:
+    """Return the figures of each scenario, of the core and of parts."""
+    return [*FIGURES, *figures_of_parts([figure.name for figure in FIGURES])]
 
 
 def _draw_figure(job: ScenarioJob, figure: Figure, view: View, suffix: str, drawn: Drawn) -> None:
@@ -312,7 +317,7 @@ def remove_stale(
             current.add(PurePath(file).with_suffix(f".{kind}").name)
     starts = [figure.name for figure in figures]
     if not figures:
-        starts = [f"*--{figure.name}" for figure in (*FIGURES, *figures_of_parts())]
+        starts = [f"*--{figure.name}" for figure in figures_of_scenarios()]
     stale = list[Path]()
     for start in starts:
         # A group of controllers has a number after the figure's name.
