@@ -4,6 +4,7 @@ gradients.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -308,6 +309,24 @@ def test_a_lost_image_is_as_old_as_the_one_in_its_place() -> None:
         simulate(named("ur5-fov", **settings), HierarchicalQP()) for settings in ({}, lost)
     )
     np.testing.assert_allclose(other.q, one.q, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("error", "estimates"),
+    [
+        ({}, False),
+        ({"depth_factor": 1.1}, False),
+        ({"pixel_noise": 0.5}, True),
+        ({"focal_factor": [1.1, 1.0]}, True),
+        ({"mount_translation_error": [0.01, 0.0, 0.0]}, True),
+        ({"mount_rotation_error": [0.0, 0.01, 0.0]}, True),
+        ({"marker_distance_factor": 1.1}, True),
+    ],
+)
+def test_the_pose_is_estimated_if_any_error_would_change_it(
+    error: Mapping[str, Any], estimates: bool
+) -> None:
+    assert case(**error).sensor().estimates is estimates
 
 
 def test_a_wrong_depth_and_wrong_intrinsics_spoil_the_jacobian_as_they_should() -> None:

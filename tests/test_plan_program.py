@@ -8,9 +8,11 @@ from qpsolvers import solve_qp
 from scipy.optimize import linprog
 
 from vsconstraints.compiled.codes import RELAXED_ROWS, SOLVED
+from vsconstraints.compiled.least_distance import FORCE
 from vsconstraints.compiled.memory import zeros
 from vsconstraints.prediction.kernels import plan_program
 from vsconstraints.prediction.kernels.plan_arrays import Cost, Factor, Limits, Space, lengths_of
+from vsconstraints.prediction.kernels.plan_search import most_negative_force
 from vsconstraints.rows import Array
 
 T = 0.05
@@ -182,3 +184,29 @@ def test_a_plan_after_a_relaxed_one_is_that_of_new_arrays() -> None:
         )
         assert (code, active) == (SOLVED, problem.active)
         np.testing.assert_allclose(before.u, problem.u, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_penalty_is_relative_to_distances_and_gradients_in_the_metric_of_the_cost(
+    seed: int,
+) -> None:
+    problem = Problem(seed, value=0.1, most=2.0)
+    distance, mean_gradient = plan_program.measure_excess(
+        problem.cost, problem.factor, problem.limits, problem.space, problem.weights
+    )
+    P = problem.M.T @ problem.M
+    over = problem.G @ problem.u - problem.h
+    exceeded = over > 0.0
+    lengths = np.sqrt((problem.G * np.linalg.solve(P, problem.G.T).T).sum(axis=1))
+    price = (problem.weights / problem.limits.scale)[problem.row]
+    assert exceeded.sum() > 1
+    assert distance == pytest.approx((over / lengths)[exceeded].max(), rel=1e-9)
+    logarithms = np.log(lengths * price)[exceeded]
+    assert mean_gradient == pytest.approx(np.exp(logarithms.mean()), rel=1e-9)
+
+
+def test_the_least_force_is_that_of_an_active_row() -> None:
+    """What stands behind the active rows is of earlier ones."""
+    X = np.zeros((FORCE + 1, 4))
+    X[FORCE] = 3.0, 1.0, 2.0, -5.0
+    assert most_negative_force(X, 3) == 1

@@ -816,6 +816,31 @@ def test_arrays_of_other_shapes(change: Mapping[str, Array], robot: Robot, tmp_p
 # --- the command ---
 
 
+def test_the_command_stores_scores_of_a_recording(
+    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are those of the simulation that was recorded, beside those of the baseline.
+
+    Files have nine digits.
+    """
+    np.savez(tmp_path / "run.npz", t=run.t, q=run.q, qd=run.qd, qdd_command=run.qdd_command)
+    monkeypatch.chdir(tmp_path)
+    chosen = ["--scenario", "ur5-fov", "--set", "ur5-fov.duration=1.2", "--no-figures"]
+    done = CliRunner().invoke(app, ["score", "run.npz", *chosen, "--out", "new/scored"])
+    assert done.exit_code == 0, done.output
+    with open("new/scored/results.csv", newline="") as file:
+        results = {line["controller"]: line for line in csv.DictReader(file)}
+    assert results.keys() == {"tracking", "run"}
+    setup = Scenario.load("ur5-fov").with_override("duration", 1.2).setup()
+    expected, rows = scores_of(setup, run, simulate(setup, Tracking()))
+    for column in ("final_translation_error_m", "acceleration_variation", "saturated_time_s"):
+        assert float(results["run"][column]) == pytest.approx(expected[column], rel=1e-8)
+    with open("new/scored/constraints.csv", newline="") as file:
+        lines = [line for line in csv.DictReader(file) if line["controller"] == "run"]
+    largest = [float(line["phi_max"]) for line in lines]
+    np.testing.assert_allclose(largest, [row["phi_max"] for row in rows], rtol=1e-8)
+
+
 def test_a_mujoco_run_is_scored_by_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

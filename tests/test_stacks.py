@@ -267,6 +267,20 @@ def test_the_whole_group_of_a_stack_ends_with_its_run(setup, tmp_path):
         assert ended(pid)
 
 
+def test_a_stack_that_writes_much_at_its_end_is_not_killed(setup, tmp_path):
+    """More than a pipe holds, in parts: what nobody reads would keep it from ending."""
+    over = tmp_path / "over"
+    last_words = (
+        "for _ in range(20):\n    sys.stdout.write('x' * 50000)\n    sys.stdout.flush()\n"
+        f"open({str(over)!r}, 'w').write('over')\n"
+    )
+    stack = ExternalStack([sys.executable, "-c", ANSWERS + STILL + last_words])
+    stack.begin(setup)
+    stack.respond(observed(setup))
+    stack.end()
+    assert over.read_text() == "over"
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="found in /proc")
 def test_what_a_stack_started_in_a_session_of_its_own_ends_with_it(setup, tmp_path):
     """Also if the process between them has ended, as for a daemon."""
