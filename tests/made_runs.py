@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from vsconstraints.paper.verdicts import CLAIMS, Finding
+from vsconstraints.paper.claims import CLAIMS
+from vsconstraints.paper.verdicts import Finding
 from vsconstraints.rows import Array
 
 TS = 0.01

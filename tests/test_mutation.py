@@ -157,6 +157,16 @@ def test_every_mistake_is_made_once_and_texts_are_left_alone(tree: Path) -> None
         ]
 
 
+def test_defaults_and_limits_of_options_are_mutated_and_search_ranges_are_not(
+    tmp_path: Path,
+) -> None:
+    line = 'rate = option(20.0, "α [1/s]", (1.0, 200.0), at_least=3.0)'
+    (tmp_path / "module.py").write_text(f"{line}\n", encoding="utf-8")
+    changed = {mutant.new for mutant in mutants_of(tmp_path, "module.py")}
+    pairs = [("20.0", "10.0"), ("20.0", "40.0"), ("3.0", "1.5"), ("3.0", "6.0")]
+    assert changed == {line.replace(old, new, 1) for old, new in pairs}
+
+
 def test_all_that_compiled_code_is_made_of_runs_as_python() -> None:
     package = ROOT / "src/vsconstraints"
     files = set(sources())

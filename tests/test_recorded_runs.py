@@ -130,6 +130,16 @@ def test_positions_alone_at_other_times_are_interpolated(
     assert "accelerations are differences" in found.reason
 
 
+def test_pixels_between_two_samples_are_interpolated_if_both_have_them() -> None:
+    """Two markers at 0, 10 and 20 ms; the second one is not seen at 20 ms."""
+    t = np.array([0.0, 0.01, 0.02])
+    u = np.array([[0.0, 5.0], [10.0, 5.0], [30.0, np.nan]])
+    pixels = np.stack((u, -u), axis=2)
+    found = Recording(t, np.zeros((3, 6)), pixels=pixels).on_grid(0.005)
+    expected = np.array([[0.0, 5.0], [5.0, 5.0], [10.0, 5.0], [20.0, np.nan], [30.0, np.nan]])
+    np.testing.assert_allclose(found.pixels, np.stack((expected, -expected), axis=2), atol=1e-12)
+
+
 def test_measured_pixels_count_instead_of_those_of_the_model(
     setup: Setup, run: Trajectory, robot: Robot, tmp_path: Path
 ) -> None:

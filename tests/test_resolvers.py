@@ -189,7 +189,7 @@ def test_scaling_scales_as_little_as_the_rows_allow(form: str, seed: int, redund
     np.testing.assert_allclose(found.qdd, highest * free, atol=1e-8 * (1.0 + np.abs(free).max()))
     if highest < 1.0:
         first = int(np.argmax(A @ free / np.maximum(c, 1e-300)))
-        assert f"row[{first}]" in found.active
+        assert found.active == (f"row[{first}]",)
 
 
 @FORMS
@@ -214,6 +214,16 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
     # where the demand changes its sign nothing jumps
     below, above = (np.array(found([[1.0, 1.0]], [side])) for side in (-1e-7, 1e-7))
     np.testing.assert_allclose(below, above, atol=1e-6)
+
+
+def test_scaling_is_limited_by_either_end_of_the_box() -> None:
+    """Joint 2 may decelerate by 1 and accelerate by 10, and tracking asks for −4."""
+    rows = rows_that_ask([[0.0, 0.0]], [1.0])
+    box = np.array([[-2.0, -1.0], [10.0, 10.0]])
+    for tracking, kappa in (([3.0, -4.0], 0.25), ([3.0, 4.0], 1.0), ([20.0, 4.0], 0.5)):
+        scaled, acted = Scaling().center(rows, np.array(tracking), np.ones(1), box)
+        np.testing.assert_allclose(scaled, kappa * np.array(tracking), rtol=1e-12)
+        assert not acted.any()
 
 
 @FORMS

@@ -23,7 +23,13 @@ from vsconstraints.robots.catalogue import READY_MADE
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
-from vsconstraints.simulation.programs import Observation, declaration, declared_in, declared_uses
+from vsconstraints.simulation.programs import (
+    Observation,
+    declaration,
+    declared_in,
+    declared_uses,
+    program_name,
+)
 from vsconstraints.simulation.recorded import Recorded, replay
 from vsconstraints.stacks import ExternalStack, NoAnswer, Stack, StackFailedError, child, external
 from vsconstraints.stacks.child import StackProcess
@@ -247,6 +253,14 @@ def test_the_time_during_which_this_process_is_stopped_does_not_count(monkeypatc
 def test_a_command_that_does_not_exist_is_named(setup):
     with pytest.raises(StackFailedError, match="no-such-program"):
         ExternalStack(["no-such-program"]).begin(setup)
+
+
+def test_a_command_is_named_after_its_script_or_its_program(tmp_path):
+    script = tmp_path / "stack.py"
+    script.touch()
+    assert program_name(["/usr/bin/python3", str(script), "fast"]) == "stack"
+    assert program_name(["/usr/bin/controller", "--fast"]) == "controller"
+    assert program_name(["controller"]) == "controller"
 
 
 def test_the_whole_group_of_a_stack_ends_with_its_run(setup, tmp_path):
