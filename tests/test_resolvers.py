@@ -218,10 +218,10 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
 
 def test_scaling_is_limited_by_either_end_of_the_box() -> None:
     """Joint 2 may decelerate by 1 and accelerate by 10, and tracking asks for −4."""
-    rows = rows_that_ask([[0.0, 0.0]], [1.0])
+    rows = rows_that_ask([[1.0, 1.0]], [100.0])
     box = np.array([[-2.0, -1.0], [10.0, 10.0]])
     for tracking, kappa in (([3.0, -4.0], 0.25), ([3.0, 4.0], 1.0), ([20.0, 4.0], 0.5)):
-        scaled, acted = Scaling().center(rows, np.array(tracking), np.ones(1), box)
+        scaled, acted = Scaling().center(rows, np.array(tracking), -rows.phi, box)
         np.testing.assert_allclose(scaled, kappa * np.array(tracking), rtol=1e-12)
         assert not acted.any()
 
