@@ -226,13 +226,23 @@ def test_the_implicit_switch_rests_at_the_drift_times_p_periods(periods: float) 
     assert change < 1e-9
 
 
-def test_periods_are_one_or_more() -> None:
-    for kind in (ImplicitSwitch, ImplicitSwitchWithDrift):
-        assert kind(1.0).parameters == (1.0,)
-        with pytest.raises(
-            InvalidInput, match=rf"periods of {kind.name} must be at least 1, not 0\.99"
-        ):
-            kind(0.99)
+@pytest.mark.parametrize(
+    ("kind", "option", "inside", "outside", "limit"),
+    [
+        (ImplicitSwitch, "periods", 1.0, 0.99, "at least 1"),
+        (ImplicitSwitchWithDrift, "periods", 1.0, 0.99, "at least 1"),
+        (PrescribedTimeBarrier, "exponent", 1.0, 0.99, "at least 1"),
+        (ProbabilisticBarrier, "violation_rate", 0.49, 0.5, "less than 0.5"),
+        (Firas, "contact", 0.99, 1.0, "less than 1"),
+    ],
+)
+def test_limits_of_options(
+    kind: Any, option: str, inside: float, outside: float, limit: str
+) -> None:
+    assert getattr(kind(**{option: inside}), option) == inside
+    refused = (InvalidInput, ConfigurationError)
+    with pytest.raises(refused, match=rf"{option}.* must be {limit}, not {outside}"):
+        kind(**{option: outside})
 
 
 def test_a_drift_beyond_the_gain_is_not_believed() -> None:
