@@ -86,6 +86,10 @@ def test_shared():
 
 def test_loop():
     assert clipped(-2.0, 1) == -2.0
+
+
+def test_wrong():
+    assert clipped(-2.0, 1) == 2.0
 """
 
 RUN = """
@@ -217,7 +221,12 @@ def test_what_tests_notice(tree: Path) -> None:
         cwd=ROOT,
         check=True,
     )
-    found = {tuple(line.split(" | ")) for line in ended.stdout.splitlines()}
+    lines = ended.stdout.splitlines()
+    remarks = [line for line in lines if " | " not in line]
+    found = {tuple(line.split(" | ")) for line in lines if line not in remarks}
+    # a test that fails anyway notices nothing, and is named
+    assert len(remarks) == len(Mode)
+    assert all("['tests/test_module.py::test_wrong']" in remark for remark in remarks)
     states = {(old, new): (state, by) for state, old, new, by in found}
     assert len(found) == len(CHANGES) + 1
     # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one

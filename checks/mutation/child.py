@@ -67,7 +67,8 @@ def watch(test_file: str, sources: Instrumented, mode: Mode, result: Path) -> in
     Tests that fail, or are not quick, are left out, and those that are left when the time of a file
     is over. ``result`` is a JSON object: ``tests`` has the
     CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
-    while tests were collected. If the file cannot be imported, nothing is written.
+    while tests were collected; ``failed`` the tests that failed though they were quick. If the file
+    cannot be imported, nothing is written.
     """
     _choose(mode)
     watcher = _Watcher(len(sources.functions), mode)
@@ -77,7 +78,8 @@ def watch(test_file: str, sources: Instrumented, mode: Mode, result: Path) -> in
     if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         return 1  # the file cannot be imported
     tests = {test: watcher.tests[test] for test in watcher.tests if test in watcher.passed}
-    result.write_text(json.dumps({"tests": tests, "ever": sorted(watcher.ever)}), encoding="utf-8")
+    found = {"tests": tests, "ever": sorted(watcher.ever), "failed": watcher.failed}
+    result.write_text(json.dumps(found), encoding="utf-8")
     return 0
 
 
@@ -116,8 +118,12 @@ def _choose(mode: Mode) -> None:
     os.environ["VSCONSTRAINTS_COMPILE"] = "1" if mode is Mode.COMPILED else "0"
 
 
+class _LateError(Exception):
+    """A test takes longer than a quick one."""
+
+
 def _late(*_: object) -> None:
-    raise TimeoutError("longer than a quick test")
+    raise _LateError
 
 
 def _may_be_quick(item: pytest.Item) -> bool:
@@ -136,6 +142,7 @@ class _Watcher:
         self.watched = WATCHED[mode]
         self.tests: dict[str, tuple[float, list[int]]] = {}
         self.passed: set[str] = set()
+        self.failed: list[str] = []
         self.ever: set[int] = set()
         self.seconds = 0.0
 
@@ -170,6 +177,12 @@ class _Watcher:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:
             self.passed.add(report.nodeid)
+
+    def pytest_exception_interact(
+        self, call: pytest.CallInfo[object], report: pytest.CollectReport | pytest.TestReport
+    ) -> None:
+        if call.excinfo is not None and not call.excinfo.errisinstance(_LateError):
+            self.failed.append(report.nodeid)
 
 
 class _Collected:

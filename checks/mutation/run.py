@@ -231,6 +231,9 @@ class Runner:
                     f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}"
                 )
             found = json.loads(result.read_text(encoding="utf-8"))
+            failed = found["failed"]
+            if failed:
+                print(f"left out, since they fail without a mutant, {mode}: {failed}", flush=True)
             sources = every[mode]
             reached = {
                 name: Reached(seconds, {sources.functions[place] for place in entered})
