@@ -439,4 +439,5 @@ def test_a_block_may_hold_what_is_within_the_bound_of_its_chord(
     """The chord leads from (1, 1) by (3, 4), and its vertices are up to 0.5 beside it."""
     chords = np.array([[9.0] * 6, [1.0, 1.0, 3.0, 4.0, 1.0 / 25.0, 0.5]])
     assert polylines.may_hold(chords, 1, *at, away - 0.5 + 1e-6)
+    assert polylines.may_hold(chords, 1, *at, away - 0.5)  # whatever rounding says
     assert not polylines.may_hold(chords, 1, *at, away - 0.5 - 1e-6)

@@ -76,7 +76,14 @@ CHANGES = {
     ("return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 1][low]"),
 }
 
-TESTS = """import helper
+KERNEL = """def doubled(x: float) -> float:
+    return 2.0 * x
+"""
+
+TESTS = """import os
+
+import helper
+from kernels.kernel import doubled
 from module import clipped
 
 
@@ -90,6 +97,18 @@ def test_loop():
 
 def test_wrong():
     assert clipped(-2.0, 1) == 2.0
+
+
+def test_kernel():
+    assert doubled(3.0) == 6.0
+
+
+def test_compiled():
+    assert os.environ["VSCONSTRAINTS_COMPILE"] == "alone"
+
+
+def test_uncompiled():
+    assert os.environ["VSCONSTRAINTS_COMPILE"] == "0"
 """
 
 RUN = """
@@ -106,8 +125,13 @@ runner = run.Runner(
 )
 reached = runner.reached[Mode.COMPILED]
 tests = list(reached)
-assert len(tests) == 2
-assert runner.reached[Mode.UNCOMPILED].keys() == reached.keys()
+assert [test.split("::")[1] for test in tests] == "test_shared test_loop test_kernel test_compiled".split()
+uncompiled = runner.reached[Mode.UNCOMPILED]
+assert uncompiled.keys() - reached.keys() == {"tests/test_module.py::test_uncompiled"}
+# where it is compiled, it is not seen which tests enter it
+kernel = {("src/kernels/kernel.py", 1)}
+assert [test for test in uncompiled if kernel & uncompiled[test].functions] == ["tests/test_module.py::test_kernel"]
+assert not any(kernel & reached[test].functions for test in tests)
 assert runner.failing_without_mutant(Mode.COMPILED, tests) == ""
 assert list(runner.judge([named], until=0.0)) == []
 runner.longest = 0.0
@@ -127,6 +151,9 @@ else:
     raise AssertionError("a test that does not exist has noticed a mutant")
 runner.known = None
 del reached[wrong[2]]
+wrong_kernel = edited(tree, "src/kernels/kernel.py", "2.0 * x", "3.0 * x", "a name")
+(verdict,) = runner.judge([wrong_kernel])
+assert (verdict.state, verdict.by) == ("killed", "tests/test_module.py::test_kernel")
 for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
     print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
 late = run.Runner(Path(sys.argv[2]) / "late", ["tests/test_module.py"], 2, tree, watch_until=0.0)
@@ -140,6 +167,8 @@ def tree(tmp_path: Path) -> Path:
     for name, text in (("src/module.py", SOURCE), ("tests/test_module.py", TESTS)):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "src" / "kernels").mkdir()
+    (tmp_path / "src" / "kernels" / "kernel.py").write_text(KERNEL, encoding="utf-8")
     (tmp_path / "tests" / "helper.py").touch()
     (tmp_path / "pyproject.toml").touch()
     (tmp_path / "copy").mkdir()
@@ -224,9 +253,12 @@ def test_what_tests_notice(tree: Path) -> None:
     lines = ended.stdout.splitlines()
     remarks = [line for line in lines if " | " not in line]
     found = {tuple(line.split(" | ")) for line in lines if line not in remarks}
-    # a test that fails anyway notices nothing, and is named
-    assert len(remarks) == len(Mode)
-    assert all("['tests/test_module.py::test_wrong']" in remark for remark in remarks)
+    # tests that fail anyway notice nothing, and are named
+    failing = {remark.split(", ")[2].split(":")[0]: remark for remark in remarks}
+    assert failing.keys() == {mode.value for mode in Mode}
+    assert all("::test_wrong'" in remark for remark in remarks)
+    assert "::test_uncompiled'" in failing["compiled"]
+    assert "::test_compiled'" in failing["uncompiled"]
     states = {(old, new): (state, by) for state, old, new, by in found}
     assert len(found) == len(CHANGES) + 1
     # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one
@@ -249,7 +281,7 @@ def test_what_tests_notice(tree: Path) -> None:
         ("φ += 1", "φ += 2"),
         ("return abs(φ) - [1, 2][low]", "return (φ) - [1, 2][low]"),
     }
-    assert states["φ += 1", "pass"] == ("timed out", "")
+    assert states["φ += 1", "pass"] == ("timed out", "test_loop")
     assert states["while φ < 0:", "while φ < -1:"] == ("killed", "test_loop")
     assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 9][low]"] == (
         "killed",

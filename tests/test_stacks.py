@@ -236,6 +236,17 @@ def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):
         asked(setup, slow, periods=20)
 
 
+def test_a_silent_stack_is_waited_for_as_long_as_the_limit_says():
+    process = StackProcess([sys.executable, "-c", "import time; time.sleep(99)"], 9.0)
+    begun = time.monotonic()
+    try:
+        with pytest.raises(StackFailedError, match=r"no answer within 1 s"):
+            process.line(1.0)
+        assert 1.0 <= time.monotonic() - begun < 1.6
+    finally:
+        process.end()
+
+
 def test_the_time_during_which_this_process_is_stopped_does_not_count(monkeypatch):
     """The clock jumps by an hour while the process waits."""
     code = "import time; time.sleep(0.5); print('late', flush=True); time.sleep(9)"

@@ -2,9 +2,10 @@
 
 Small mistakes are put into the code, one at a time. Mistakes that no test notices are listed. The
 exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample: if a share of 95 %
-is improbable), or if a named one is not. In mistakes of what compiled code is made of, and in named
-ones, compiled functions run as Python; for the others, compiled code is read from beside the
-sources, where a run of the tests has left it.
+is improbable), or if a named one is not. For mistakes in what compiled code is made of, compiled
+functions run as Python, and also with ``--named`` and ``--renew``. For all others, compiled code is
+read from beside the sources, where a run of the tests has left it; what is missing is compiled
+first, which takes a minute or two.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
 With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the
@@ -42,7 +43,7 @@ from pathlib import Path
 
 from .coverage import cache_folder
 from .mutants import Mutant, edited, mutants_of, sampled
-from .run import ROOT, Runner, Verdict
+from .run import ROOT, WATCHED_FOLDERS, Runner, Verdict
 from .targets import GROUPS, LEAST, TESTS, Mode, files_named, files_of, suffices
 
 HERE = Path(__file__).parent
@@ -101,6 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     every = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     stale = {key for key in equivalent if key[0] in files} - {mutant.key for mutant in every}
     worth = [mutant for mutant in every if mutant.key not in equivalent]
+    n_equivalent = len(every) - len(worth)
     reasoned = [
         edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]
     ]
@@ -167,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.chdir(ROOT)
     print(
         f"\n{len(verdicts)} mutants of {len(wanted_mutants)}, "
-        f"{len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s"
+        f"{n_equivalent} equivalent, {time.monotonic() - started:.0f} s"
     )
     if undecided := len(every_verdict) - len(verdicts):
         print(f"{undecided} mutants undecided: run it again, it continues to watch tests")
@@ -280,7 +282,7 @@ def _evenly(mutants: Sequence[Mutant], count: int, seed: str) -> list[Mutant]:
 
 def _changed(revision: str) -> dict[str, set[int]]:
     """Return lines that differ from a commit, by file."""
-    words = ["git", "diff", "-U0", "--no-renames", revision, "--", "src"]
+    words = ["git", "diff", "-U0", "--no-renames", revision, "--", *WATCHED_FOLDERS]
     lines: dict[str, set[int]] = defaultdict(set)
     file = ""
     for line in subprocess.run(

@@ -65,10 +65,9 @@ def watch(test_file: str, sources: Instrumented, mode: Mode, result: Path) -> in
     """Run the tests of a file and write which functions each of them enters, as places in a list.
 
     Tests that fail, or are not quick, are left out, and those that are left when the time of a file
-    is over. ``result`` is a JSON object: ``tests`` has the
-    CPU time [s] and the functions of each test; ``ever`` all functions that were entered, also
-    while tests were collected; ``failed`` the tests that failed though they were quick. If the file
-    cannot be imported, nothing is written.
+    is over. ``result`` is a JSON object: ``tests`` has the CPU time [s] and the functions of each
+    test; ``ever`` all functions that were entered, also while tests were collected; ``failed`` the
+    tests that failed though they were quick. If the file cannot be imported, nothing is written.
     """
     _choose(mode)
     watcher = _Watcher(len(sources.functions), mode)
@@ -88,9 +87,10 @@ def judge(
 ) -> int:
     """Run tests, in this order, on a mutant, or on the tree as it is; return 0 if none fails.
 
-    The name of the test that fails is written to ``result``. ``limits`` [s] are those of the tests:
-    SIGALRM ends the process if one takes longer. If none of the tests can be run, the result is
-    :data:`NOTHING_RUN`: it is not that the tests have noticed the mutant.
+    The name of the test that runs, and so of the one that fails, is written to ``result``.
+    ``limits`` [s] are those of the tests: SIGALRM ends the process if one takes longer. If none of
+    the tests can be run, the result is :data:`NOTHING_RUN`: it is not that the tests have noticed
+    the mutant.
     """
     _choose(mode)
     if mutant is not None:
@@ -105,6 +105,7 @@ def judge(
 
 def list_missing(tests: Iterable[str], result: Path) -> int:
     """Write the names of the tests that cannot be run on the tree as it is, one a line."""
+    _choose(Mode.UNCOMPILED)
     collected = _Collected()
     files = {test.split("::")[0] for test in tests}
     pytest.main([*QUIET, *filter(os.path.exists, sorted(files))], plugins=[collected])
@@ -115,15 +116,16 @@ def list_missing(tests: Iterable[str], result: Path) -> int:
 
 def _choose(mode: Mode) -> None:
     """Let functions be compiled or not; this precedes the import of the package."""
-    os.environ["VSCONSTRAINTS_COMPILE"] = "1" if mode is Mode.COMPILED else "0"
+    # without a second process that helps to compile
+    os.environ["VSCONSTRAINTS_COMPILE"] = "alone" if mode is Mode.COMPILED else "0"
 
 
-class _LateError(Exception):
-    """A test takes longer than a quick one."""
+class _Late(BaseException):
+    """A test takes longer than a quick one: no test and no law catches this."""
 
 
-def _late(*_: object) -> None:
-    raise _LateError
+def _interrupt(*_: object) -> None:
+    raise _Late
 
 
 def _may_be_quick(item: pytest.Item) -> bool:
@@ -165,7 +167,7 @@ class _Watcher:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self.entered()
         started = time.process_time()
-        signal.signal(signal.SIGPROF, _late)
+        signal.signal(signal.SIGPROF, _interrupt)
         # CPU time: other work on the machine does not change which tests are quick
         signal.setitimer(signal.ITIMER_PROF, self.quick)
         yield
@@ -181,7 +183,7 @@ class _Watcher:
     def pytest_exception_interact(
         self, call: pytest.CallInfo[object], report: pytest.CollectReport | pytest.TestReport
     ) -> None:
-        if call.excinfo is not None and not call.excinfo.errisinstance(_LateError):
+        if call.excinfo is not None and not call.excinfo.errisinstance(_Late):
             self.failed.append(report.nodeid)
 
 
@@ -211,11 +213,11 @@ class _Chosen:
         )
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
+        self.result.write_text(nodeid, encoding="utf-8")
         signal.alarm(math.ceil(self.limits[nodeid]))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
-            self.result.write_text(report.nodeid, encoding="utf-8")
             os._exit(1)
 
 

@@ -2,7 +2,8 @@
 
 The coverage of a test file is valid as long as nothing changes that it depends on: the test file,
 the modules beside it that it imports, the data of all tests, files of the package without functions
-(data and tables), and the source files whose functions its tests enter.
+(data and tables), the source files whose functions its tests enter, and all files of compiled code
+if this runs compiled.
 """
 
 from __future__ import annotations
@@ -155,9 +156,10 @@ class CoverageCache:
         """Digest of all that every test file may depend on."""
         files = [self.root / "pyproject.toml"]
         for path in sorted((self.root / "tests").rglob("*")):
-            if path.suffix != ".py" or path.name == "conftest.py":
+            is_data = path.suffix != ".py" and "__pycache__" not in path.parts
+            if is_data or path.name == "conftest.py":
                 files.append(path)
-        for name in ("src", "examples", "comparisons"):
+        for name in ("src", "controllers", "examples", "comparisons"):
             files += [path for path in sorted((self.root / name).rglob("*")) if _no_code(path)]
         text = "".join(f"{path.relative_to(self.root)} {self._digest(path)}\n" for path in files)
         return hashlib.sha256(f"{sys.version}\n{settings}\n{text}".encode()).hexdigest()

@@ -185,7 +185,7 @@ class _Mutations:
             return
         if isinstance(node, ast.keyword) and node.arg in KEYWORDS:
             return
-        if isinstance(node, ast.Call) and _calls(node, "option"):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "option":
             # default and meaning; the range in which tuning searches is a choice
             yield from (*node.args[:2], *node.keywords)
             return
@@ -261,10 +261,6 @@ class _Mutations:
         if name in LEFT_OUT and len(call.args) == 1:
             start, end = self.span(call.args[0])
             yield *self.span(call), f"({self.text[start:end].decode()})"
-
-
-def _calls(call: ast.Call, name: str) -> bool:
-    return isinstance(call.func, ast.Name) and call.func.id == name
 
 
 def _only_said(node: ast.AST) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import importlib
 import json
 import math
@@ -57,7 +58,7 @@ class Verdict:
         it, and there are test files that were not watched; ``survived`` if no test that is known
         to enter it has failed, whether or not all files were watched.
     by
-        Name of the test that failed.
+        Name of the test that failed or took too long.
     """
 
     mutant: Mutant
@@ -132,8 +133,10 @@ class Runner:
                 shutil.copy(there, self.folder / name)
         if known is not None:
             tests = sorted({test.partition("::")[0] for test in known.values()})
+        if Mode.COMPILED in modes and (self.folder / "src" / "vsconstraints").is_dir():
+            self._compile()
         if RUNS in tests:
-            self._keep_runs(root)
+            self._keep_runs()
         os.chdir(self.folder)
         sys.path.insert(0, str(self.folder / "src"))
         for name in THIRD_PARTY:
@@ -147,15 +150,23 @@ class Runner:
                 mode: {test: Reached(QUICK[mode]) for test in known.values()} for mode in modes
             }
 
-    def _keep_runs(self, root: Path) -> None:
+    def _compile(self) -> None:
+        """Compile what is not compiled yet, so that no test of a mutant has to wait for it."""
+        self._run(Path(__file__).with_name("compile_all.py"))
+
+    def _keep_runs(self) -> None:
         """Simulate the runs that tests of claims judge, once and compiled."""
         folder = self.folder / "runs"
-        script = root / RUNS
         folder.mkdir()
         os.environ["VSCONSTRAINTS_KEPT_RUNS"] = str(folder)
-        paths = os.pathsep.join(str(root / name) for name in ("src", "tests"))
+        self._run(self.folder / RUNS)
+
+    def _run(self, script: Path) -> None:
+        """Run a script with the copy of the tree, compiled."""
+        paths = os.pathsep.join(str(self.folder / name) for name in ("src", "tests"))
         environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "1", "PYTHONPATH": paths}
-        subprocess.run([sys.executable, str(script)], check=True, env=environment)
+        # -P: the modules beside a script are not found by their names alone
+        subprocess.run([sys.executable, "-P", str(script)], check=True, env=environment)
 
     def mode_of(self, file: str) -> Mode:
         """Return the mode for mutants of a source file."""
@@ -168,7 +179,8 @@ class Runner:
         if cache is not None:
             for mode in self.modes:
                 limits = f"at most {QUICK[mode]} s, {WATCHED[mode]} s a file"
-                kept[mode] = CoverageCache(cache / mode, self.folder, limits)
+                settings = f"{limits}, {self._digest_of_compiled(mode)}"
+                kept[mode] = CoverageCache(cache / mode, self.folder, settings)
         reached: dict[Mode, dict[str, Reached]] = {mode: {} for mode in self.modes}
         unknown = []
         for test_file in tests:
@@ -181,7 +193,8 @@ class Runner:
         if kept:
             total = len(self.modes) * len(tests)
             print(
-                f"coverage: {total - len(unknown)} of {total} kept in {cache}",
+                f"coverage of {total - len(unknown)} test files and modes, of {total}, kept in "
+                f"{cache}",
                 file=sys.stderr,
                 flush=True,
             )
@@ -191,15 +204,31 @@ class Runner:
                 kept[mode].put(test_file, found, sources)
         return reached
 
-    def _instrumented(self, mode: Mode) -> Instrumented:
-        """Return the sources whose functions run as Python in a mode."""
-        files = []
+    def _python_files(self, mode: Mode) -> dict[str, bool]:
+        """Return whether the functions of each source file run as Python in a mode."""
+        found = {}
         for folder in WATCHED_FOLDERS:
             for path in sorted((self.folder / folder).rglob("*.py")):
                 file = path.relative_to(self.folder).as_posix()
-                if mode is Mode.UNCOMPILED or self.mode_of(file) is Mode.COMPILED:
-                    files.append(file)
-        return instrumented(self.folder, files)
+                found[file] = mode is Mode.UNCOMPILED or self.mode_of(file) is Mode.COMPILED
+        return found
+
+    def _digest_of_compiled(self, mode: Mode) -> str:
+        """Return the digest of the files whose functions run compiled in a mode, and their names.
+
+        Which tests enter such functions is not seen.
+        """
+        digest = hashlib.sha256()
+        for file, runs_as_python in self._python_files(mode).items():
+            if not runs_as_python:
+                digest.update(file.encode())
+                digest.update((self.folder / file).read_bytes())
+        return digest.hexdigest()
+
+    def _instrumented(self, mode: Mode) -> Instrumented:
+        """Return the sources whose functions run as Python in a mode, instrumented."""
+        files = self._python_files(mode)
+        return instrumented(self.folder, [file for file in files if files[file]])
 
     def _watch(
         self, tests: Sequence[tuple[Mode, str]]
@@ -210,7 +239,7 @@ class Runner:
         """
         if not tests:
             return
-        every = {mode: self._instrumented(mode) for mode in self.modes}
+        every = {mode: self._instrumented(mode) for mode in {mode for mode, _ in tests}}
         running = {}
         waiting = list(tests)
         while waiting or running:
@@ -348,11 +377,12 @@ class Runner:
                     named = ", ".join(self.tests_for(mutant))
                     raise RuntimeError(f"no test was run for {mutant}: there is no {named}")
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
-                state: State = "survived"
+                state: State = "killed"
                 if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
                     state = "timed out"
-                elif status:
-                    state = "killed"
+                elif status == 0:
+                    state = "survived"
+                    by = ""
                 yield Verdict(mutant, state, by)
                 for left in (result, Path(f"{result}.log")):
                     left.unlink(missing_ok=True)

@@ -106,7 +106,7 @@ COMPILER = (
     "signatures",
     "__init__",
 )
-"""Files on the compilation of functions, which does not happen here."""
+"""Files on the compilation of functions, which does not happen for mutants of their folder."""
 
 
 class Mode(StrEnum):
