@@ -396,10 +396,12 @@ def test_two_states_are_enough_to_plan() -> None:
     assert law.plan is None
 
 
-def test_only_a_plan_of_an_earlier_sample_is_called_continued() -> None:
+def test_only_a_plan_that_was_found_is_called_continued() -> None:
     """A violation of 1e6 beside one of 1 is too much for rounding, so that no plan passes the
     check. Without an earlier plan the joint brakes its 1 rad/s in the one block of 0.1 s, however
-    often it is asked. Half a block after 1 rad/s² was planned, and nothing after it, it is 0.5.
+    often it is asked. Half a block later it still brakes, by half of that. A plan of 1 rad/s², and
+    nothing after it, is continued in the sample in which it was found, too. Half a block after it
+    was made, it is 0.5.
     """
     task = Task(np.ones((1, 1)), np.ones(1))
     Lg = np.array([[-1.0], [1.0]])
@@ -413,15 +415,19 @@ def test_only_a_plan_of_an_earlier_sample_is_called_continued() -> None:
         command = law.command(hopeless, task)
         assert (command.status, command.qdd[0]) == ("suboptimal", -10.0)
         assert command.reason == "braking: no plan passes the check"
+    model.present = model.present._replace(t=0.05)
+    command = law.command(hopeless, task)
+    assert (command.status, command.qdd[0]) == ("suboptimal", pytest.approx(-5.0))
+    assert command.reason == "braking: no plan passes the check"
     model.rows = harmless
     assert law.command(harmless, task).status == "ok"
     model.rows = hopeless
-    model.present = model.present._replace(t=0.05)
-    for _ in range(2):
+    for t, qdd in ((0.05, 1.0), (0.1, 0.5), (0.1, 0.5)):
+        model.present = model.present._replace(t=t)
         command = law.command(hopeless, task)
         assert command.status == "suboptimal"
         assert command.reason.startswith("the previous plan is continued: ")
-        assert command.qdd[0] == pytest.approx(0.5, rel=1e-5)
+        assert command.qdd[0] == pytest.approx(qdd, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ class Planner(Wrapped):
         if code == NEEDS_PYTHON:
             raise SolverError("numbers are beyond the range of floating point")
         plans = self.plans
-        predicted, requested, _, outcome, carried_on = plans.outcome.tolist()
+        predicted, requested, _, outcome, was_found = plans.outcome.tolist()
         if outcome == RANK_LOSS:
             raise SolverError(
                 f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}"
@@ -174,12 +174,12 @@ class Planner(Wrapped):
         if outcome != FAILED:
             command = self._answer(qdd, acted, slack)
         else:
-            if carried_on:
+            if was_found:
                 why = "the previous plan is continued: no better one passes the check"
             elif predicted >= FEWEST_INSTANTS:
                 why = "braking: no plan passes the check"
             else:
-                # more are always requested: ``short`` is not empty
+                # at least FEWEST_INSTANTS are always requested, so that ``short`` is not empty
                 why = f"braking: {short}"
             command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))

@@ -11,7 +11,7 @@ from ...compiled.workspace import RowArrays
 from .plan_arrays import QD, Q
 from .plan_cost import follow_block
 from .plan_rows import move
-from .predictive_arrays import ASKED, CARRIED_ON, PlanArrays, limits_of
+from .predictive_arrays import ASKED, FOUND, PlanArrays, limits_of
 
 
 @in_place
@@ -39,7 +39,7 @@ def in_box(plans: PlanArrays, k: int, j: int, qdd: float) -> float:
 def brake(plans: PlanArrays) -> None:
     """Plan to stop each joint as soon as its bounds allow."""
     H, n = plans.plan.shape
-    plans.outcome[CARRIED_ON] = 0
+    plans.outcome[FOUND] = 0
     for j in range(n):
         qd = plans.now[1 + n + j]
         for k in range(H):
@@ -61,9 +61,6 @@ def carry_on(plans: PlanArrays) -> None:
     if not 0.0 <= after < H * plans.length:
         brake(plans)
         return
-    if after > 0.0:
-        # asked twice in a sample, the law goes on from the same plan: of an earlier sample or not
-        plans.outcome[CARRIED_ON] = 1
     over = int(after / plans.length)
     into_block = after / plans.length - over
     for k in range(H):

@@ -28,6 +28,7 @@ from .predictive_arrays import (
     BRAKE,
     CODE,
     CONCLUDE,
+    FOUND,
     PREDICTED,
     PlanArrays,
     limits_of,
@@ -80,6 +81,7 @@ def adopt(plans: PlanArrays) -> None:
     The program meets the bounds only up to rounding.
     """
     H, n = plans.plan.shape
+    plans.outcome[FOUND] = 1
     for k in range(H):
         for j in range(n):
             plans.plan[k, j] = in_box(plans, k, j, plans.space.u[k, j])
