@@ -29,7 +29,7 @@ from vsconstraints.comparisons.tables import read_table
 from vsconstraints.compiled import available
 from vsconstraints.controllers import CONTROLLERS
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
-from vsconstraints.plugins.registry import load, parts
+from vsconstraints.plugins.registry import load, parts_with_packages
 from vsconstraints.scenarios import shipped_scenarios
 
 COMMANDS = commands()
@@ -126,7 +126,7 @@ def test_help_fits_80_columns_and_cuts_nothing() -> None:
             continue
         command = COMMANDS[name]
         assert f" Example: vsconstraints {name} {command.example} " in page
-        (part,) = (part for part in parts() if name in part.commands)
+        (part,) = (part for _, part in parts_with_packages() if name in part.commands)
         known = known_options(name, part.options)
         for parameter in inspect.signature(load(command.function)).parameters:
             missing = {*known.get(parameter, {}).get("help", "").split()} - words

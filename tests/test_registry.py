@@ -16,7 +16,8 @@ from vsconstraints.cli.results import kind_in
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import registry
 from vsconstraints.plugins.earlier_names import MOVED_MODULES
-from vsconstraints.plugins.registry import OWN, Part, in_order, parts, registered
+from vsconstraints.plugins.registry import OWN, Part, in_order, parts_with_packages, registered
+from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import figures_of_scenarios
 
 ROOT = Path(__file__).parents[1]
@@ -179,7 +180,7 @@ def test_every_folder_with_a_part_is_listed() -> None:
 
 
 def test_everything_that_own_parts_name_exists() -> None:
-    for part in parts():
+    for _, part in parts_with_packages():
         names = [each.function for each in (*part.commands.values(), *part.listings.values())]
         names += [name for types in part.scenario_tables.values() for name in types.values()]
         names += [*part.figures, *part.report_sections.values(), *part.results.values()]
@@ -272,8 +273,8 @@ def test_a_law_of_another_package_may_import_laws_of_parts(tmp_path: Path) -> No
     code = f"from vsconstraints.controllers import VelocityQP\n{THEIRS}\nclass Soft(VelocityQP):\n    name = 'soft'\n"
     program = """
 from vsconstraints.controllers import make_controller
-from vsconstraints.plugins.registry import parts
-print(make_controller("theirs:Soft").name, len(parts()))
+from vsconstraints.plugins.registry import parts_with_packages
+print(make_controller("theirs:Soft").name, len(parts_with_packages()))
 """
     done = python(installed(tmp_path, code), program)
     assert done.stdout.startswith("soft "), done.stderr
@@ -284,7 +285,7 @@ def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -
         ("mine", Part(report_sections={"words": "a:b"})),
         ("theirs", Part(report_sections={"words": "c:d"})),
     ]
-    monkeypatch.setattr(registry, "packages_with_parts", lambda: twice)
+    monkeypatch.setattr(registry, "parts_with_packages", lambda: twice)
     told = "two parts register words as report sections: those of mine and theirs"
     with pytest.raises(ConfigurationError, match=told):
         registered("report_sections")
@@ -292,16 +293,19 @@ def test_two_parts_must_not_register_one_name(monkeypatch: pytest.MonkeyPatch) -
 
 def add_part(monkeypatch: pytest.MonkeyPatch, part: Part) -> None:
     """Let a package ``theirs`` register a part beside all others."""
-    others = registry.packages_with_parts()
-    monkeypatch.setattr(registry, "packages_with_parts", lambda: [*others, ("theirs", part)])
+    others = parts_with_packages()
+    monkeypatch.setattr(registry, "parts_with_packages", lambda: (*others, ("theirs", part)))
 
 
 def test_a_part_must_not_replace_a_law_of_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
     """No law is made then, by whatever name: a law would silently be another one."""
     laws = {"tracking": "vsconstraints.prediction.predictive:PredictiveControl"}
-    monkeypatch.setattr(controllers, "laws_of_parts", lambda: laws)
+    monkeypatch.setattr("vsconstraints.prediction.part.PART", Part(laws=laws))
     controllers.registered_laws.cache_clear()
-    told = r"a part registers vsconstraints\.prediction\..* as the law tracking, .* law of the core"
+    told = (
+        "two parts register tracking as laws: those of vsconstraints.controllers and "
+        "vsconstraints.prediction"
+    )
     try:
         for name in ("tracking", "sliding-mode"):
             with pytest.raises(ConfigurationError, match=told):
@@ -323,10 +327,47 @@ def test_a_part_must_not_draw_a_figure_over_another(monkeypatch: pytest.MonkeyPa
     """The files of both would have the same names."""
     names = [figure.name for figure in figures_of_scenarios()]
     assert len(names) == len({*names})
-    reference = "vsconstraints.reports.figures:PHI"
-    add_part(monkeypatch, Part(figures=(reference,)))
-    with pytest.raises(ConfigurationError, match=f"{reference}, a figure of theirs, .* name phi"):
+    add_part(monkeypatch, Part(figures=("vsconstraints.reports.figures:PHI",)))
+    told = "two parts register phi as figures: those of vsconstraints.reports and theirs"
+    with pytest.raises(ConfigurationError, match=told):
         figures_of_scenarios()
+
+
+@pytest.mark.parametrize("figures", [True, False])
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        (Part(figures=("vsconstraints.reports.figures:PHI",)), "phi as figures"),
+        (Part(report_sections={"replay": "theirs:section"}), "replay as report sections"),
+    ],
+)
+def test_a_report_is_refused_before_it_is_begun_if_a_name_is_taken(
+    figures: bool, part: Part, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is in the folder, and also if no figure is to be drawn."""
+    add_part(monkeypatch, part)
+    with pytest.raises(ConfigurationError, match=f"two parts register {told}: those of .* theirs"):
+        write_report(tmp_path, figures=figures)
+
+
+@pytest.mark.parametrize(
+    ("field", "told"),
+    [
+        ('figures=("vsconstraints.reports.figures:PHI",)', "phi as figures"),
+        ('results={"a comparison": "theirs:KIND"}', "a comparison as results"),
+    ],
+)
+def test_nothing_is_run_if_a_name_of_its_report_is_taken(
+    field: str, told: str, tmp_path: Path
+) -> None:
+    code = f"from vsconstraints.plugins.registry import Part\nPART = Part({field})\n"
+    out = tmp_path / "out"
+    words = ("--scenario", "example-2d-fov", "--controller", "tracking", "--no-figures")
+    done = command(installed(tmp_path, code), "compare", *words, "--out", str(out))
+    assert done.returncode == 2
+    assert f"two parts register {told}: those of vsconstraints." in done.stderr
+    assert "and theirs" in done.stderr
+    assert not out.exists()
 
 
 def test_order_is_that_of_the_parts_but_where_a_name_goes_before_another() -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import __version__
-from ..plugins.registry import Command, Group, Part, in_order, load, parts, registered
+from ..plugins.registry import Command, Group, Part, in_order, load, parts_with_packages, registered
 from . import options
 from .terminal import console
 
@@ -39,7 +39,7 @@ def _declare(name: str, command: Command, part: Part, to: typer.Typer, panel: st
 def _declare_all() -> None:
     """Add the commands and groups of all parts."""
     found = commands()
-    owner = {name: part for part in parts() for name in part.commands}
+    owner = {name: part for _, part in parts_with_packages() for name in part.commands}
     about: dict[str, Group] = registered("groups")
     groups = dict[str, typer.Typer]()
     for name, command in found.items():

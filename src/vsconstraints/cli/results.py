@@ -75,8 +75,8 @@ def kind_in(folder: Path) -> ResultsKind:
     """Return the kind of results in a folder; a comparison if it cannot be told."""
     from ..comparisons.runs.folder import kind_of
 
-    reference = registered("results").get(kind_of(folder) or "")
-    kind: ResultsKind = COMPARISON if reference is None else load(reference)
+    kinds = registered("results")
+    kind: ResultsKind = load(kinds.get(kind_of(folder) or "", kinds["a comparison"]))
     return kind
 
 
@@ -129,8 +129,10 @@ def compare(
     from ..comparisons import compare as run
     from ..comparisons.runs.folder import locked, parse_keep
     from ..comparisons.runs.pool import processes_kept
+    from ..reports.drawing import require_distinct_names
     from ..reports.results import reason_kind
 
+    require_distinct_names()  # otherwise the report would be lost after all runs
     kept = parse_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
     chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ConfigurationError, VsconstraintsError, described, format_value, unknown_name
 from ..plugins.classes import beside, folder_of_neighbours, imported_class
 from ..plugins.earlier_names import EarlierNames
-from ..plugins.registry import laws_of_parts, load
+from ..plugins.registry import with_laws_of_parts
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller, Wrapper, innermost
@@ -132,17 +132,9 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 def registered_laws() -> dict[str, type[Controller]]:
     """Return all laws by name: those of the core, then those of parts.
 
-    Raises ConfigurationError if a part registers a law with the name of one of the core.
+    Raises ConfigurationError if two laws have the same name.
     """
-    laws = {law.name: law for law in CORE_LAWS}
-    for name, reference in laws_of_parts().items():
-        if name in laws:
-            raise ConfigurationError(
-                f"a part registers {reference} as the law {name}, which is a law of the core: "
-                f"{laws[name].__module__}:{laws[name].__qualname__}"
-            )
-        laws[name] = load(reference)
-    return laws
+    return with_laws_of_parts(__name__, {law.name: law for law in CORE_LAWS})
 
 
 def _exported(name: str) -> Any:

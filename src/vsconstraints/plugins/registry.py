@@ -11,7 +11,7 @@ still has them. Another package registers its part by an entry point of the grou
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
@@ -109,29 +109,25 @@ class Part:
     #: ``comparisons/metrics.py``.
     metrics: Sequence[str] = ()
     row_metrics: Sequence[str] = ()
-    #: Results of other kinds than comparisons, by kind: objects of
+    #: Kinds of results, by name; that of the core is ``a comparison``. Objects of
     #: ``vsconstraints.cli.results.ResultsKind``.
     results: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache
-def parts() -> tuple[Part, ...]:
-    """Return all parts: those of this package, then those of other packages by their names.
+def parts_with_packages() -> tuple[tuple[str, Part], ...]:
+    """Return all parts, each after the name of the package that it is from.
 
-    Raises ConfigurationError if a part of another package cannot be imported.
+    Those of this package are first, then those of other packages by their names. Raises
+    ConfigurationError if a part of another package cannot be imported.
     """
-    return tuple(part for _, part in packages_with_parts())
-
-
-def packages_with_parts() -> list[tuple[str, Part]]:
-    """Return all :func:`parts`, each with the name of the package that it is from."""
     found = []
     for name in OWN:
         package = f"vsconstraints.{name}"
         found.append((package, load(f"{package}.part:PART")))
     for installed in parts_of_other_packages():
         found.append((installed.package, installed.part))
-    return found
+    return tuple(found)
 
 
 class InstalledPart(NamedTuple):
@@ -195,19 +191,20 @@ def registered(kind: str) -> dict[str, Any]:
 
     Raises ConfigurationError, which names both packages, if two parts register the same name.
     """
-    tables = [(package, getattr(part, kind)) for package, part in packages_with_parts()]
+    tables = [(package, getattr(part, kind)) for package, part in parts_with_packages()]
     return _joined(tables, kind.replace("_", " "))
 
 
-def laws_of_parts() -> dict[str, str]:
-    """Return references to the laws that parts of this package register, by name.
+def with_laws_of_parts(package: str, core: Mapping[str, Value]) -> dict[str, Value]:
+    """Return the laws of the core, and after them those that parts of this package register.
 
-    Raises as :func:`registered`.
+    All are classes by name; those of the core are from ``package``. Raises as :func:`registered`.
     """
-    tables = []
+    tables = [(package, core)]
     for name in WITH_LAWS:
-        package = f"vsconstraints.{name}"
-        tables.append((package, load(f"{package}.part:PART").laws))
+        owner = f"vsconstraints.{name}"
+        laws = load(f"{owner}.part:PART").laws
+        tables.append((owner, {law: load(reference) for law, reference in laws.items()}))
     return _joined(tables, "laws")
 
 
@@ -217,7 +214,7 @@ def scenario_types(table: str) -> dict[str, str]:
     Raises as :func:`registered`.
     """
     tables = []
-    for package, part in packages_with_parts():
+    for package, part in parts_with_packages():
         tables.append((package, part.scenario_tables.get(table, {})))
     return _joined(tables, f"types of {table}")
 
@@ -237,24 +234,18 @@ def _joined(tables: Iterable[tuple[str, Mapping[str, Value]]], kind: str) -> dic
     return found
 
 
-def figures(others: Collection[str] = ()) -> list[Any]:
-    """Return the figures of scenarios that parts add to reports, beside others with these names.
+def with_figures_of_parts(package: str, core: Iterable[Any]) -> list[Any]:
+    """Return the figures of scenarios of the core, and after them those that parts register.
 
-    Raises ConfigurationError, which names the package, if two figures would have the same name.
+    Those of the core are from ``package``. Raises as :func:`registered`, since the files of two
+    figures with one name would be the same.
     """
-    found = []
-    taken = {*others}
-    for package, part in packages_with_parts():
-        for reference in part.figures:
-            figure = load(reference)
-            if figure.name in taken:
-                raise ConfigurationError(
-                    f"{reference}, a figure of {package}, has the name {figure.name}, as another "
-                    "figure has"
-                )
-            taken.add(figure.name)
-            found.append(figure)
-    return found
+    # a table for each figure: a part may also register one name twice
+    tables = [(package, {figure.name: figure}) for figure in core]
+    for owner, part in parts_with_packages():
+        for figure in map(load, part.figures):
+            tables.append((owner, {figure.name: figure}))
+    return [*_joined(tables, "figures").values()]
 
 
 def added_metrics(table: Literal["metrics", "row_metrics"]) -> list[Metric]:

@@ -18,8 +18,7 @@ from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples
 from ..comparisons.runs.pool import Failure, run_all
 from ..errors import described
-from ..plugins.registry import figures as figures_of_parts
-from ..plugins.registry import load, registered
+from ..plugins.registry import load, registered, with_figures_of_parts
 from ..scenarios import Scenario
 from .figures import FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
@@ -221,7 +220,14 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
 
 def figures_of_scenarios() -> list[Figure]:
     """Return the figures of each scenario, of the core and of parts."""
-    return [*FIGURES, *figures_of_parts([figure.name for figure in FIGURES])]
+    return with_figures_of_parts("vsconstraints.reports", FIGURES)
+
+
+def require_distinct_names() -> None:
+    """Raise ConfigurationError if two parts register a report, figure or section by one name."""
+    registered("results")
+    registered("report_sections")
+    figures_of_scenarios()
 
 
 def _draw_figure(job: ScenarioJob, figure: Figure, view: View, suffix: str, drawn: Drawn) -> None:

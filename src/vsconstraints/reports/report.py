@@ -12,7 +12,14 @@ from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
 from . import scenario, summary
-from .drawing import Drawn, add_sections, draw_all, remove_stale, shown_scenarios
+from .drawing import (
+    Drawn,
+    add_sections,
+    draw_all,
+    remove_stale,
+    require_distinct_names,
+    shown_scenarios,
+)
 from .figures import FIGURES
 from .groups import controller_cells
 from .numbers import of_length
@@ -42,11 +49,12 @@ def write_report(
     ``trust``. ``on_drawn`` is called with the number of scenarios, counting the comparison as one
     more, whose figures are drawn and with their total; ``on_remark`` is called with warnings.
     Raises ConfigurationError if the folder has no comparison, if the stored files were changed, if
-    another process is storing a comparison there, or if the extra ``replay`` is needed. Raises
-    StorageError if the report cannot be written.
+    another process is storing a comparison there, if the extra ``replay`` is needed, or if two
+    parts register the same name. Raises StorageError if the report cannot be written.
     """
     if replays:
         demand("replay")
+    require_distinct_names()
     stored = StoredComparison.load(folder, trust)
     for remark in stored.remarks:
         on_remark(remark)
