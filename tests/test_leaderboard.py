@@ -288,7 +288,7 @@ def test_kept_runs_are_what_laws_do_now(
 def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     study: Study, frozen: TestSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a start that is moved by a thousandth instead of rounding, every run is decided by
+    """With a start that is moved by 1e-3 rad or m instead of rounding, every run is decided by
     that.
     """
     monkeypatch.setattr("vsconstraints.bench.repetition.NUDGE", 1e-3)
@@ -345,8 +345,8 @@ def test_rounding_excuses_only_numbers_that_it_changes_itself(
     assert by_rounding == decided_by_rounding
 
 
-def test_a_start_of_zeros_is_moved_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By 1e-13 rad; other coordinates by as large a share of themselves."""
+def test_small_coordinates_of_a_start_are_moved_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 1e-13 rad; those above 1 rad by as large a share of themselves."""
     family = Family.load("planar-arm")
     drawn = family.scene(1, "held-out", 0)
     starts: list[list[float]] = []
@@ -360,7 +360,7 @@ def test_a_start_of_zeros_is_moved_too(monkeypatch: pytest.MonkeyPatch) -> None:
     line = {"scene": 1, "half": "held-out", "condition": "nominal"}
     for start, moved in (
         ([0.0, 0.0, 0.0], [1e-13, 1e-13, 1e-13]),
-        ([0.3, -2.0, 6e-17], [0.3 * (1.0 + 1e-13), -2.0 * (1.0 + 1e-13), 6e-17 + 1e-13]),
+        ([0.3, -2.0, 1e-10], [0.3 + 1e-13, -2.0 + 2e-13, 1e-10 + 1e-13]),
     ):
         tables = {name: {**table, "q0": start} for name, table in drawn.tables.items()}
         scene = replace(drawn, tables=tables)
@@ -379,8 +379,8 @@ def test_runs_decided_by_rounding_are_listed_with_the_rule_that_decides(
     command = ["testset", "leaderboard", str(table), "--rerun", "0.3"]
     rule = (
         "if every result that differs from the stored one also changes by more than 1e-09 when the "
-        f"start coordinates are changed by a relative {NUDGE:g}, or by {NUDGE:g} rad or m where "
-        "they are zero"
+        f"start coordinates are changed by {NUDGE:g} rad or m, and those above 1 by a relative "
+        f"{NUDGE:g}"
     )
     for by_rounding in (
         (),

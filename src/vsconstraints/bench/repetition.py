@@ -202,14 +202,12 @@ def repeat_once(
 
 
 def nudged(coordinate: float, nudge: float) -> float:
-    """Return a start coordinate, changed by a relative ``nudge``.
+    """Return a start coordinate [rad or m], changed by ``nudge``, or by as large a share of it.
 
-    A coordinate [rad or m] that is smaller than ``nudge``, such as zero, is changed by ``nudge``
-    itself: otherwise it would not move.
+    The greater of both is taken. Of a small coordinate, a share would be less than the rounding of
+    sines and sums, so that it would change nothing.
     """
-    if abs(coordinate) < nudge:
-        return coordinate + nudge
-    return (1.0 + nudge) * coordinate
+    return coordinate + nudge * max(1.0, abs(coordinate))
 
 
 def _differences(first: Line, second: Line) -> dict[str, str]:
