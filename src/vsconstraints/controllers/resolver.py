@@ -1,4 +1,4 @@
-"""Base class of resolvers, which compute q̈ from bounds and task; ``priority``, ``additive``.
+"""Base class of resolvers, which compute q̈ from bounds and task, with the two simplest ones.
 
 A resolver is one half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new
 resolver is a compiled function, a class with its options, and an entry in

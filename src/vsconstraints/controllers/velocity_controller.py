@@ -127,8 +127,9 @@ class VelocityController(Controller):
     def _compile(self, rows: Rows, task: Task) -> CompiledForm | None:
         """Return the compiled form for these rows and this task; None if there is none.
 
-        It is created where the last one does not fit these rows. If there is no last command, the
-        array in which the commanded q̇ are kept is allocated before.
+        There is none without a sampling period, or if the last command had another number of
+        joints. Before the first command, the array in which the commanded q̇ are kept is allocated.
+        The form is created anew if the last one does not fit these rows.
         """
         law = self._compiled
         if law is not None and law.labels is rows.labels:

@@ -70,7 +70,7 @@ def information_text(required: Sequence[str] | None) -> str:
 def implementation_text(were_compiled: Sequence[bool], external: bool) -> str:
     """Return how a controller runs: compiled, uncompiled, or external (in its own process).
 
-    ``were_compiled`` says of each of its runs, of which there is at least one, if it was compiled.
+    ``were_compiled`` says of each of its runs whether it was compiled; there is at least one.
     """
     if external:
         return "external"

@@ -32,7 +32,9 @@ CONTRADICTION = 8.0
 #: Cosine of given and differenced speeds below which their signs contradict. Noise of a joint at
 #: rest, differenced and a sample late, has −0.5.
 OPPOSITE = -0.8
-LEAST_WAY = 1e-6  #: Way of a joint above which its speeds are checked [rad or m].
+#: Path length above which speeds are checked [rad or m]: their size by that of all joints together,
+#: the sign of each joint's by its own.
+LEAST_PATH_LENGTH = 1e-6
 SUSTAINED = 0.1  #: Time over which a sustained speed is measured [s].
 
 
@@ -79,9 +81,9 @@ def require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> N
     moved = np.diff(q, axis=0)
     mean_speed = 0.5 * (qd[1:] + qd[:-1])
     by_speed = mean_speed * np.diff(t)[:, None]
-    way = np.abs(moved).sum(axis=0)
-    total = float(way.sum())
-    ratio = float(np.abs(by_speed).sum()) / total if total > LEAST_WAY else 1.0
+    path_lengths = np.abs(moved).sum(axis=0)
+    total = float(path_lengths.sum())
+    ratio = float(np.abs(by_speed).sum()) / total if total > LEAST_PATH_LENGTH else 1.0
     if not 1.0 / CONTRADICTION < ratio < CONTRADICTION:
         raise ConfigurationError(
             f"{path}: speeds are {ratio:.3g} times what the positions change: are they in degrees "
@@ -89,7 +91,7 @@ def require_speeds(path: Path, robot: Robot, t: Array, q: Array, qd: Array) -> N
         )
     product = (by_speed * moved).sum(axis=0)
     sizes = np.linalg.norm(by_speed, axis=0) * np.linalg.norm(moved, axis=0)
-    turned = (product < OPPOSITE * sizes) & (way > LEAST_WAY)
+    turned = (product < OPPOSITE * sizes) & (path_lengths > LEAST_PATH_LENGTH)
     if turned.any():
         joints = ", ".join(robot.joint_names[j] for j in np.flatnonzero(turned))
         raise ConfigurationError(

@@ -206,10 +206,10 @@ class LowLevelLoop:
         self.x[self.kernels.QD] = qd0
         self.x[self.kernels.REFERENCE] = q0
         self.x[self.kernels.WANTED] = qd0
-        # position and speed of each command that is on its way
-        on_their_way = self.x[commands:-2].reshape(pending, 2, n)
-        on_their_way[:, 0] = q0
-        on_their_way[:, 1] = qd0
+        # position and speed of each stored command
+        stored = self.x[commands:-2].reshape(pending, 2, n)
+        stored[:, 0] = q0
+        stored[:, 1] = qd0
         self.workspace = Workspace(self.arrays)
 
     @property

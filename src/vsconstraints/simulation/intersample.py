@@ -46,9 +46,10 @@ def intersample_clearance(
 
     - At its rate of change (:data:`DIP_FACTOR`), the clearance of a row may fall below zero in it,
       or below the least sample of the row. The latter counts only if it may also fall below
-      :data:`NEAR`.
+      :data:`NEAR` × L. A row that is violated at both ends, by more than it may dip, only counts if
+      it may fall below its least sample.
     - A joint moves out and back in it: by more than ``BACK_ANYWHERE``, or by more than
-      ``BACK_NEAR_A_BOUNDARY`` if a row is below :data:`NEAR`.
+      ``BACK_NEAR_A_BOUNDARY`` if a row is below :data:`NEAR` × L.
 
     An inspected period is evaluated at its quarters. A part is halved further only if a row may be
     violated in it more deeply than anywhere else in the run: the run's greatest depth is searched
@@ -123,7 +124,7 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     least = clearance.min(axis=0)
     lower_end = np.minimum(clearance[:-1], clearance[1:])
     dip = _greatest_dips(clearance, length)
-    # periods count in which a row may fall below this
+    # a row counts if it may fall below this value
     near_least = np.clip(least, 0.0, NEAR * length)
     may_be_least = lower_end < near_least + dip
     # a row that is deeply violated at both ends is also violated inside
