@@ -9,6 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks import growth, own, targets, timing
+from benchmarks.__main__ import PARTS, main, run
+from benchmarks.appendix_b import AppendixB
+from benchmarks.forms import three_active
+from benchmarks.part import FULL, QUICK, TINY, Part, digits
+from benchmarks.report import write
+from benchmarks.steps import Walk
 
 from vsconstraints.compiled import available
 from vsconstraints.constraints import ConstraintSet
@@ -19,15 +26,6 @@ from vsconstraints.simulation import simulate
 from vsconstraints.vision.scene import Scene
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-
-from benchmarks import growth, own, targets, timing  # noqa: E402
-from benchmarks.__main__ import PARTS, main, run  # noqa: E402
-from benchmarks.appendix_b import AppendixB  # noqa: E402
-from benchmarks.forms import three_active  # noqa: E402
-from benchmarks.part import FULL, QUICK, TINY, Part, digits  # noqa: E402
-from benchmarks.report import write  # noqa: E402
-from benchmarks.steps import Walk  # noqa: E402
 
 
 def test_appendix_b_agrees_with_the_sliding_mode_on_the_case_study():

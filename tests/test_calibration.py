@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import time
 from contextlib import nullcontext
 from pathlib import Path
@@ -14,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from checks import calibrations
 
 from vsconstraints import Camera
 from vsconstraints.errors import CalibrationWarning, ConfigurationError
@@ -21,10 +21,6 @@ from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.calibration import read_calibration
 from vsconstraints.vision.distortion import Distortion
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from checks import calibrations
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 CAMERAS = Path(__file__).parent / "data" / "cameras"

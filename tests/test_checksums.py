@@ -15,10 +15,10 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from checks import stored
 from typer.testing import CliRunner
 
 from campaigns import assert_same, campaign, tables
-from documents import ROOT
 from test_evidence import HERE
 from vsconstraints.bench.evidence import (
     Campaign,
@@ -35,10 +35,6 @@ from vsconstraints.comparisons.runs.files import SUMS, recorded, seal
 from vsconstraints.comparisons.runs.folder import manifest_of
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
-
-sys.path.insert(0, str(ROOT))
-
-from checks import stored
 
 
 def suite(*settings: str) -> Suite:

@@ -5,6 +5,7 @@ later.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -297,3 +298,27 @@ def test_a_wrong_sign_or_a_sample_too_few_would_be_noticed() -> None:
         wrong = simulate(late(DELAYS[1]).setup(), law).qdd_command
         n = min(len(plain), len(wrong))
         assert np.abs(wrong[:n] - plain[:n]).max() > 1e-3 * np.abs(plain).max()
+
+
+@pytest.mark.parametrize(
+    ("at_once", "speeds", "command", "entry"),
+    [
+        (1, 1, 0.7, 0.7),  # a speed that is taken at once
+        (0, 0, 3.0, 3.0),  # an acceleration
+        (0, 0, 9.0, 5.0),
+        (0, 1, 0.7, 4.0),  # from 0.3 to 0.7 rad/s in 0.1 s
+        (0, 1, -0.7, -5.0),
+        (0, 1, np.nan, 0.0),  # without a command, the speed stays
+    ],
+)
+def test_entries_of_pending_commands(
+    at_once: int, speeds: int, command: float, entry: float
+) -> None:
+    """Of joint 2, which moves at 0.3 rad/s and may accelerate by 5 rad/s², in periods of 0.1 s."""
+    now = np.array([0.0, 1.0, 2.0, -0.5, 0.3])
+    own: Any = SimpleNamespace(
+        at_once=at_once, speeds=speeds, now=now, sent=np.zeros((3, 2)), period=0.1
+    )
+    rows: Any = SimpleNamespace(qdd_min=np.full(2, -5.0), qdd_max=np.full(2, 5.0))
+    found = load("delay").pending_command(own, rows, 1, command)
+    assert found == pytest.approx(entry, rel=1e-12)

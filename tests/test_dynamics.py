@@ -4,15 +4,14 @@ controllers by hand.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from checks import physics
 
 from vsconstraints import Robot
 from vsconstraints.compiled.memory import Workspace
@@ -33,10 +32,6 @@ from vsconstraints.robots import ready_made
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from checks import physics
 
 RODS = {"mass_per_length": 20.0, "radius": 0.05}
 ARMS = ("viper-s650", "ur5", "panda")

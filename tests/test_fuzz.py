@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
-import sys
 import time
 from collections import Counter
 from dataclasses import replace
@@ -14,16 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checks import fuzz
+from checks.inputs import Input, make_input
 
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-
-from checks import fuzz  # noqa: E402
-from checks.inputs import Input, make_input  # noqa: E402
 
 
 def test_some_thousand_calls_find_nothing() -> None:

@@ -16,7 +16,12 @@ from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.innovation import depth_innovation, image_innovation
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
-from vsconstraints.vision.measurement import Plausible
+from vsconstraints.vision.measurement import (
+    INNOVATIONS,
+    Deviations,
+    Plausible,
+    describe_implausible,
+)
 
 NAMES = [
     "experiment-2-ibvs",
@@ -262,6 +267,31 @@ def test_shape_by_hand():
     assert image_innovation(square[:1], 0.1 * square[:1], 10.0, 10.0) == pytest.approx(
         (2**0.5, 0.0)
     )
+
+
+@pytest.mark.parametrize(
+    ("beyond", "remark"),
+    [
+        (0, "marker 2 is seen 9 px from where the model predicts it"),
+        (1, "marker 2 is seen 0 px from where the model predicts it, and the pattern differs"),
+        (2, "the camera is measured 9 m and 0 rad from where the joints have it"),
+        (3, "the camera is measured 0 m and 9 rad from where the joints have it"),
+        (4, "the image is 9 s old"),
+        (5, "the speed of joint 2 is 9 rad/s from the change of its measured positions"),
+    ],
+)
+def test_each_implausible_part_alone_is_named(beyond: int, remark: str):
+    innovation = np.zeros(len(INNOVATIONS))
+    innovation[beyond] = 9.0
+    camera = Scenario.load("ur5-image").setup().scene.camera
+    correction = np.array([[0.0, 0.0], [0.01, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    beside = Deviations(correction, np.array([0.0, -1.0]), np.ones(4), np.ones(4))
+    seen = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    bounds = np.ones(len(INNOVATIONS))
+    found = describe_implausible(innovation, bounds, camera, seen, beside)
+    assert found.startswith(remark)
+    assert found.count("allowed") == 1
+    assert describe_implausible(np.zeros(len(INNOVATIONS)), bounds, camera, seen, beside) == ""
 
 
 def test_depths_by_hand():

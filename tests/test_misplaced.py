@@ -4,14 +4,8 @@ moved.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from checks.misplaced import MisplacedTarget
 
 from vsconstraints.control import ControlStep

@@ -13,13 +13,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-
-from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
-from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
-from checks.mutation.targets import (  # noqa: E402
+from checks.mutation.coverage import CoverageCache, Reached
+from checks.mutation.mutants import edited, mutants_of, sampled
+from checks.mutation.targets import (
     COMPILED_TOO,
     Mode,
     files_named,
@@ -27,7 +23,9 @@ from checks.mutation.targets import (  # noqa: E402
     suffices,
 )
 
-from vsconstraints.compiled.cache import sources  # noqa: E402
+from vsconstraints.compiled.cache import sources
+
+ROOT = Path(__file__).resolve().parent.parent
 
 LISTS = ("equivalent.toml", "named.toml")
 
@@ -115,7 +113,7 @@ RUN = """
 import sys
 from pathlib import Path
 from checks.mutation import run
-from checks.mutation.coverage import CoverageCache, Reached  # noqa: E402
+from checks.mutation.coverage import CoverageCache, Reached
 from checks.mutation.mutants import edited, mutants_of
 from checks.mutation.targets import Mode
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])

@@ -5,7 +5,6 @@ a phone.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
@@ -15,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 import html5lib
 import pytest
+from checks import drawing
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,10 +24,6 @@ from test_reports import made, result
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.reports import write_report
 from vsconstraints.reports.page import html_page, page_of, write_pages
-
-sys.path.insert(0, str(ROOT))
-
-from checks import drawing
 
 KEPT = sorted((ROOT / "reports").glob("*/report.md"))
 ARMED = (

@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from checks import stacks, stacks_page
 from checks.stacks import Gains, Task, chosen, grid, with_gains
 

@@ -5,8 +5,6 @@ should be.
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -14,11 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.stats
-from statsmodels.stats.multitest import multipletests
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from checks import statistics as simulated
+from statsmodels.stats.multitest import multipletests
 
 from vsconstraints.bench.statistics import (
     OUTCOMES,

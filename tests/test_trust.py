@@ -14,6 +14,7 @@ from typing import Any
 
 import html5lib
 import pytest
+from checks.stored import Watch
 from markdown_it import MarkdownIt
 from typer.testing import CliRunner
 
@@ -34,10 +35,6 @@ from vsconstraints.reports.page import page_of
 from vsconstraints.view.notebooks.comparison import Comparison
 from vsconstraints.view.replay import write_replay
 from vsconstraints.view.replay.runs import select_run
-
-sys.path.insert(0, str(ROOT))
-
-from checks.stored import Watch
 
 OWN = '''
 from pathlib import Path

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from checks.conclusions import differing
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,10 +33,6 @@ from vsconstraints.bench.reports.robustness import (
 )
 from vsconstraints.bench.statistics import detectable, simultaneous
 from vsconstraints.bench.statistics.judged import OUTCOMES
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from checks.conclusions import differing
 
 SUCCESS = MEASURES[0]
 AHEAD = "+" * 20

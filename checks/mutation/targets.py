@@ -179,10 +179,12 @@ TESTS = (
     "tests/test_claims_remarks.py",
     "tests/test_claims_shared_rules.py",
     "tests/test_claims_studies.py",
+    "tests/test_command_delay.py",
     "tests/test_compiled_constraints.py",
     "tests/test_compiled_manipulability.py",
     "tests/test_constraints.py",
     "tests/test_control_step.py",
+    "tests/test_continuous_joints.py",
     "tests/test_controllers.py",
     "tests/test_demands.py",
     "tests/test_derivatives.py",
@@ -235,6 +237,7 @@ TESTS = (
     "tests/test_tracking.py",
     "tests/test_velocity.py",
     "tests/test_workspace.py",
+    "tests/test_wrong_cameras.py",
 )
 
 QUICK = {Mode.COMPILED: 10.0, Mode.UNCOMPILED: 2.0}
