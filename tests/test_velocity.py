@@ -158,9 +158,10 @@ def visp_avoidance(q: Array, qd: Array, low: Array, high: Array, P: Array) -> Ar
     return q2
 
 
+@pytest.mark.parametrize("form", ["command", "define"])
 @pytest.mark.parametrize("unit", [1.0, 0.4])
 @pytest.mark.parametrize("at", [0.05, 0.09, 0.095])
-def test_avoidance_is_that_of_visp(at: float, unit: float) -> None:
+def test_avoidance_is_that_of_visp(at: float, unit: float, form: str) -> None:
     """One joint is within the zone, at these shares of its range from the end, another outside.
 
     σ counts in units of which half the range has ``1 / unit``.
@@ -183,7 +184,7 @@ def test_avoidance_is_that_of_visp(at: float, unit: float) -> None:
     rows = Rows(sigma, Lg, np.zeros(2 * n), np.ones(2 * n), labels, scale, sigma,
                 np.zeros(2 * n), K)  # fmt: skip
     primary = made("resolved-rate", gain=0.2).command(rows, task).qd
-    command = made("resolved-rate-avoidance", gain=0.2).command(rows, task)
+    command = getattr(made("resolved-rate-avoidance", gain=0.2), form)(rows, task)
     expected = primary + visp_avoidance(q, primary, low, high, visp_projection(task.J, task.error))
     np.testing.assert_allclose(command.qd, expected, rtol=1e-9, atol=1e-12)
     assert not np.allclose(command.qd, primary)

@@ -2,10 +2,11 @@
 
 Small mistakes are put into the code, one at a time. Mistakes that no test notices are listed. The
 exit code is 1 if less than 95 % of a group's mistakes are noticed (for a sample: if a share of 95 %
-is improbable), or if a named one is not. For mistakes in what compiled code is made of, compiled
-functions run as Python, and also with ``--named`` and ``--renew``. For all others, compiled code is
-read from beside the sources, where a run of the tests has left it; what is missing is compiled
-first, which takes a minute or two.
+of those that can be noticed is improbable), or if a named one is not.
+
+For mistakes in what compiled code is made of, compiled functions run as Python, and also with
+``--named`` and ``--renew``. For all others, compiled code is read from beside the sources, where a
+run of the tests has left it; what is missing is compiled first, which takes a minute or two.
 
 Which tests enter which functions is found by watching them, and kept between runs (``coverage``).
 With ``--minutes``, 60 % of that time is for watching, no mutant is begun after all of it, and the

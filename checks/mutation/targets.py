@@ -11,6 +11,12 @@ from scipy.stats import binomtest
 LEAST = 0.95
 """Share of the mutants of each group that tests must notice."""
 
+UNLISTED = 0.06
+"""Share of mutants that no test can notice, though they are not listed as equivalent.
+
+So many were found in two random samples: 18 of 300 mutants, of the 38 that survived.
+"""
+
 DOUBT = 0.05
 """Significance level at which a sample contradicts that share."""
 
@@ -163,11 +169,12 @@ def files_named(root: Path) -> list[str]:
 
 
 def suffices(noticed: int, of: int) -> bool:
-    """True unless a sample of mutants contradicts the least share.
+    """True unless a sample contradicts the least share of the mutants that can be noticed.
 
     It is an exact binomial test, one-sided.
     """
-    return of == 0 or bool(binomtest(noticed, of, LEAST, alternative="less").pvalue >= DOUBT)
+    least = LEAST * (1.0 - UNLISTED)
+    return of == 0 or bool(binomtest(noticed, of, least, alternative="less").pvalue >= DOUBT)
 
 
 TESTS = (
