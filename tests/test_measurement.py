@@ -278,6 +278,7 @@ def test_shape_by_hand():
         (3, "the camera is measured 0 m and 9 rad from where the joints have it"),
         (4, "the image is 9 s old"),
         (5, "the speed of joint 2 is 9 rad/s from the change of its measured positions"),
+        (6, "the depth of marker 3 is measured 10 m, and is 1 m by the model"),
     ],
 )
 def test_each_implausible_part_alone_is_named(beyond: int, remark: str):
@@ -285,7 +286,8 @@ def test_each_implausible_part_alone_is_named(beyond: int, remark: str):
     innovation[beyond] = 9.0
     camera = Scenario.load("ur5-image").setup().scene.camera
     correction = np.array([[0.0, 0.0], [0.01, 0.0], [0.0, 0.0], [0.0, 0.0]])
-    beside = Deviations(correction, np.array([0.0, -1.0]), np.ones(4), np.ones(4))
+    depth_ratio = np.array([1.0, 1.0, 10.0, 1.0])
+    beside = Deviations(correction, np.array([0.0, -1.0]), depth_ratio, depth_ratio)
     seen = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     bounds = np.ones(len(INNOVATIONS))
     found = describe_implausible(innovation, bounds, camera, seen, beside)

@@ -254,11 +254,9 @@ def test_what_tests_notice(tree: Path) -> None:
     remarks = [line for line in lines if " | " not in line]
     found = {tuple(line.split(" | ")) for line in lines if line not in remarks}
     # tests that fail anyway notice nothing, and are named
-    failing = {remark.split(", ")[2].split(":")[0]: remark for remark in remarks}
-    assert failing.keys() == {mode.value for mode in Mode}
-    assert all("::test_wrong'" in remark for remark in remarks)
-    assert "::test_uncompiled'" in failing["compiled"]
-    assert "::test_compiled'" in failing["uncompiled"]
+    (remark,) = remarks
+    failing = re.findall(r"::(\w+)'", remark)
+    assert failing == ["test_wrong", "test_uncompiled"]
     states = {(old, new): (state, by) for state, old, new, by in found}
     assert len(found) == len(CHANGES) + 1
     # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one

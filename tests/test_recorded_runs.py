@@ -599,8 +599,9 @@ def test_small_angles_in_degrees_are_named_by_the_range(robot: Robot, tmp_path: 
     still = {"t": swaying(0.0)["t"]} | {f"q{i}": np.full(400, 5.0) for i in (1, 2, 3)}
     (remark,) = read_recording(write(tmp_path / "run.csv", still), narrow).remarks
     assert "far beyond its range, at 5: are positions in degrees" in remark
-    # a joint without an upper end has no middle
+    # a joint without ends has no middle
     open_ended = copy(narrow)
+    open_ended.q_min = np.full(3, -np.inf)
     open_ended.q_max = np.full(3, np.inf)
     assert read_recording(write(tmp_path / "run.csv", still), open_ended).remarks == ()
 

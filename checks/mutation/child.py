@@ -120,12 +120,8 @@ def _choose(mode: Mode) -> None:
     os.environ["VSCONSTRAINTS_COMPILE"] = "alone" if mode is Mode.COMPILED else "0"
 
 
-class _Late(BaseException):
-    """A test takes longer than a quick one: no test and no law catches this."""
-
-
-def _interrupt(*_: object) -> None:
-    raise _Late
+class _LateError(Exception):
+    """A test takes longer than a quick one."""
 
 
 def _may_be_quick(item: pytest.Item) -> bool:
@@ -143,6 +139,8 @@ class _Watcher:
         self.quick = QUICK[mode]
         self.watched = WATCHED[mode]
         self.tests: dict[str, tuple[float, list[int]]] = {}
+        self.running = ""
+        self.late: set[str] = set()
         self.passed: set[str] = set()
         self.failed: list[str] = []
         self.ever: set[int] = set()
@@ -159,6 +157,11 @@ class _Watcher:
         quick = [item for item in items if _may_be_quick(item)]
         items[:] = sorted(quick, key=lambda item: item.get_closest_marker("full") is not None)
 
+    def _interrupt(self, *_: object) -> None:
+        # noted, since a test or a law may catch the exception and go on
+        self.late.add(self.running)
+        raise _LateError
+
     def pytest_runtest_setup(self) -> None:
         if self.seconds > self.watched:
             pytest.skip("the time of the file is over")
@@ -167,7 +170,8 @@ class _Watcher:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self.entered()
         started = time.process_time()
-        signal.signal(signal.SIGPROF, _interrupt)
+        self.running = item.nodeid
+        signal.signal(signal.SIGPROF, self._interrupt)
         # CPU time: other work on the machine does not change which tests are quick
         signal.setitimer(signal.ITIMER_PROF, self.quick)
         yield
@@ -177,13 +181,15 @@ class _Watcher:
         self.tests[item.nodeid] = (seconds, self.entered())
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.when == "call" and report.passed:
+        if report.when == "call" and report.passed and report.nodeid not in self.late:
             self.passed.add(report.nodeid)
 
     def pytest_exception_interact(
         self, call: pytest.CallInfo[object], report: pytest.CollectReport | pytest.TestReport
     ) -> None:
-        if call.excinfo is not None and not call.excinfo.errisinstance(_Late):
+        # a fixture that was late raises the same again for the tests that share it
+        is_late = call.excinfo is not None and call.excinfo.errisinstance(_LateError)
+        if not is_late and report.nodeid not in self.late:
             self.failed.append(report.nodeid)
 
 

@@ -2,8 +2,8 @@
 
 The coverage of a test file is valid as long as nothing changes that it depends on: the test file,
 the modules beside it that it imports, the data of all tests, files of the package without functions
-(data and tables), the source files whose functions its tests enter, and all files of compiled code
-if this runs compiled.
+(data and tables), and the source files whose functions its tests enter. Where compiled code runs
+compiled, it also depends on all files of that code.
 """
 
 from __future__ import annotations

@@ -261,8 +261,9 @@ class Runner:
                 )
             found = json.loads(result.read_text(encoding="utf-8"))
             failed = found["failed"]
-            if failed:
-                print(f"left out, since they fail without a mutant, {mode}: {failed}", flush=True)
+            # uncompiled, tests of the compiler fail
+            if failed and mode is Mode.COMPILED:
+                print(f"left out, since they fail without a mutant: {failed}", flush=True)
             sources = every[mode]
             reached = {
                 name: Reached(seconds, {sources.functions[place] for place in entered})
@@ -314,7 +315,7 @@ class Runner:
         """Return the first of these tests that fails on the tree as it is, or an empty string."""
         if not tests:
             return ""
-        result = self.folder / "unchanged.txt"
+        result = self.folder / f"unchanged-{mode}.txt"
         limits = self.limits(mode, tests)
         output = Path(f"{result}.log")
         process = fork(lambda: judge(None, self.folder, mode, limits, result), output)

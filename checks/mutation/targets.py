@@ -112,7 +112,7 @@ COMPILER = (
     "signatures",
     "__init__",
 )
-"""Files on the compilation of functions, which does not happen for mutants of their folder."""
+"""Files that are not mutated: they compile functions, which run as Python for mutants of theirs."""
 
 
 class Mode(StrEnum):
@@ -169,9 +169,9 @@ def files_named(root: Path) -> list[str]:
 
 
 def suffices(noticed: int, of: int) -> bool:
-    """True unless a sample contradicts the least share of the mutants that can be noticed.
+    """True unless mutants contradict the least share of those that can be noticed.
 
-    It is an exact binomial test, one-sided.
+    It is an exact binomial test, one-sided, for a random sample or for mutants of changed lines.
     """
     least = LEAST * (1.0 - UNLISTED)
     return of == 0 or bool(binomtest(noticed, of, least, alternative="less").pvalue >= DOUBT)

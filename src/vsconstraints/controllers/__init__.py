@@ -132,7 +132,7 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 def registered_laws() -> dict[str, type[Controller]]:
     """Return all laws by name: those of the core, then those of parts.
 
-    Raises ConfigurationError if two laws have the same name.
+    Raises ConfigurationError if a part registers a law with the name of another one.
     """
     return with_laws_of_parts(__name__, {law.name: law for law in CORE_LAWS})
 

@@ -224,7 +224,10 @@ def figures_of_scenarios() -> list[Figure]:
 
 
 def require_distinct_names() -> None:
-    """Raise ConfigurationError if two parts register a report, figure or section by one name."""
+    """Raise ConfigurationError if two parts register a report, figure or section by one name.
+
+    A figure that cannot be imported raises the exception of its import.
+    """
     registered("results")
     registered("report_sections")
     figures_of_scenarios()

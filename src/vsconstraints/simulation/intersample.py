@@ -46,8 +46,8 @@ def intersample_clearance(
 
     - At its rate of change (:data:`DIP_FACTOR`), the clearance of a row may fall below zero in it,
       or below the least sample of the row. The latter counts only if it may also fall below
-      :data:`NEAR` × L. A row that is violated at both ends, by more than it may dip, only counts if
-      it may fall below its least sample.
+      :data:`NEAR` × L. A row that is violated by more than it may dip, at the end where it is
+      lower, only counts if it may fall below its least sample.
     - A joint moves out and back in it: by more than ``BACK_ANYWHERE``, or by more than
       ``BACK_NEAR_A_BOUNDARY`` if a row is below :data:`NEAR` × L.
 
@@ -127,7 +127,7 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     # a row counts if it may fall below this value
     near_least = np.clip(least, 0.0, NEAR * length)
     may_be_least = lower_end < near_least + dip
-    # a row that is deeply violated at both ends is also violated inside
+    # a row that is violated that deeply is violated at both ends, and so inside
     is_open = (lower_end > -dip) | (lower_end < least + dip)
     dips = (may_be_least & is_open).any(axis=1)
     is_near = (lower_end < NEAR * length).any(axis=1)

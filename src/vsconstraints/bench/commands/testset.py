@@ -201,9 +201,9 @@ def leaderboard(
             errors.print(
                 f"warning: {name}: a run counts as decided by rounding if every result that "
                 f"differs from the stored one also changes by more than {TOLERANCE:g} when the "
-                f"start coordinates are changed by {NUDGE:g} rad or m, and those above 1 by a "
-                f"relative {NUDGE:g}. This can hide a fault of these results: compare the values "
-                "above (stored, repeated, from the moved start)"
+                f"start coordinates are changed by {NUDGE:g} rad or m, and those of a size above 1 "
+                f"by a relative {NUDGE:g}. This can hide a fault of these results: compare the "
+                "values above (stored, repeated, from the moved start)"
             )
     for repetition in repetitions.values():
         if repetition.differences or repetition.changed_files:

@@ -12,8 +12,8 @@ from ...rows import Array, IntArray
 from .plan_arrays import Factor, Limits, Space
 
 #: Reported numbers: instants at which rows and task were predicted, instants requested, active rows
-#: of the plan, the code of its program, and 1 if a program found the current plan, in this sample
-#: or before it was carried on, or 0 if the plan is to brake.
+#: of the plan, the code of its program, and 1 if the current plan came from a program, in this or
+#: an earlier sample; 0 if it is a brake.
 PREDICTED, ASKED, ACTIVE, CODE, FOUND, OUTCOMES = range(6)
 #: Stages of a law (option 1). If Python predicts, it requests one at a time.
 ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
