@@ -428,6 +428,32 @@ def test_a_value_has_no_number_for_what_it_does_not_declare() -> None:
         ByPlace().defined_value(VIEW, VIEW)
 
 
+@pytest.mark.parametrize("name", ["polar", "depth", "ellipse", "area-centroid"])
+def test_differences_are_as_accurate_for_markers_a_millimetre_away(name: str) -> None:
+    """Values change by v/Z: a step that suits 1 m would be as long as the distance."""
+    feature = FEATURES[name]()
+    assert isinstance(feature, ViewFeature)
+    near = feature.seen(View(VIEW.xy, 1e-3 * VIEW.depth, None))
+    given = feature.interaction_matrix(near, near)
+    differences = ViewFeature.interaction_matrix(feature, near, near)
+    np.testing.assert_allclose(differences, given, rtol=1e-6, atol=1e-9 * np.abs(given).max())
+
+
+def test_a_matrix_with_one_entry_that_is_no_number_is_refused() -> None:
+    class OneMissing(Polar):
+        name = "one-missing"
+
+        def interaction_matrix(self, view: View, goal: View) -> Array:
+            L = super().interaction_matrix(view, goal)
+            L[0, 0] = np.nan
+            return L
+
+    setup = Scenario.load("ur5-fov").setup()
+    setup.task.feature = OneMissing()
+    with pytest.raises(SceneError, match="interaction matrix of the feature one-missing is not fi"):
+        setup.control().evaluate(0.0, setup.q0, setup.qd0)
+
+
 def test_a_feature_that_is_undefined_at_the_start_is_named() -> None:
     scenario = Scenario.load("ur5-fov").with_override("task.feature", "area-centroid")
     setup = scenario.with_override("task.markers", [1, 2, 1 + 2, 4]).setup()

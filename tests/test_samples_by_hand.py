@@ -14,6 +14,7 @@ from vsconstraints.compiled.samples import (
     Running,
     feature_error,
     finish,
+    greatest_change,
     hold,
     mark_acting,
     score,
@@ -252,3 +253,9 @@ def test_what_is_kept_fills_its_arrays_round_and_round() -> None:
     ]
     np.testing.assert_array_equal(kept.states, states)
     np.testing.assert_array_equal(one.plant.x, [[14.0, 26.0], [8.0, 9.0], [0.0, 0.0]])
+
+
+def test_the_greatest_change_of_a_row() -> None:
+    """|1| 3 + |−2| 4, and a joint without effect whose acceleration has no limit."""
+    one = rows((0.0,), Lg=((1.0, -2.0, 0.0),))
+    assert greatest_change(one, 0, np.array([3.0, 4.0, np.inf])) == 11.0
