@@ -379,7 +379,7 @@ def test_runs_decided_by_rounding_are_listed_with_the_rule_that_decides(
     command = ["testset", "leaderboard", str(table), "--rerun", "0.3"]
     rule = (
         "if every result that differs from the stored one also changes by more than 1e-09 when the "
-        f"start coordinates are changed by {NUDGE:g} rad or m, and those above 1 by a relative "
+        f"start coordinates are changed by {NUDGE:g} rad or m, and those of a size above 1 by a relative "
         f"{NUDGE:g}"
     )
     for by_rounding in (

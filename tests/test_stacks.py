@@ -237,25 +237,27 @@ def test_many_answers_in_time_are_too_late_together(setup, monkeypatch):
 
 
 class Silent:
-    """Poll of a descriptor that is never ready, which moves the time instead of waiting."""
+    """Poll whose descriptors are never ready, and which moves the time instead of waiting."""
 
-    def __init__(self):
-        self.time = 0.0
+    time = 0.0
+
+    def register(self, descriptor, events=0):
+        pass
 
     def poll(self, milliseconds):
-        self.time += 1e-3 * milliseconds
+        Silent.time += 1e-3 * milliseconds
         return []
 
 
 def test_a_silent_stack_is_waited_for_as_long_as_the_limit_says(monkeypatch):
-    process = StackProcess([sys.executable, "-c", "import time; time.sleep(99)"], 9.0)
-    silent = Silent()
-    monkeypatch.setattr(process, "_readable", silent)
-    monkeypatch.setattr(child.time, "monotonic", lambda: silent.time)
+    monkeypatch.setattr(Silent, "time", 0.0)
+    monkeypatch.setattr(child.select, "poll", Silent)
+    monkeypatch.setattr(child.time, "monotonic", lambda: Silent.time)
+    process = StackProcess([sys.executable, "-c", "import sys; sys.stdin.read()"], 9.0)
     try:
         with pytest.raises(StackFailedError, match="no answer within 1 s"):
             process.line(1.0)
-        assert silent.time == pytest.approx(1.0, abs=2.0 * child.TICK)
+        assert Silent.time == pytest.approx(1.0, abs=2.0 * child.TICK)
     finally:
         monkeypatch.undo()
         process.end()
