@@ -107,16 +107,25 @@ def test_compiled():
 
 def test_uncompiled():
     assert os.environ["VSCONSTRAINTS_COMPILE"] == "0"
+
+
+def test_late():
+    try:
+        while True:
+            pass
+    except Exception:
+        pass
 """
 
 RUN = """
 import sys
 from pathlib import Path
-from checks.mutation import run
+from checks.mutation import child, run
 from checks.mutation.coverage import CoverageCache, Reached
 from checks.mutation.mutants import edited, mutants_of
 from checks.mutation.targets import Mode
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
+child.QUICK.update(dict.fromkeys(Mode, 0.5))
 named = edited(tree, "src/module.py", "- [1, 2]", "- [1, 9]", "a name")
 runner = run.Runner(
     Path(sys.argv[2]), ["tests/test_module.py"], 2, tree, cache=Path(sys.argv[3])
