@@ -226,6 +226,15 @@ def test_scaling_is_limited_by_either_end_of_the_box() -> None:
         assert not acted.any()
 
 
+def test_scaling_marks_the_row_that_allows_least() -> None:
+    """As the hierarchy in Python uses it, where the compiled one gives no answer."""
+    rows = rows_that_ask([[1.0, 0.0], [0.0, 1.0]], [0.5, 0.8])
+    box = np.array([[-9.0, -9.0], [9.0, 9.0]])
+    scaled, acted = Scaling().center(rows, np.ones(2), -rows.phi, box)
+    np.testing.assert_allclose(scaled, [0.5, 0.5], rtol=1e-12)
+    assert acted.tolist() == [True, False]
+
+
 @FORMS
 def test_scaling_names_what_it_cannot_meet(form: str) -> None:
     rows = rows_that_ask([[1.0, 0.0], [-1.0, 0.0]], [-1.0, -1.0])
