@@ -173,7 +173,8 @@ class _Watcher:
         self.running = item.nodeid
         signal.signal(signal.SIGPROF, self._interrupt)
         # CPU time: other work on the machine does not change which tests are quick
-        signal.setitimer(signal.ITIMER_PROF, self.quick)
+        # again and again, if the test goes on
+        signal.setitimer(signal.ITIMER_PROF, self.quick, self.quick)
         yield
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         seconds = time.process_time() - started

@@ -198,9 +198,10 @@ class Runner:
                 file=sys.stderr,
                 flush=True,
             )
-        for mode, test_file, found, sources in self._watch(unknown):
+        for mode, test_file, found, sources, are_missing in self._watch(unknown):
             reached[mode] |= found
-            if kept:
+            # a file with tests that fail is watched again, and they are named again
+            if kept and not are_missing:
                 kept[mode].put(test_file, found, sources)
         return reached
 
@@ -232,8 +233,10 @@ class Runner:
 
     def _watch(
         self, tests: Sequence[tuple[Mode, str]]
-    ) -> Iterator[tuple[Mode, str, dict[str, Reached], set[str]]]:
+    ) -> Iterator[tuple[Mode, str, dict[str, Reached], set[str], bool]]:
         """Watch test files; yield each with its tests and the source files that these enter.
+
+        The last value says whether tests are left out since they fail.
 
         Those that are not begun in time are noted as unwatched.
         """
@@ -262,14 +265,16 @@ class Runner:
             found = json.loads(result.read_text(encoding="utf-8"))
             failed = found["failed"]
             # uncompiled, tests of the compiler fail
-            if failed and mode is Mode.COMPILED:
+            are_missing = bool(failed) and mode is Mode.COMPILED
+            if are_missing:
                 print(f"left out, since they fail without a mutant: {failed}", flush=True)
             sources = every[mode]
             reached = {
                 name: Reached(seconds, {sources.functions[place] for place in entered})
                 for name, (seconds, entered) in found["tests"].items()
             }
-            yield mode, test, reached, {sources.functions[place][0] for place in found["ever"]}
+            entered_files = {sources.functions[place][0] for place in found["ever"]}
+            yield mode, test, reached, entered_files, are_missing
 
     def tests_for(self, mutant: Mutant) -> list[str]:
         """Tests that enter the mutated function, the quickest first; then others of their files.

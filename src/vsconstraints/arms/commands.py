@@ -52,12 +52,15 @@ def run(
     from ..comparisons.runs.folder import locked
     from ..compiled import prepare
     from ..plugins.processes import exit_code
+    from ..reports.drawing import require_distinct_names
     from ..scenarios import Scenario
     from . import Job, driver_for, image_source, real_time, run_on_arm, store
     from .images import MODEL, SIMULATED
     from .record import punctuality, require_own_folder, room_for_log, save_log
 
-    load_metrics()  # a metric that cannot be used ends the command before the arm moves
+    # a metric that cannot be used, or a clash of names, ends the command before the arm moves
+    load_metrics()
+    require_distinct_names()
     chosen = Scenario.load(scenario)
     settings = [
         *(settings or ()),

@@ -226,7 +226,7 @@ def figures_of_scenarios() -> list[Figure]:
 def require_distinct_names() -> None:
     """Raise ConfigurationError if two parts register a report, figure or section by one name.
 
-    A figure that cannot be imported raises the exception of its import.
+    Raises it also if a figure cannot be imported.
     """
     registered("results")
     registered("report_sections")

@@ -32,11 +32,13 @@ def score(
     from ..comparisons import ControllerSpec, Suite
     from ..comparisons.runs.folder import locked
     from ..errors import unknown_name
+    from ..reports.drawing import require_distinct_names
     from ..scenarios import Scenario
     from . import NAME_OF_LAW, read_recording, recorded_trajectory, store
     from .files import Clock
     from .recording import names_in_file
 
+    require_distinct_names()
     if clock not in ("header", "log"):
         raise unknown_name("clock", clock, ("header", "log"))
     chosen = Scenario.load(scenario)
